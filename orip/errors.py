@@ -1,0 +1,112 @@
+"""What can go wrong, told in three beats: what was found, what is allowed, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """One thing that is wrong with what the user wrote.
+
+    Parameters
+    ----------
+    message : str
+        What was found, what is allowed and what to do.
+    path : str
+        File, as the user would name it; empty where no file is meant.
+    line, column : int or None
+        Position in the file, counted from 1.
+    """
+
+    message: str
+    path: str = ""
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        """Return ``file:line:column: message`` with the parts that are known."""
+        place = ":".join([self.path, *(str(n) for n in (self.line, self.column) if n is not None)])
+        return f"{place}: {self.message}" if self.path else self.message
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectWarning:
+    """Something a user should know that stops nothing.
+
+    Parameters
+    ----------
+    code : str
+        Stable name in kebab-case, for programs.
+    where : str
+        File and line, photo, point or camera concerned.
+    text : str
+        One sentence for people.
+    """
+
+    code: str
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        """Return ``where: text``."""
+        return f"{self.where}: {self.text}" if self.where else self.text
+
+
+class OripError(Exception):
+    """Root of all errors that orip raises on purpose; `exit_code` is what the shell gets."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class UsageError(OripError):
+    """The command line asks for something that is not there."""
+
+    exit_code = 2
+
+
+class InputError(OripError):
+    """The input is wrong; carries every complaint, not only the first.
+
+    Parameters
+    ----------
+    complaints : sequence of Complaint
+        At least one.
+    """
+
+    exit_code = 3
+
+    def __init__(self, complaints: Sequence[Complaint]) -> None:
+        super().__init__("\n".join(str(complaint) for complaint in complaints))
+        self.complaints = tuple(complaints)
+
+    @classmethod
+    def single(cls, message: str, path: str = "", line: int | None = None, column: int | None = None) -> InputError:
+        """Return an error with one complaint."""
+        return cls([Complaint(message, path, line, column)])
+
+
+class NotSolvableError(OripError):
+    """The adjustment has no solution, or did not converge."""
+
+    exit_code = 4
+
+
+class GateError(OripError):
+    """Solved, but a gate of the user's is not passed."""
+
+    exit_code = 5
+
+
+class LockedError(OripError):
+    """Another run of orip holds the project's stores."""
+
+    exit_code = 6
+
+
+class LinkError(OripError):
+    """The plate processor at the other end of the link is missing or busy."""
+
+    exit_code = 7

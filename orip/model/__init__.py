@@ -1,0 +1,1 @@
+"""What is known of a project: frozen records and arrays. No maths, no files."""

@@ -1,0 +1,101 @@
+"""Ground control: points, observed unknowns, distances, theodolite directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+PointKind = Literal["control", "check", "rejected", "tie"]
+DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
+ElementGroup = Literal["CAMERA", "PHOTO", "POINT", "THEODOLITE"]
+
+
+@dataclass(frozen=True, slots=True)
+class ControlPoint:
+    """One line of a .PNT file.
+
+    Parameters
+    ----------
+    name : str
+    coordinates : tuple of 3 (float or None)
+        X, Y, Z in ground units; None where the file has '-'.
+    errors : tuple of 3 (float or None)
+        A-priori errors, ground units: 0 constant, negative disregarded; None where the coordinate is not known.
+    rejected : bool
+        Neither control nor check.
+    line : int
+        Line of the file.
+    """
+
+    name: str
+    coordinates: tuple[float | None, float | None, float | None]
+    errors: tuple[float | None, float | None, float | None]
+    rejected: bool = False
+    line: int = 0
+
+    @property
+    def kind(self) -> PointKind:
+        """Return what the point is good for: a check point is one whose a-priori errors are all negative."""
+        if self.rejected:
+            return "rejected"
+        known = [error for error in self.errors if error is not None]
+        return "check" if all(error < 0 for error in known) else "control"
+
+
+@dataclass(frozen=True, slots=True)
+class ControlElement:
+    """One line of a .ELE file: an observed value of an unknown; angles in degrees, as in the file."""
+
+    name: str
+    group: ElementGroup
+    kind: str
+    value: float
+    error: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ControlDistance:
+    """One line of a .LEN file; X, Y and Z are signed (end minus start); ground units."""
+
+    name: str
+    start: str
+    end: str
+    code: DistanceCode
+    distance: float
+    error: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ControlDirection:
+    """One line of a .DIR file: a theodolite direction and perhaps a zenith angle, degrees."""
+
+    set: str
+    station: str
+    target: str
+    direction: float
+    direction_error: float
+    zenith: float | None = None
+    zenith_error: float | None = None
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """All ground control of a project."""
+
+    points: tuple[ControlPoint, ...] = ()
+    elements: tuple[ControlElement, ...] = ()
+    distances: tuple[ControlDistance, ...] = ()
+    directions: tuple[ControlDirection, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PreliminaryPoint:
+    """One line of a .PRE file: preliminary coordinates and, if computed, their standard deviations."""
+
+    name: str
+    coordinates: tuple[float, float, float]
+    deviations: tuple[float, float, float] | None = None
+    line: int = field(default=0, compare=False)

@@ -1,0 +1,46 @@
+"""Names: record names ignore case, point and mark names do not."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+RESERVED_NAMES = frozenset({"-", "="})
+COMMENT_MARKS = ("!", "#")
+
+
+def name_fault(name: str) -> str | None:
+    """Say what is wrong with a name of any kind, or return None if it is fit for use."""
+    if not name:
+        return "an empty name"
+    if any(character.isspace() for character in name):
+        return f"'{name}' has a blank; names are one word"
+    if not name.isprintable():
+        return f"{name!r} has a character that cannot be printed"
+    if name in RESERVED_NAMES or name.startswith(COMMENT_MARKS):
+        return f"'{name}' is not allowed as a name ('-' and '=' are reserved, '!' and '#' start a comment)"
+    return None
+
+
+def record_key(name: str) -> str:
+    """Return the form in which names of records (cameras, photos, ...) are compared: case does not count."""
+    return name.upper()
+
+
+def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Return pairs of different names that are the same when case is ignored."""
+    seen: dict[str, str] = {}
+    twins = []
+    for name in dict.fromkeys(names):
+        first = seen.setdefault(record_key(name), name)
+        if first != name:
+            twins.append((first, name))
+    return twins
+
+
+def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
+    """Return groups of different point names that differ in case or leading zeros alone."""
+    groups: dict[str, list[str]] = defaultdict(list)
+    for name in dict.fromkeys(names):
+        groups[name.upper().lstrip("0")].append(name)
+    return [tuple(group) for group in groups.values() if len(group) > 1]
