@@ -1,0 +1,1 @@
+"""Least squares that knows no camera: normal equations, point elimination, lost digits, Danish weights, precision."""

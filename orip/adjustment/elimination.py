@@ -1,0 +1,83 @@
+"""Point blocks of three unknowns, eliminated from the normal equations all at once.
+
+Each block is scaled to a unit diagonal and factored with diagonal pivoting, so that a coordinate that nothing
+determines (the depth of a point with one ray) is found by the digits its pivot loses, and is removed alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.cholesky import LOST_ALL
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class BlockFactors:
+    """Factors of b blocks.
+
+    Parameters
+    ----------
+    half : array (b, 3, 3)
+        H with H^T H = inverse of the block; rows of removed coordinates are zero.
+    lost_digits : array (b, 3)
+    removed : array (b, 3) of bool
+    """
+
+    half: FloatArray
+    lost_digits: FloatArray
+    removed: BoolArray
+
+
+def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: float) -> BlockFactors:
+    """Factor symmetric 3 x 3 blocks.
+
+    Parameters
+    ----------
+    blocks : array (b, 3, 3)
+        Blocks of the normal equations; rows and columns of fixed coordinates are not looked at.
+    fixed : array (b, 3) of bool
+        Coordinates that are no unknowns.
+    max_lost_digits : float
+
+    Returns
+    -------
+    BlockFactors
+    """
+    count = len(blocks)
+    diagonal = np.einsum("bii->bi", blocks)
+    empty = ~fixed & (diagonal <= 0.0)
+    scale = np.where(fixed | empty, 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
+    remainder = blocks * scale[:, :, None] * scale[:, None, :]
+    # rows of `half` are L^-1 in the order of elimination, grown beside the remainder
+    accumulated = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    half = np.zeros((count, 3, 3))
+    lost = np.where(empty, LOST_ALL, 0.0)
+    removed = empty.copy()
+    open_places = ~fixed & ~empty
+    every = np.arange(count)
+    for step in range(3):
+        pivots = np.where(open_places, np.einsum("bii->bi", remainder), -np.inf)
+        place = pivots.argmax(axis=1)
+        pivot = pivots[every, place]
+        has_turn = open_places.any(axis=1)
+        digits = np.where(pivot > 0.0, -np.log10(np.where(pivot > 0.0, pivot, 1.0)), LOST_ALL)
+        sound = has_turn & (digits <= max_lost_digits)
+        undetermined = has_turn & ~sound
+        lost[every[has_turn], place[has_turn]] = digits[has_turn]
+        removed[every[undetermined], place[undetermined]] = True
+        open_places[every[has_turn], place[has_turn]] = False
+
+        row = np.where(sound[:, None], remainder[every, place], 0.0)
+        root = np.sqrt(np.where(sound, pivot, 1.0))
+        half[:, step] = np.where(sound[:, None], accumulated[every, place] / root[:, None], 0.0)
+        multiplier = row / root[:, None] ** 2
+        remainder -= multiplier[:, :, None] * row[:, None, :]
+        # the pivot's own row must not be changed by itself: its multiplier is 1
+        accumulated -= multiplier[:, :, None] * np.where(sound[:, None], accumulated[every, place], 0.0)[:, None, :]
+    return BlockFactors(half * scale[:, None, :], lost, removed)

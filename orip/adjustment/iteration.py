@@ -1,0 +1,160 @@
+"""The iterations: linearise, weigh, solve, move, until the corrections and the weights have settled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.convergence import (
+    Termination,
+    exponent_of_numerical_precision,
+    is_diverging,
+    weights_are_steady,
+)
+from orip.adjustment.equations import Equations, Linearised, Problem, State
+from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.adjustment.weights import DanishWeights
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class IterationSettings:
+    """What controls the iterations: ENP to stop at, how many, weights, digits that may be lost."""
+
+    enp_stop: float
+    max_iterations: int
+    weights: DanishWeights
+    max_lost_digits: float
+
+
+@dataclass(frozen=True, slots=True)
+class PassRecord:
+    """One printed line: see `orip.model.solution.IterationPass`; sigma0 is that after the iteration."""
+
+    iteration: int
+    enp: float
+    sigma0: float
+    down_weighted: int
+    singular: int
+    step_limited: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Adjusted(Generic[State]):
+    """Where the iterations ended.
+
+    Parameters
+    ----------
+    linearised : Linearised
+        The final state and its observation equations.
+    weight_factors : array (n,)
+        Those of the final state; 0 for observations that take no part.
+    normals : SolvedNormals
+        Factored at the final state with the final weights.
+    passes : tuple of PassRecord
+    termination : Termination
+    """
+
+    linearised: Linearised[State]
+    weight_factors: FloatArray
+    normals: SolvedNormals
+    passes: tuple[PassRecord, ...]
+    termination: Termination
+
+
+def adjust(
+    problem: Problem[State],
+    start: State,
+    settings: IterationSettings,
+    on_pass: Callable[[PassRecord], None],
+    stop_asked: Callable[[], bool],
+) -> Adjusted[State]:
+    """Iterate from a starting state to the least-squares solution (Gauss-Newton).
+
+    Parameters
+    ----------
+    problem : Problem
+    start : State
+    settings : IterationSettings
+    on_pass : callable
+        Called with each finished pass.
+    stop_asked : callable
+        Asked after each pass; True ends the iterations with the state in hand.
+
+    Returns
+    -------
+    Adjusted
+    """
+    layout = problem.layout
+    current = Linearised(start, problem.linearise(start))
+    passes: list[PassRecord] = []
+    termination = Termination.MAX_ITERATIONS
+    for iteration in range(1, settings.max_iterations + 1):
+        weights = settings.weights.factors(np.abs(current.equations.residual), iteration)
+        normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
+        factor = problem.step_factor(normals.correction)
+        state = problem.update(current.state, factor * normals.correction)
+        current = Linearised(state, problem.linearise(state))
+        effective = layout.unknowns - int(np.count_nonzero(normals.removed))
+        enp = exponent_of_numerical_precision(normals.reduced_square_sum, effective)
+        passes.append(_record(iteration, enp, current.equations, weights, normals, effective, factor < 1.0))
+        on_pass(passes[-1])
+        next_weights = settings.weights.factors(np.abs(current.equations.residual), iteration + 1)
+        ended = _termination(passes, settings, weights_are_steady(weights, next_weights), stop_asked())
+        if ended is not None:
+            termination = ended
+            break
+    return _finish(problem, current, settings, passes, termination)
+
+
+def _record(
+    iteration: int,
+    enp: float,
+    equations: Equations,
+    weights: FloatArray,
+    normals: SolvedNormals,
+    effective: int,
+    step_limited: bool,
+) -> PassRecord:
+    full = equations.active & (weights >= 1.0)
+    down_weighted = int(np.count_nonzero(equations.active & (weights < 1.0)))
+    # while iterating a down-weighted observation counts as not redundant; the final figure knows each one's share
+    redundancy = max(int(np.count_nonzero(full)) - effective, 0)
+    square_sum = float(np.sum(equations.residual[full] ** 2))
+    sigma0 = float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0
+    singular = int(np.count_nonzero(normals.removed))
+    return PassRecord(iteration, enp, sigma0, down_weighted, singular, step_limited)
+
+
+def _termination(
+    passes: list[PassRecord], settings: IterationSettings, steady: bool, stop_asked: bool
+) -> Termination | None:
+    last = passes[-1]
+    robust = settings.weights.start <= settings.max_iterations
+    weights_began = not robust or last.iteration > settings.weights.start
+    if last.enp >= settings.enp_stop and steady and weights_began and not last.step_limited:
+        return Termination.CONVERGED
+    if stop_asked:
+        return Termination.STOPPED
+    if is_diverging([record.enp for record in passes]):
+        return Termination.DIVERGED
+    return None
+
+
+def _finish(
+    problem: Problem[State],
+    current: Linearised[State],
+    settings: IterationSettings,
+    passes: list[PassRecord],
+    termination: Termination,
+) -> Adjusted[State]:
+    residual = np.abs(current.equations.residual)
+    weights = settings.weights.factors(residual, len(passes))
+    weights = np.where(current.equations.active, weights, 0.0)
+    normals = solve_normals(current.equations, weights, problem.layout, settings.max_lost_digits)
+    return Adjusted(current, weights, normals, tuple(passes), termination)

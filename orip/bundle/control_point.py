@@ -1,0 +1,63 @@
+"""Control points: observed ground coordinates, each with its own a-priori error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.observation import Linearisation, Rows
+from orip.bundle.state import State
+from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
+from orip.model.block import Block
+
+
+@dataclass(frozen=True, slots=True)
+class ControlPointObservations:
+    """n observed coordinates; `point` and `coordinate` (0, 1, 2) say which."""
+
+    rows: Rows
+    point: NDArray[np.int64]
+    coordinate: NDArray[np.int64]
+
+    def linearise_with_partials(self, state: State) -> Linearisation:
+        """Return residuals (ground unit) and partials by the coordinate itself."""
+        residual = state.points[self.point, self.coordinate] - self.rows.observed
+        return Linearisation(residual, np.ones((len(residual), 1)), np.ones(len(residual), dtype=bool))
+
+
+def constant_coordinates(block: Block) -> NDArray[np.bool_]:
+    """Return which coordinates (number of points, 3) control with a-priori error 0 holds."""
+    place = {name: index for index, name in enumerate(block.point_names)}
+    constant = np.zeros((len(block.point_names), 3), dtype=bool)
+    for point in block.control_points:
+        if not point.rejected:
+            constant[place[point.name]] = [error == 0.0 for error in point.errors]
+    return constant
+
+
+def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObservations:
+    """Return the weighted and the disregarded coordinates of control and check points as observations."""
+    place = {name: index for index, name in enumerate(block.point_names)}
+    found = [
+        (place[point.name], coordinate, value, error)
+        for point in block.control_points
+        if not point.rejected
+        for coordinate, (value, error) in enumerate(zip(point.coordinates, point.errors, strict=True))
+        if value is not None and error is not None and error != 0.0
+    ]
+    point = np.array([row[0] for row in found], dtype=np.int64)
+    coordinate = np.array([row[1] for row in found], dtype=np.int64)
+    error = np.array([row[3] for row in found], dtype=np.float64)
+    rows = Rows(
+        kind="control",
+        photo=("",) * len(found),
+        point=tuple(block.point_names[index] for index in point),
+        component=tuple(POINT_COORDINATES[index] for index in coordinate),
+        observed=np.array([row[2] for row in found], dtype=np.float64),
+        error=np.abs(error),
+        used=error > 0.0,
+        columns=unknowns.points[point, coordinate][:, None],
+    )
+    return ControlPointObservations(rows, point, coordinate)

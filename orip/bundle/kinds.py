@@ -1,0 +1,35 @@
+"""The kinds of observation: a new one is a module of its own and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from orip.bundle.control_point import observe_control_points
+from orip.bundle.observation import Observations
+from orip.bundle.photo_point import observe_photo_points
+from orip.bundle.unknowns import Unknowns
+from orip.model.block import Block
+
+
+def _ties_no_points(_: Block) -> frozenset[int]:
+    return frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """How a kind of observation joins the adjustment.
+
+    Parameters
+    ----------
+    observe : callable
+        Finds the kind's observations in a block.
+    tied_points : callable
+        Indices of the points that its observations tie to each other; they are not eliminated.
+    """
+
+    observe: Callable[[Block, Unknowns], Observations]
+    tied_points: Callable[[Block], frozenset[int]] = _ties_no_points
+
+
+KINDS = (Kind(observe_photo_points), Kind(observe_control_points))

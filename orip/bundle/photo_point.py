@@ -1,0 +1,109 @@
+"""Photo points: the collinearity of ground point, projection centre and measured photo coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.observation import Linearisation, Rows
+from orip.bundle.state import State
+from orip.bundle.unknowns import Unknowns
+from orip.geometry.perspective import Perspective, perspective_with_partials
+from orip.interior.distortion import correction_with_partials, distortion_with_partials
+from orip.model.block import Block
+
+FloatArray = NDArray[np.float64]
+
+_CAMERA, _CENTRE, _ROTATION, _POINT = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoPointObservations:
+    """n photo points, 2 n equations: x and y of each point in turn.
+
+    Parameters
+    ----------
+    rows : Rows
+    photo, point, camera : arrays (n,) of int
+    xy : array (n, 2)
+        Measured photo coordinates, mm.
+    at_measured : array (n,) of bool
+        The camera's polynomial is given at measured coordinates.
+    """
+
+    rows: Rows
+    photo: NDArray[np.int64]
+    point: NDArray[np.int64]
+    camera: NDArray[np.int64]
+    xy: FloatArray
+    at_measured: NDArray[np.bool_]
+
+    def linearise_with_partials(self, state: State) -> Linearisation:
+        """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns.
+
+        For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
+        """
+        parameters = state.cameras[self.camera]
+        image = perspective_with_partials(
+            state.points[self.point] - state.centres[self.photo], state.rotations[self.photo], parameters[:, 0]
+        )
+        residual = np.empty_like(self.xy)
+        partials = np.empty((len(self.xy), 2, 20))
+        for rows, linearise in ((~self.at_measured, _at_ideal), (self.at_measured, _at_measured)):
+            if rows.any():
+                part = Perspective(*(values[rows] for values in image))
+                residual[rows], partials[rows] = linearise(part, self.xy[rows], parameters[rows])
+        partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
+        residual[~image.in_front] = 0.0
+        partials[~image.in_front] = 0.0
+        return Linearisation(residual.ravel(), partials.reshape(-1, 20), np.repeat(image.in_front, 2))
+
+
+def _at_ideal(image: Perspective, xy: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    distortion = distortion_with_partials(image.xy, parameters[:, 3:])
+    residual = parameters[:, 1:3] + image.xy + distortion.value - xy
+    by_ideal = np.eye(2) + distortion.by_xy
+    return residual, _partials(image, by_ideal, np.broadcast_to(np.eye(2), by_ideal.shape), distortion.by_coefficients)
+
+
+def _at_measured(image: Perspective, xy: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    corrected = correction_with_partials(xy - parameters[:, 1:3], parameters[:, 3:])
+    by_ideal = np.broadcast_to(np.eye(2), corrected.by_xy.shape)
+    return image.xy - corrected.value, _partials(image, by_ideal, corrected.by_xy, -corrected.by_coefficients)
+
+
+def _partials(
+    image: Perspective, by_ideal: FloatArray, by_principal_point: FloatArray, by_coefficients: FloatArray
+) -> FloatArray:
+    result = np.empty((len(image.xy), 2, 20))
+    result[:, :, 0] = (by_ideal @ image.by_principal_distance[:, :, None])[:, :, 0]
+    result[:, :, 1:3] = by_principal_point
+    result[:, :, 3:11] = by_coefficients
+    result[:, :, _POINT] = by_ideal @ image.by_point
+    result[:, :, _CENTRE] = -result[:, :, _POINT]
+    result[:, :, _ROTATION] = by_ideal @ image.by_rotation
+    return result
+
+
+def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservations:
+    """Return the photo points of a block as observations."""
+    points = block.photo_points
+    camera = block.photo_camera[points.photo]
+    columns = np.concatenate(
+        [unknowns.cameras[camera], unknowns.photos[points.photo], unknowns.points[points.point]], axis=1
+    )
+    photo_names = [photo.name for photo in block.photos]
+    rows = Rows(
+        kind="photo",
+        photo=tuple(photo_names[photo] for photo in points.photo for _ in "xy"),
+        point=tuple(block.point_names[point] for point in points.point for _ in "xy"),
+        component=("x", "y") * len(points.photo),
+        observed=points.xy.ravel(),
+        error=points.error.ravel(),
+        used=points.used.ravel(),
+        columns=np.repeat(columns, 2, axis=0),
+    )
+    at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
+    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured)

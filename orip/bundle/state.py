@@ -1,0 +1,84 @@
+"""The state of a block in the course of its adjustment: current values of everything, moved by corrections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.geometry.rotation import (
+    angles_from_rotation,
+    axes_rotation_from_angle_rates,
+    rotation_about_axes,
+    rotation_from_angles,
+)
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_ROTATION = 0.5
+"""Radians that a photo may turn in one iteration; a larger correction is scaled down as a whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Current values.
+
+    Parameters
+    ----------
+    cameras : array (number of cameras, 11)
+        In the order of `CAMERA_PARAMETERS`.
+    centres : array (number of photos, 3)
+    rotations : array (number of photos, 3, 3)
+        Photo to ground.
+    points : array (number of points, 3)
+    turned_by_angles : array (number of photos,) of bool
+        Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
+        are small rotations about the ground axes, which have no singular case.
+    """
+
+    cameras: FloatArray
+    centres: FloatArray
+    rotations: FloatArray
+    points: FloatArray
+    turned_by_angles: NDArray[np.bool_]
+
+    def angles(self) -> FloatArray:
+        """Return omega, phi, kappa (number of photos, 3), radians."""
+        return angles_from_rotation(self.rotations)
+
+    def rotation_basis(self) -> FloatArray:
+        """Return for each photo the matrix (3, 3) from its rotation unknowns to rotations about the ground axes."""
+        basis = np.broadcast_to(np.eye(3), self.rotations.shape).copy()
+        if self.turned_by_angles.any():
+            basis[self.turned_by_angles] = axes_rotation_from_angle_rates(self.angles()[self.turned_by_angles])
+        return basis
+
+    def moved(self, correction: FloatArray, unknowns: Unknowns) -> State:
+        """Return the state after a correction of all unknowns (radians for rotations)."""
+        rotation = _take(correction, unknowns.photos[:, 3:])
+        rotations = rotation_about_axes(rotation) @ self.rotations
+        if self.turned_by_angles.any():
+            turned = self.turned_by_angles
+            rotations[turned] = rotation_from_angles(self.angles()[turned] + rotation[turned])
+        return State(
+            cameras=self.cameras + _take(correction, unknowns.cameras),
+            centres=self.centres + _take(correction, unknowns.photos[:, :3]),
+            rotations=rotations,
+            points=self.points + _take(correction, unknowns.points),
+            turned_by_angles=self.turned_by_angles,
+        )
+
+
+def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
+    """Return the factor that keeps every photo's turn within `LARGEST_ROTATION`."""
+    turns = np.linalg.norm(_take(correction, unknowns.photos[:, 3:]), axis=1)
+    largest = float(turns.max(initial=0.0))
+    return min(1.0, LARGEST_ROTATION / largest) if largest > 0.0 else 1.0
+
+
+def _take(vector: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+    """Return the entries at columns, zero where there is no unknown."""
+    padded = np.append(vector, 0.0)
+    return np.asarray(padded[np.where(columns == CONSTANT, len(vector), columns)])

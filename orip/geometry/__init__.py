@@ -1,0 +1,1 @@
+"""Pure geometry: functions that return values and, where an adjustment needs them, partials."""

@@ -1,0 +1,49 @@
+"""Rays: the ground point nearest to the rays that see it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_PARALLEL = 1e-10
+"""Smallest ratio of eigenvalues at which rays still meet; below it they are parallel to working precision."""
+
+
+def intersect_rays(
+    origins: FloatArray, directions: FloatArray, point_index: NDArray[np.int64], point_count: int
+) -> FloatArray:
+    """Return for each point the position with the least sum of squared distances to its rays.
+
+    Parameters
+    ----------
+    origins, directions : arrays (n, 3)
+        Projection centres and ray directions (any length), ground system.
+    point_index : array (n,)
+        Point that each ray belongs to.
+    point_count : int
+
+    Returns
+    -------
+    array (point_count, 3)
+        NaN for a point with fewer than two rays, or with parallel rays.
+
+    Notes
+    -----
+    Linear: sum (I - d d^T) X = sum (I - d d^T) X0.
+    """
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    projector = np.eye(3) - unit[:, :, None] * unit[:, None, :]
+    matrix = np.zeros((point_count, 3, 3))
+    right = np.zeros((point_count, 3))
+    # distances are taken from a nearby origin, so that large coordinates cost no digits
+    base = origins.mean(axis=0) if len(origins) else np.zeros(3)
+    np.add.at(matrix, point_index, projector)
+    np.add.at(right, point_index, (projector @ (origins - base)[:, :, None])[:, :, 0])
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    meets = eigenvalues[:, 0] > _PARALLEL * np.maximum(eigenvalues[:, 2], 1e-300)
+    matrix[~meets] = np.eye(3)
+    result = np.linalg.solve(matrix, right[:, :, None])[:, :, 0] + base
+    result[~meets] = np.nan
+    return np.asarray(result)

@@ -1,0 +1,134 @@
+"""Rotations between photo and ground: omega, phi, kappa and small rotations about the ground axes.
+
+The matrix takes photo axes to ground axes, R = Rx(omega) Ry(phi) Rz(kappa), right-handed; angles are radians.
+Nothing here has a singular case except the angles themselves, which are only a way of writing R down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_GIMBAL_LOCK = 1e-9
+"""Below this cosine of phi omega and kappa turn about the same axis, and kappa is written as zero."""
+
+
+def rotation_from_angles(angles: FloatArray) -> FloatArray:
+    """Return R = Rx(omega) Ry(phi) Rz(kappa).
+
+    Parameters
+    ----------
+    angles : array (..., 3)
+        omega, phi, kappa in radians.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Photo to ground.
+    """
+    so, sp, sk = np.moveaxis(np.sin(angles), -1, 0)
+    co, cp, ck = np.moveaxis(np.cos(angles), -1, 0)
+    rows = [
+        [cp * ck, -cp * sk, sp],
+        [co * sk + so * sp * ck, co * ck - so * sp * sk, -so * cp],
+        [so * sk - co * sp * ck, so * ck + co * sp * sk, co * cp],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angles_from_rotation(rotation: FloatArray) -> FloatArray:
+    """Return omega, phi, kappa (radians) of R = Rx Ry Rz; phi in [-pi/2, pi/2], kappa = 0 at phi = ±pi/2.
+
+    Parameters
+    ----------
+    rotation : array (..., 3, 3)
+
+    Returns
+    -------
+    array (..., 3)
+    """
+    r = rotation
+    cosine = np.hypot(r[..., 1, 2], r[..., 2, 2])
+    omega = np.arctan2(-r[..., 1, 2], r[..., 2, 2])
+    phi = np.arctan2(r[..., 0, 2], cosine)
+    kappa = np.arctan2(-r[..., 0, 1], r[..., 0, 0])
+    locked = cosine < _GIMBAL_LOCK
+    locked_omega = np.arctan2(np.sign(phi) * r[..., 1, 0], r[..., 1, 1])
+    return np.stack([np.where(locked, locked_omega, omega), phi, np.where(locked, 0.0, kappa)], axis=-1)
+
+
+def cross_matrix(vectors: FloatArray) -> FloatArray:
+    """Return the matrices [a]x with [a]x b = a × b.
+
+    Parameters
+    ----------
+    vectors : array (..., 3)
+
+    Returns
+    -------
+    array (..., 3, 3)
+    """
+    result = np.zeros((*vectors.shape, 3))
+    result[..., 0, 1], result[..., 0, 2] = -vectors[..., 2], vectors[..., 1]
+    result[..., 1, 0], result[..., 1, 2] = vectors[..., 2], -vectors[..., 0]
+    result[..., 2, 0], result[..., 2, 1] = -vectors[..., 1], vectors[..., 0]
+    return result
+
+
+def rotation_about_axes(delta: FloatArray) -> FloatArray:
+    """Return Exp([delta]x), the rotation by |delta| about the direction of delta (Rodrigues' formula).
+
+    Parameters
+    ----------
+    delta : array (..., 3)
+        Rotation vector about the ground axes, radians.
+
+    Returns
+    -------
+    array (..., 3, 3)
+    """
+    angle = np.linalg.norm(delta, axis=-1)[..., None, None]
+    k = cross_matrix(delta)
+    # np.sinc keeps both quotients exact down to a zero angle
+    sine = np.sinc(angle / np.pi)
+    versine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    return np.asarray(np.eye(3) + sine * k + versine * (k @ k))
+
+
+def axes_rotation_from_angle_rates(angles: FloatArray) -> FloatArray:
+    """Return J with delta = J (d omega, d phi, d kappa): columns are the rotation axes of the three angles.
+
+    Parameters
+    ----------
+    angles : array (..., 3)
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Its determinant is cos(phi).
+    """
+    so, co = np.sin(angles[..., 0]), np.cos(angles[..., 0])
+    sp, cp = np.sin(angles[..., 1]), np.cos(angles[..., 1])
+    one, zero = np.ones_like(so), np.zeros_like(so)
+    rows = [[one, zero, sp], [zero, co, -so * cp], [zero, so, co * cp]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
+    """Return the inverse of `axes_rotation_from_angle_rates`; grows without bound towards phi = ±pi/2.
+
+    Parameters
+    ----------
+    angles : array (..., 3)
+
+    Returns
+    -------
+    array (..., 3, 3)
+    """
+    so, co = np.sin(angles[..., 0]), np.cos(angles[..., 0])
+    tp, cp = np.tan(angles[..., 1]), np.cos(angles[..., 1])
+    one, zero = np.ones_like(so), np.zeros_like(so)
+    rows = [[one, so * tp, -co * tp], [zero, co, so], [zero, -so / cp, co / cp]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,1 @@
+"""Interior orientation: plate to template to photo, and the camera's distortion."""

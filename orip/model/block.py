@@ -1,0 +1,76 @@
+"""The assembled block: everything that one bundle adjustment starts from, in arrays, angles in radians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.camera import Camera
+from orip.model.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.model.photo import Photo
+from orip.model.project import BundleDefinition
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoPoints:
+    """n measured photo points.
+
+    Parameters
+    ----------
+    photo, point : arrays (n,) of int
+        Indices into the block's photos and points.
+    xy : array (n, 2)
+        Photo coordinates in the fiducial system, mm.
+    error : array (n, 2)
+        A-priori errors, mm, greater than zero.
+    used : array (n, 2) of bool
+        False: disregarded component.
+    """
+
+    photo: IntArray
+    point: IntArray
+    xy: FloatArray
+    error: FloatArray
+    used: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What is adjusted.
+
+    Parameters
+    ----------
+    definition : BundleDefinition
+    cameras : tuple of Camera
+    photos : tuple of Photo
+    photo_camera : array (number of photos,) of int
+    photo_orientation : array (number of photos, 6)
+        Starting values in the order of `PHOTO_PARAMETERS`, ground unit and radians.
+    point_names : tuple of str
+    point_start : array (number of points, 3)
+        Starting coordinates, ground unit.
+    photo_points : PhotoPoints
+    control_points : tuple of ControlPoint
+        Those of measured points alone, rejected ones included.
+    elements, distances, directions : tuples
+        Those whose names are in the block.
+    """
+
+    definition: BundleDefinition
+    cameras: tuple[Camera, ...]
+    photos: tuple[Photo, ...]
+    photo_camera: IntArray
+    photo_orientation: FloatArray
+    point_names: tuple[str, ...]
+    point_start: FloatArray
+    photo_points: PhotoPoints
+    control_points: tuple[ControlPoint, ...] = ()
+    elements: tuple[ControlElement, ...] = ()
+    distances: tuple[ControlDistance, ...] = ()
+    directions: tuple[ControlDirection, ...] = ()
