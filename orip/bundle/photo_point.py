@@ -53,8 +53,7 @@ class PhotoPointObservations:
         partials = np.empty((len(self.xy), 2, 20))
         for rows, linearise in ((~self.at_measured, _at_ideal), (self.at_measured, _at_measured)):
             if rows.any():
-                part = Perspective(*(values[rows] for values in image))
-                residual[rows], partials[rows] = linearise(part, self.xy[rows], parameters[rows])
+                residual[rows], partials[rows] = linearise(image.of(rows), self.xy[rows], parameters[rows])
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0

@@ -1,12 +1,12 @@
 """The unknowns and their order: cameras, photos, tied points in the reduced system; all other points eliminated.
 
-Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined, it is
-OMEGA or PHI that is named, and not KAPPA.
+Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined, it
+is OMEGA or PHI that is named, and not KAPPA.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -54,17 +54,9 @@ class Unknowns:
     layout: Layout
     names: tuple[UnknownName | None, ...]
 
-    def values(self, columns: IntArray, vector: NDArray[np.float64], constant: float) -> NDArray[np.float64]:
-        """Return the entries of a vector at columns, and `constant` where there is no unknown."""
-        return (
-            np.where(columns == CONSTANT, constant, vector[np.maximum(columns, 0)])
-            if len(vector)
-            else np.full(columns.shape, constant)
-        )
-
 
 def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_points: Iterable[int]) -> Unknowns:
-    """Number the unknowns of a block.
+    """Give every unknown of a block its column.
 
     Parameters
     ----------
@@ -79,38 +71,42 @@ def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_point
     Unknowns
     """
     names: list[UnknownName | None] = []
-
-    def take(group: str, name: str, kind: str) -> int:
-        names.append(UnknownName(group, name, kind))
-        return len(names) - 1
-
-    cameras = np.full((len(block.cameras), len(CAMERA_PARAMETERS)), CONSTANT)
-    for row, camera in enumerate(block.cameras):
-        for place, kind in enumerate(CAMERA_PARAMETERS):
-            if kind in camera.unknown:
-                cameras[row, place] = take("CAMERA", camera.name, kind)
-    photos = np.full((len(block.photos), len(PHOTO_PARAMETERS)), CONSTANT)
-    for row, photo in enumerate(block.photos):
-        for kind in _PHOTO_ORDER:
-            if kind not in photo.constant:
-                photos[row, PHOTO_PARAMETERS.index(kind)] = take("PHOTO", photo.name, kind)
+    cameras = np.array(
+        [_number("CAMERA", camera.name, CAMERA_PARAMETERS, camera.unknown, names) for camera in block.cameras]
+    )
+    place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
+    photos = np.array(
+        [
+            _number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names)
+            for photo in block.photos
+        ]
+    )[:, place]
+    tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
-    tied = sorted(set(tied_points))
     for point in tied:
-        for place, kind in enumerate(POINT_COORDINATES):
-            if not constant_points[point, place]:
-                points[point, place] = take("POINT", block.point_names[point], kind)
+        free = {kind for kind, held in zip(POINT_COORDINATES, constant_points[point], strict=True) if not held}
+        points[point] = _number("POINT", block.point_names[point], POINT_COORDINATES, free, names)
 
     reduced = len(names)
     eliminated = np.setdiff1d(np.arange(len(block.point_names)), tied)
-    columns = reduced + np.arange(3 * len(eliminated)).reshape(-1, 3)
     held = constant_points[eliminated]
-    points[eliminated] = np.where(held, CONSTANT, columns)
-    for point, holds in zip(eliminated, held, strict=True):
-        name = block.point_names[point]
-        names += [
-            None if hold else UnknownName("POINT", name, kind)
-            for hold, kind in zip(holds, POINT_COORDINATES, strict=True)
-        ]
+    points[eliminated] = np.where(held, CONSTANT, reduced + np.arange(3 * len(eliminated)).reshape(-1, 3))
+    names += [
+        None if hold else UnknownName("POINT", block.point_names[point], kind)
+        for point, holds in zip(eliminated, held, strict=True)
+        for hold, kind in zip(holds, POINT_COORDINATES, strict=True)
+    ]
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])
     return Unknowns(cameras, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names))
+
+
+def _number(
+    group: str, name: str, kinds: Sequence[str], unknown: Container[str], names: list[UnknownName | None]
+) -> list[int]:
+    """Append the unknown ones of `kinds` to `names` and return their columns in the order of `kinds`."""
+    columns = []
+    for kind in kinds:
+        if kind in unknown:
+            names.append(UnknownName(group, name, kind))
+        columns.append(len(names) - 1 if kind in unknown else CONSTANT)
+    return columns

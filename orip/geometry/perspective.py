@@ -34,6 +34,16 @@ class Perspective(NamedTuple):
     by_principal_distance: FloatArray
     in_front: NDArray[np.bool_]
 
+    def of(self, rows: NDArray[np.bool_]) -> Perspective:
+        """Return the rows of some points."""
+        return Perspective(
+            self.xy[rows],
+            self.by_point[rows],
+            self.by_rotation[rows],
+            self.by_principal_distance[rows],
+            self.in_front[rows],
+        )
+
 
 def perspective_with_partials(
     offset: FloatArray, rotation: FloatArray, principal_distance_mm: FloatArray

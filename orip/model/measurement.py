@@ -175,3 +175,8 @@ class PhotoObservations:
     measured: FloatArray
     errors: FloatArray
     disregarded: BoolArray
+
+
+def no_observations(bundle: str) -> PhotoObservations:
+    """Return the observations of a bundle in which nothing is measured yet."""
+    return PhotoObservations(bundle, (), (), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))

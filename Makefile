@@ -1,0 +1,116 @@
+# 'make demo' and 'make test' work on a machine that has nothing but make and Python 3.11 or newer (with venv).
+# The first of them makes .venv from the package registry; after that nothing is fetched until pyproject.toml changes.
+#
+#   make PYTHON=/path/to/python3 test      use that Python for a new .venv
+#   make PYTEST_ARGS='-k rotation' test    hand options to pytest
+
+.SUFFIXES:
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+# Written last: says for which folder, and for which text of pyproject.toml and Makefile, .venv is complete.
+READY := $(VENV)/orip-ready
+# There while .venv is being made or changed; still there, the run was interrupted and .venv is not to be trusted.
+UNFINISHED := $(VENV)/orip-unfinished
+
+SAMPLE := zurich_city_hall
+
+state_wanted := $(shell pwd -P; cat pyproject.toml Makefile | cksum)
+state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
+
+.PHONY: help
+help:
+	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results'
+	@echo 'make test      run the tests (a few minutes)'
+	@echo 'make test-all  run the tests and the long studies'
+	@echo 'make check     style, types and layers: ruff, mypy, import-linter'
+	@echo 'make clean     remove all that make and the tools have made, .venv too'
+
+.PHONY: demo
+demo: $(READY)
+	@rm -rf 'demo/$(SAMPLE)' && mkdir -p demo && cp -R 'sample_projects/$(SAMPLE)' demo/
+	@echo 'orip -C demo/$(SAMPLE) run'
+	@$(BIN)/orip -C 'demo/$(SAMPLE)' run
+	@echo
+	@echo 'The project and its results are in demo/$(SAMPLE):'
+	@echo '  BUNDLE_RESULT.OUT   orientations and ground points with their standard deviations'
+	@echo '  BUNDLE_ERROR.OUT    observations that do not fit'
+	@echo '  result.json         the same figures for programs; residuals.csv: every residual'
+	@echo '  README.md           where the data come from, and what is wrong with them'
+
+.PHONY: test
+test: $(READY)
+	$(BIN)/python -m pytest -q -n 2 $(PYTEST_ARGS)
+
+.PHONY: test-all
+test-all: $(READY)
+	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+
+.PHONY: check
+check: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+.PHONY: clean
+clean:
+	rm -rf $(VENV) demo build dist orip.egg-info
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find orip tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The first Python that really runs (a name on PATH may be an empty shim, and hide a sound Python behind it), is new
+# enough and can make environments.
+define find_python
+fit='import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))'; \
+python=; \
+if [ -n '$(PYTHON)' ]; then \
+  if '$(PYTHON)' -c "$$fit" >/dev/null 2>&1; then python='$(PYTHON)'; fi; \
+else \
+  IFS=:; \
+  for name in python3.14 python3.13 python3.12 python3.11 python3; do \
+    for folder in $$PATH; do \
+      if "$$folder/$$name" -c "$$fit" >/dev/null 2>&1; then python=$$folder/$$name; break 2; fi; \
+    done; \
+  done; \
+  unset IFS; \
+fi
+endef
+
+# .venv is made anew when it is missing, broken, left half-made, or made for another folder (its programs name the
+# folder they are in); otherwise, and when it is somebody's own, it is only completed.
+$(READY):
+	@set -e; \
+	place=$$(pwd -P); \
+	if [ -e $(UNFINISHED) ] || ! $(BIN)/python -m pip --version >/dev/null 2>&1 \
+	    || { [ -e $(READY) ] && [ "$$(head -n 1 $(READY))" != "$$place" ]; }; then \
+	  $(find_python); \
+	  if [ -z "$$python" ]; then \
+	    echo 'orip needs Python 3.11 or newer with venv and ensurepip, and $(if $(PYTHON),$(PYTHON) is not that,none is on PATH);' \
+	      'install it (Debian, Ubuntu: apt install python3 python3-venv) or name it: make PYTHON=/path/to/python3 ...' >&2; \
+	    exit 1; \
+	  fi; \
+	  echo "Making $(VENV) with $$("$$python" --version) ($$python): once, about a minute ..."; \
+	  rm -rf $(BIN); rm -rf $(VENV); \
+	  mkdir $(VENV); \
+	  : >$(UNFINISHED); \
+	  "$$python" -m venv $(VENV); \
+	else \
+	  echo 'Bringing $(VENV) up to date with pyproject.toml ...'; \
+	  : >$(UNFINISHED); \
+	fi; \
+	rm -f $(READY); \
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --no-input -e '.[dev]' || { \
+	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
+	  exit 1; \
+	}; \
+	{ printf '%s\n' "$$place"; cat pyproject.toml Makefile | cksum; } >$(READY); \
+	rm -f $(UNFINISHED); \
+	echo '$(VENV) is complete.'
+
+ifneq ($(state_found),$(state_wanted))
+$(READY): always
+.PHONY: always
+always:
+endif

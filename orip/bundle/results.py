@@ -1,0 +1,213 @@
+"""The solution in the user's names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.convergence import Termination
+from orip.adjustment.iteration import PassRecord
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT
+from orip.geometry.rotation import angle_rates_from_axes_rotation
+from orip.model.block import Block
+from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.control import PointKind
+from orip.model.solution import (
+    CheckPoint,
+    Correlation,
+    Estimates,
+    IterationPass,
+    Residuals,
+    SingularUnknown,
+    Solution,
+    Status,
+)
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+
+UNDETERMINED = np.inf
+"""Standard deviation of an unknown that was removed."""
+
+_LEVEL_PHI = 0.001
+"""Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
+
+_DOUBTFUL_SHARE = 0.05
+_DOUBTFUL_RATIO = 2.0
+_TESTABLE = 1e-6
+"""Redundancy number below which a residual says nothing about its observation."""
+
+
+def solution_of(solved: SolvedBlock) -> Solution:
+    """Return the solution in the user's names; project, user, inputs and run are for the caller to fill in."""
+    block, state = solved.block, solved.adjusted.linearised.state
+    variance, passes = solved.variance, solved.adjusted.passes
+    equations = solved.adjusted.linearised.equations
+    points = Estimates(block.point_names, state.points, _deviations(solved, solved.problem.unknowns.points))
+    photo_deviations, about_axes = _photo_deviations(solved)
+    angles = state.angles() * DEGREES_PER_RADIAN
+    return Solution(
+        project="",
+        user="",
+        bundle=block.definition.name,
+        ground_unit="",
+        run="",
+        status=_status(solved),
+        sigma0=variance.sigma0,
+        sigma0_all=variance.sigma0_all,
+        redundancy=variance.redundancy,
+        redundancy_used=variance.redundancy_used,
+        observations=int(np.count_nonzero(equations.active)),
+        unknowns=solved.problem.layout.unknowns,
+        enp=passes[-1].enp,
+        iterations=tuple(iteration_pass(record) for record in passes),
+        cameras=Estimates(
+            tuple(camera.name for camera in block.cameras),
+            state.cameras,
+            _deviations(solved, solved.problem.unknowns.cameras),
+        ),
+        photos=Estimates(
+            tuple(photo.name for photo in block.photos), np.hstack([state.centres, angles]), photo_deviations
+        ),
+        points=points,
+        point_rays=_rays_per_point(solved),
+        point_kinds=_point_kinds(block),
+        residuals=_residuals(solved),
+        photo_rotation_sd_about_axes=tuple(bool(each) for each in about_axes),
+        singular=_singular(solved),
+        correlations=_camera_correlations(solved),
+        check_points=_check_points(block, points),
+    )
+
+
+def iteration_pass(record: PassRecord) -> IterationPass:
+    """Return a pass as it is printed and kept."""
+    return IterationPass(
+        record.iteration, record.enp, record.sigma0, record.down_weighted, record.singular, record.step_limited
+    )
+
+
+def _status(solved: SolvedBlock) -> Status:
+    termination = solved.adjusted.termination
+    if termination is Termination.STOPPED:
+        return "stopped"
+    if termination is not Termination.CONVERGED:
+        return "not_converged"
+    active = solved.adjusted.linearised.equations.active
+    share = float(np.mean(solved.adjusted.weight_factors[active] < 1.0))
+    variance = solved.variance
+    if share > _DOUBTFUL_SHARE or variance.sigma0_all > _DOUBTFUL_RATIO * variance.sigma0:
+        return "doubtful"
+    return "converged"
+
+
+def _cofactor_diagonal(solved: SolvedBlock) -> FloatArray:
+    blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
+    return np.concatenate([np.diag(solved.cofactors.reduced), blocks])
+
+
+def _deviations(solved: SolvedBlock, columns: NDArray[np.int64]) -> FloatArray:
+    """Return standard deviations at columns of unknowns: NaN for constants, infinite for removed unknowns."""
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(_cofactor_diagonal(solved), 0.0))
+    deviation[solved.adjusted.normals.removed] = UNDETERMINED
+    padded = np.append(deviation, np.nan)
+    return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
+
+
+def _photo_deviations(solved: SolvedBlock) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return deviations (photos, 6), ground unit and degrees, and which photos have them about the ground axes."""
+    columns = solved.problem.unknowns.photos
+    state = solved.adjusted.linearised.state
+    result = _deviations(solved, columns)
+    angles = state.angles()
+    level = np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI
+    by_axes = ~state.turned_by_angles
+    to_angles = angle_rates_from_axes_rotation(angles)
+    for photo in np.flatnonzero(by_axes & ~level):
+        rotation = columns[photo, 3:]
+        cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
+        diagonal = np.diag(to_angles[photo] @ cofactor @ to_angles[photo].T)
+        removed = solved.adjusted.normals.removed[rotation]
+        result[photo, 3:] = np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0)))
+    result[:, 3:] *= DEGREES_PER_RADIAN
+    return result, by_axes & level
+
+
+def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
+    points = solved.block.photo_points
+    used = points.used.all(axis=1)
+    return tuple(np.bincount(points.point[used], minlength=len(solved.block.point_names)).tolist())
+
+
+def _point_kinds(block: Block) -> tuple[PointKind, ...]:
+    kinds: dict[str, PointKind] = {point.name: point.kind for point in block.control_points}
+    return tuple(kinds.get(name, "tie") for name in block.point_names)
+
+
+def _residuals(solved: SolvedBlock) -> Residuals:
+    rows = [observations.rows for observations in solved.problem.observations]
+    equations = solved.adjusted.linearised.equations
+    error = np.concatenate([each.error for each in rows])
+    taking_part = np.where(equations.active, 1.0, np.nan)
+    numbers = solved.variance.redundancy_numbers
+    testable = np.where(numbers > _TESTABLE, numbers, np.nan)
+    standard = np.abs(equations.residual)
+    return Residuals(
+        kind=tuple(each.kind for each in rows for _ in each.photo),
+        photo=_chained([each.photo for each in rows]),
+        point=_chained([each.point for each in rows]),
+        component=_chained([each.component for each in rows]),
+        observed=np.concatenate([each.observed for each in rows]),
+        residual=equations.residual * error,
+        a_priori=error,
+        standard_residual=standard,
+        weight_factor=solved.adjusted.weight_factors * taking_part,
+        redundancy_number=numbers,
+        w=standard / (solved.deviation_scale * np.sqrt(testable)),
+    )
+
+
+def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    return tuple(name for part in parts for name in part)
+
+
+def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:
+    normals = solved.adjusted.normals
+    names = solved.problem.unknowns.names
+    found = []
+    for column in np.flatnonzero(normals.removed):
+        name = names[column]
+        if name is not None:
+            found.append(SingularUnknown(name.group, name.name, name.kind, float(normals.lost_digits[column])))
+    return tuple(found)
+
+
+def _camera_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
+    """Return the correlations of the unknowns of each camera."""
+    found = []
+    removed = solved.adjusted.normals.removed
+    for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
+        kinds = [
+            (kind, column) for kind, column in zip(CAMERA_PARAMETERS, columns, strict=True)
+            if column != CONSTANT and not removed[column]
+        ]  # fmt: skip
+        for place, (b, column_b) in enumerate(kinds):
+            for a, column_a in kinds[:place]:
+                cofactor = solved.cofactors.reduced
+                r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
+                found.append(Correlation(f"{camera.name}.{a}", f"{camera.name}.{b}", float(r)))
+    return tuple(found)
+
+
+def _check_points(block: Block, points: Estimates) -> tuple[CheckPoint, ...]:
+    place = {name: index for index, name in enumerate(points.names)}
+    found = []
+    for point in block.control_points:
+        if point.kind == "check" and np.isfinite(points.sd[place[point.name]]).all():
+            given = np.array([np.nan if value is None else value for value in point.coordinates])
+            difference = points.values[place[point.name]] - given
+            found.append(CheckPoint(point.name, *(float(value) for value in difference)))
+    return tuple(found)

@@ -1,0 +1,85 @@
+"""Solving a block: the iterations and the precision of what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.adjustment.iteration import Adjusted, IterationSettings, PassRecord, adjust
+from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
+from orip.adjustment.weights import DanishWeights
+from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.state import State
+from orip.errors import NotSolvableError
+from orip.model.block import Block
+from orip.model.project import BundleDefinition
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedBlock:
+    """A block with its adjustment and the precision of everything in it."""
+
+    block: Block
+    problem: BlockProblem
+    adjusted: Adjusted[State]
+    cofactors: Cofactors
+    variance: VarianceOfUnitWeight
+
+    @property
+    def deviation_scale(self) -> float:
+        """Return what the root of a cofactor is multiplied with: sigma0, or 1 without redundancy."""
+        return self.variance.sigma0 if np.isfinite(self.variance.sigma0) else 1.0
+
+
+def iteration_settings(definition: BundleDefinition) -> IterationSettings:
+    """Return the settings of the iterations; down-weighting that starts at the last iteration is off."""
+    off = definition.start_down_weight >= definition.max_iterations
+    start = definition.max_iterations + 1 if off else definition.start_down_weight
+    weights = DanishWeights(definition.max_standard_residual, start)
+    return IterationSettings(definition.enp_stop, definition.max_iterations, weights, definition.max_lost_digits)
+
+
+def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked: Callable[[], bool]) -> SolvedBlock:
+    """Adjust a block.
+
+    Parameters
+    ----------
+    block : Block
+    on_pass : callable
+        Called after each iteration.
+    stop_asked : callable
+        Asked after each iteration; True stops there.
+
+    Returns
+    -------
+    SolvedBlock
+
+    Raises
+    ------
+    NotSolvableError
+        When there are no unknowns or no observations, or the numbers have run away.
+    """
+    problem = pose_problem(block)
+    if not problem.layout.unknowns:
+        message = "nothing is unknown: every camera, photo and point is constant; there is nothing to adjust"
+        raise NotSolvableError(message)
+    adjusted = adjust(
+        problem,
+        starting_state(block),
+        iteration_settings(block.definition),
+        on_pass,
+        stop_asked,
+    )
+    equations = adjusted.linearised.equations
+    if not np.isfinite(adjusted.passes[-1].enp) or not np.isfinite(equations.residual).all():
+        message = (
+            "the adjustment ran away to numbers that are not finite; check the preliminary values, "
+            "the control and the a-priori errors"
+        )
+        raise NotSolvableError(message)
+    found = cofactors(equations, adjusted.normals, problem.layout)
+    effective = problem.layout.unknowns - int(np.count_nonzero(adjusted.normals.removed))
+    variance = variance_of_unit_weight(equations, adjusted.weight_factors, found.leverage, effective)
+    return SolvedBlock(block, problem, adjusted, found, variance)

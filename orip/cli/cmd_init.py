@@ -1,0 +1,64 @@
+"""`orip init`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from orip.cli.options import Session, command
+from orip.cli.terminal import Terminal, warning_rows
+
+if TYPE_CHECKING:
+    from orip.workflow.initialise import Initialised
+
+PreferOption = Annotated[
+    Literal["text", "store"] | None,
+    typer.Option("--prefer", help="Which side wins where orip.toml and a store have both changed a record."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "init")
+    def init(session: Session, prefer: PreferOption = None) -> None:
+        """Apply orip.toml to the record stores. Safe to repeat.
+
+        Records whose text has not changed since the last time stay as they are, so what 'orip update' wrote survives.
+
+        Example: orip -C zurich init
+        """
+        from orip.workflow.initialise import initialise
+
+        outcome = initialise(session.folder, prefer)
+        tell(session.terminal, outcome)
+        if session.terminal.json:
+            session.terminal.document(
+                {
+                    "command": "init",
+                    "unchanged": not outcome.changes,
+                    "changes": [
+                        {"kind": change.kind, "name": change.name, "action": change.action}
+                        for change in outcome.changes
+                    ],
+                    "warnings": warning_rows(outcome.warnings),
+                }
+            )
+
+
+def tell(terminal: Terminal, outcome: Initialised) -> None:
+    """Say what the stores took over."""
+    terminal.warn(outcome.warnings)
+    if not outcome.changes:
+        terminal.say("init     unchanged: the stores hold what orip.toml says")
+        return
+    counts: dict[tuple[str, str], int] = {}
+    for change in outcome.changes:
+        counts[change.action, change.kind] = counts.get((change.action, change.kind), 0) + 1
+        terminal.detail(f"         {change.action} {change.kind} {change.name}")
+    listed = ", ".join(f"{count} {kind}{'s' * (count > 1)} {action}" for (action, kind), count in counts.items())
+    terminal.say(f"init     {listed}")
+    for change in outcome.changes:
+        if change.action == "detached":
+            terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")

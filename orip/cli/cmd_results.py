@@ -1,0 +1,35 @@
+"""`orip results`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from orip.cli.options import Session, command
+
+What = Annotated[
+    Literal["cameras", "photos", "points", "residuals"], typer.Argument(help="What to show of the last adjustment.")
+]
+Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="These cameras, photos or points alone.")]
+BundleOption = Annotated[
+    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "results")
+    def results_command(session: Session, what: What, names: Names = None, bundle: BundleOption = None) -> None:
+        """Show cameras, photos, points or residuals of the last adjustment, with standard deviations.
+
+        Example: orip results photos st1 st2
+        """
+        from orip.workflow.results import results
+
+        shown = results(session.folder, bundle, what, names or ())
+        if session.terminal.json:
+            session.terminal.document(shown.document)
+        else:
+            session.terminal.data(shown.text)

@@ -1,0 +1,43 @@
+"""`orip run`."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+import typer
+
+from orip.cli import cmd_init, cmd_measure
+from orip.cli.options import Session, command
+from orip.cli.solving import exit_code, limited_threads, stopping, tell_pass, tell_solution, tell_start
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "run")
+    def run_command(session: Session, prefer: cmd_init.PreferOption = None) -> None:
+        """Do the whole project: init, measure, and solve all bundles.
+
+        All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
+
+        Example: orip -C sample_projects/zurich_city_hall run
+        """
+        from orip.files.result_json import result_document, result_text
+        from orip.workflow.run import Watcher, run
+
+        terminal = session.terminal
+        watcher = Watcher(
+            initialised=partial(cmd_init.tell, terminal),
+            measured=partial(cmd_measure.tell, terminal),
+            started=partial(tell_start, terminal),
+            passed=partial(tell_pass, terminal),
+            solved=partial(tell_solution, terminal),
+        )
+        with stopping(terminal) as stop_asked, limited_threads(terminal):
+            outcomes = run(session.folder, prefer, watcher, stop_asked)
+        if terminal.json and len(outcomes) == 1:
+            terminal.data(result_text(outcomes[0].solution))
+        elif terminal.json:
+            terminal.data(json.dumps([result_document(each.solution) for each in outcomes], indent=2))
+        raise typer.Exit(max((exit_code(each.solution) for each in outcomes), default=0))

@@ -1,0 +1,1 @@
+"""Files: one format per module; text in, text out, and the record stores."""

@@ -1,0 +1,106 @@
+"""Text files that are replaced as a whole: a reader sees the old text or the new one, never a part."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import stat
+import time
+from contextlib import suppress
+from pathlib import Path
+
+_LEFTOVER = re.compile(r"\.orip-([0-9]{1,18})-[0-9a-f]{16}\.tmp")
+_PROCESS_START = time.time()
+# A file's time may lag behind the clock by its system's tick, on network disks by more.
+_CLOCK_MARGIN_SECONDS = 2.0
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8 so that it is whole at any instant, even if the process is killed.
+
+    The text goes to a temporary file in the same folder, to the disk, and only then takes the name. A link is
+    followed. An existing file's permissions are kept; a new one has those of any new file.
+
+    Raises
+    ------
+    OSError
+        If the folder or the disk refuses; the old file is then as it was, and no temporary file is left behind.
+    UnicodeEncodeError
+        If the text has half a surrogate pair; nothing was touched.
+    """
+    data = text.encode("utf-8")
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".orip-{os.getpid()}-{secrets.token_hex(8)}.tmp")
+    try:
+        _write_through(temporary, data, _mode_of(target))
+        temporary.replace(target)
+    except BaseException:  # an interrupt must not leave the temporary file behind either
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+    _flush_folder(target.parent)
+
+
+def remove_leftovers(folder: Path) -> list[str]:
+    """Remove the temporary files that killed runs have left in a folder, and return their names.
+
+    A file is a leftover if its writer is gone, or if it is older than this process: a process number may by now
+    belong to another program.
+    """
+    removed = []
+    for path in sorted(folder.iterdir()):
+        match = _LEFTOVER.fullmatch(path.name)
+        if match is None:
+            continue
+        with suppress(OSError):  # another run may have removed it first
+            if _is_leftover(path, int(match.group(1))):
+                path.unlink()
+                removed.append(path.name)
+    return removed
+
+
+def _mode_of(target: Path) -> int | None:
+    """Return the permissions of an existing file, None of a new one."""
+    try:
+        return stat.S_IMODE(target.stat().st_mode)
+    except FileNotFoundError:
+        return None
+
+
+def _write_through(temporary: Path, data: bytes, mode: int | None) -> None:
+    with temporary.open("xb") as stream:
+        stream.write(data)
+        stream.flush()
+        if mode is not None:
+            temporary.chmod(mode)
+        os.fsync(stream.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Bring the new name to the disk; some systems cannot, and the text is in place all the same."""
+    if os.name != "posix":
+        return
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _is_leftover(path: Path, writer: int) -> bool:
+    older = path.stat().st_mtime < _PROCESS_START - _CLOCK_MARGIN_SECONDS
+    return older or not _is_running(writer)
+
+
+def _is_running(process: int) -> bool:
+    if os.name != "posix" or process == os.getpid():
+        return True  # elsewhere a signal of 0 is not harmless: age alone decides
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True

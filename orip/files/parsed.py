@@ -1,0 +1,30 @@
+"""What a reader of a file returns: the records, and everything that is wrong or doubtful in the text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from orip.errors import Complaint, ProjectWarning
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed(Generic[T]):
+    """The outcome of reading one file.
+
+    A reader never stops at the first fault. The caller gathers the complaints of all files and raises one
+    `orip.errors.InputError`; the records are good for use only where there are no complaints.
+
+    Parameters
+    ----------
+    records : T
+    complaints : tuple of Complaint
+        In the order of the file's lines as far as they have one.
+    warnings : tuple of ProjectWarning
+    """
+
+    records: T
+    complaints: tuple[Complaint, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()

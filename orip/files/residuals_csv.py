@@ -1,0 +1,56 @@
+"""residuals.csv: a row per observation component, for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from orip.model.solution import FloatArray, Residuals
+
+HEADER = "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w\n"
+
+ROWS_PER_PIECE = 65536
+
+
+def residuals_csv(residuals: Residuals) -> str:
+    """Return residuals.csv as one text; empty cells stand for NaN."""
+    return "".join(residuals_csv_pieces(residuals))
+
+
+def residuals_csv_pieces(residuals: Residuals) -> Iterator[str]:
+    """Yield residuals.csv in pieces of whole lines, so that millions of rows need little memory.
+
+    The first line is the header; floats are the shortest text that reads back exactly; empty cells stand for NaN.
+    """
+    yield HEADER
+    for start in range(0, len(residuals.kind), ROWS_PER_PIECE):
+        part = slice(start, start + ROWS_PER_PIECE)
+        names = (residuals.kind, residuals.photo, residuals.point, residuals.component)
+        numbers = (
+            residuals.observed,
+            residuals.residual,
+            residuals.a_priori,
+            residuals.standard_residual,
+            residuals.weight_factor,
+            residuals.redundancy_number,
+            residuals.w,
+        )
+        columns = [
+            *(_name_cells(column[part]) for column in names),
+            *(_number_cells(column[part]) for column in numbers),
+        ]
+        yield "\n".join(map(",".join, zip(*columns, strict=True))) + "\n"
+
+
+def _name_cells(names: Sequence[str]) -> list[str]:
+    quoted = {name: _quoted(name) for name in set(names)}
+    return [quoted[name] for name in names]
+
+
+def _quoted(name: str) -> str:
+    # RFC 4180: names of points are free text and may well hold a comma
+    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',"\r\n') else name
+
+
+def _number_cells(values: FloatArray) -> list[str]:
+    # the repr of a whole list is several times faster than one call a number
+    return repr(values.tolist())[1:-1].replace("nan", "").split(", ")

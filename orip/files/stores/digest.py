@@ -1,0 +1,48 @@
+"""The digest of a record: tells whether a text or a store has changed it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+
+def record_digest(record: object) -> str:
+    """Return the SHA-256 (hex) of a frozen model dataclass.
+
+    Equal records have equal digests, also after a round trip through a store: numbers count by value (1 and 1.0 are
+    the same, 0.0 and -0.0 too), names by their letters and case.
+
+    Raises
+    ------
+    TypeError
+        If the record holds something other than dataclasses, tuples, arrays, text, numbers, bool and None.
+    """
+    canonical = json.dumps(_canonical(record), separators=(",", ":"))
+    return hashlib.sha256(canonical.encode("ascii")).hexdigest()
+
+
+def _canonical(value: Any) -> Any:
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, int | float):
+        return _number(value)
+    if isinstance(value, tuple | list):
+        return [_canonical(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _canonical(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return {"": type(value).__name__, **{f.name: _canonical(getattr(value, f.name)) for f in fields(value)}}
+    message = f"a {type(value).__name__} has no canonical form; records hold dataclasses, tuples, text and numbers"
+    raise TypeError(message)
+
+
+def _number(value: float) -> float | int:
+    """Return the number as float, negative zero as zero; whole numbers that no float can hold stay as they are."""
+    try:
+        return float(value) + 0.0 if float(value) == value or value != value else value
+    except OverflowError:
+        return value

@@ -1,0 +1,86 @@
+"""The store of photos (.PHO): definitions, and the fiducial marks that orient them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import get_args
+
+from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
+from orip.files.stores.scans import SCAN_CHECK, SCAN_COLUMNS, scan_of, scan_values
+from orip.files.stores.store import Store
+from orip.files.stores.table import Table, list_table, real, record_name, text
+from orip.model.measurement import PhotoOrientation
+from orip.model.names import record_key
+from orip.model.photo import PHOTO_PARAMETERS, Photo, Stage
+
+PHOTO = definition_table(
+    "photo",
+    (
+        record_name("camera"),
+        record_name("template", optional=True),
+        text("stage", get_args(Stage), optional=True),
+        *(real(parameter, "none") for parameter in PHOTO_PARAMETERS),
+        *SCAN_COLUMNS,
+    ),
+    checks=(SCAN_CHECK,),
+)
+CONSTANT = list_table("constant_parameter", "photo", (text("parameter", PHOTO_PARAMETERS),), "parameter")
+# Orientations refer to no definition: they are what replaying the measurements left, whichever photos are defined now.
+ORIENTATION = Table("photo_orientation", (record_name("photo"), TRANSFORMATION), key=("photo",))
+MARK = measured_marks_table("photo_mark", "photo", parent="photo_orientation")
+TABLES = (PHOTO, CONSTANT, ORIENTATION, MARK)
+
+
+def read(store: Store) -> tuple[StoredRecord[Photo], ...]:
+    """Return all photos in their order."""
+    return _PHOTOS.read(store)
+
+
+def write(store: Store, stored: Iterable[StoredRecord[Photo]]) -> None:
+    """Replace all photos; photo orientations stay, also those of photos that are no longer defined."""
+    _PHOTOS.write(store, stored)
+
+
+def read_orientations(store: Store) -> dict[str, PhotoOrientation]:
+    """Return the photo orientations by the `record_key` of their photo, sorted by name."""
+    marks = store.lists(MARK)
+    return {
+        record_key(photo): PhotoOrientation(photo, kind, measured_of(marks.get(record_key(photo), [])))
+        for photo, kind in store.rows(ORIENTATION)
+    }
+
+
+def write_orientations(store: Store, orientations: Iterable[PhotoOrientation]) -> None:
+    """Replace all photo orientations."""
+    everything = tuple(orientations)
+    refuse_case_twins(store, ORIENTATION.name, (orientation.photo for orientation in everything))
+    store.delete(ORIENTATION)
+    store.insert(ORIENTATION, ((orientation.photo, orientation.transformation) for orientation in everything))
+    for item in everything:
+        store.insert(MARK, ((item.photo, place, *row) for place, row in enumerate(measured_rows(item.marks))))
+
+
+def _apart(photo: Photo) -> Parts:
+    if len(photo.orientation) != len(PHOTO_PARAMETERS):
+        message = f"photo '{photo.name}' has {len(photo.orientation)} elements of orientation, not 6"
+        raise ValueError(message)
+    values = (photo.camera, photo.template, photo.stage, *photo.orientation, *scan_values(photo.scan))
+    return Parts(values, ([(parameter,) for parameter in photo.constant],))
+
+
+def _together(name: str, parts: Parts) -> Photo:
+    camera, template, stage, *rest = parts.values
+    count = len(PHOTO_PARAMETERS)
+    return Photo(
+        name=name,
+        camera=camera,
+        template=template,
+        stage=stage,
+        orientation=tuple(rest[:count]),
+        constant=tuple(row[0] for row in parts.lists[0]),
+        scan=scan_of(*rest[count:]),
+    )
+
+
+_PHOTOS = Definitions(PHOTO, (CONSTANT,), _apart, _together)

@@ -1,0 +1,38 @@
+"""The kinds of stores, and the tables of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orip.errors import UsageError
+from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
+from orip.files.stores.table import Table
+
+APPLICATION_ID = int.from_bytes(b"ORIP", "big")
+SCHEMA_VERSION = 1
+
+TABLES_OF_KIND: dict[str, tuple[Table, ...]] = {
+    "CAM": (*provenance.TABLES, *cameras.TABLES),
+    "TIK": (*provenance.TABLES, *temticks.TABLES),
+    "PHO": (*provenance.TABLES, *photos.TABLES),
+    "TEM": (*provenance.TABLES, *templates.TABLES),
+    "EXT": (*provenance.TABLES, *exterior.TABLES, *solutions.TABLES),
+    "EXO": (*provenance.TABLES, *observations.TABLES),
+}
+"""Tables by kind of store, parents before their lists."""
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of store that a file's extension tells; case does not count.
+
+    Raises
+    ------
+    UsageError
+        If no store has that extension.
+    """
+    kind = path.suffix.removeprefix(".").upper()
+    if kind not in TABLES_OF_KIND:
+        known = ", ".join(f".{name}" for name in TABLES_OF_KIND)
+        message = f"'{path}' is no record store: stores end in {known}"
+        raise UsageError(message)
+    return kind

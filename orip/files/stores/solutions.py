@@ -1,0 +1,234 @@
+"""Solutions in the store of exterior orientation (.EXT): the last adjustment of each bundle, figure for figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, get_args
+
+import numpy as np
+
+from orip.files.stores.store import ColumnValues, Row, Store
+from orip.files.stores.table import Column, Table, flag, integer, list_table, real, record_name, text
+from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.control import PointKind
+from orip.model.photo import PHOTO_PARAMETERS
+from orip.model.solution import (
+    Blunder,
+    CheckPoint,
+    Correlation,
+    Diagnosis,
+    Estimates,
+    InteriorSummary,
+    IterationPass,
+    Residuals,
+    SingularUnknown,
+    Solution,
+    Status,
+)
+
+POINT_COORDINATES = ("X", "Y", "Z")
+
+
+def _reals(*names: str) -> tuple[Column, ...]:
+    """Return columns of figures; any figure of a solution may be NaN."""
+    return tuple(real(name, "nan") for name in names)
+
+
+def _texts(*names: str) -> tuple[Column, ...]:
+    return tuple(text(name) for name in names)
+
+
+SOLUTION = Table(
+    "solution",
+    (
+        record_name("bundle"),
+        *_texts("project", "user", "ground_unit", "run"),
+        text("status", get_args(Status)),
+        *_reals("sigma0", "sigma0_all"),
+        integer("redundancy"),
+        *_reals("redundancy_used"),
+        integer("observations"),
+        integer("unknowns"),
+        *_reals("enp"),
+    ),
+    key=("bundle",),
+)
+
+
+def _list_of_solution(name: str, *columns: Column) -> Table:
+    return list_table(name, "bundle", columns, parent="solution")
+
+
+def _estimates_table(name: str, parameters: Sequence[str], *further: Column) -> Table:
+    figures = _reals(*(column for parameter in parameters for column in (parameter, f"{parameter}_sd")))
+    return _list_of_solution(name, text("name"), *figures, *further)
+
+
+CAMERAS = _estimates_table("camera_estimate", CAMERA_PARAMETERS)
+PHOTOS = _estimates_table("photo_estimate", PHOTO_PARAMETERS, flag("rotation_sd_about_axes"))
+POINTS = _estimates_table("point_estimate", POINT_COORDINATES, integer("rays"), text("kind", get_args(PointKind)))
+RESIDUALS = _list_of_solution(
+    "residual",
+    *_texts("kind", "photo", "point", "component"),
+    *_reals("observed", "residual", "a_priori", "standard_residual", "weight_factor", "redundancy_number", "w"),
+)
+
+# Lists of a solution whose items are dataclasses of single values: the columns are named as their fields.
+ITEM_LISTS: dict[str, tuple[type[Any], Table]] = {
+    "iterations": (
+        IterationPass,
+        _list_of_solution(
+            "iteration",
+            integer("iteration"),
+            *_reals("enp", "sigma0"),
+            integer("down_weighted"),
+            integer("singular"),
+            flag("step_limited"),
+        ),
+    ),
+    "singular": (
+        SingularUnknown,
+        _list_of_solution("singular_unknown", *_texts("group", "name", "kind"), *_reals("lost_digits")),
+    ),
+    "correlations": (Correlation, _list_of_solution("correlation", *_texts("a", "b"), *_reals("r"))),
+    "blunders": (
+        Blunder,
+        _list_of_solution(
+            "blunder",
+            integer("order"),
+            *_texts("kind", "photo", "point", "component"),
+            *_reals("size", "sd", "statistic", "limit"),
+        ),
+    ),
+    "diagnosis": (Diagnosis, _list_of_solution("diagnosis", *_texts("code", "where", "text", "remedy"))),
+    "check_points": (CheckPoint, _list_of_solution("check_point", *_texts("name"), *_reals("dX", "dY", "dZ"))),
+    "interior": (
+        InteriorSummary,
+        _list_of_solution(
+            "interior",
+            text("group", ("templates", "photos")),
+            *_texts("name", "type"),
+            *_reals("x0", "y0", "ro", "sk", "sx", "sy", "s0"),
+            integer("redundancy"),
+        ),
+    ),
+}
+# Lists of a solution whose items are tuples of text.
+TUPLE_LISTS: dict[str, Table] = {
+    "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),
+    "warnings": _list_of_solution("warning", *_texts("code", "where", "text")),
+}
+BULK_TABLES = (CAMERAS, PHOTOS, POINTS, RESIDUALS)
+LIST_TABLES = (*(table for _item, table in ITEM_LISTS.values()), *TUPLE_LISTS.values())
+TABLES = (SOLUTION, *BULK_TABLES, *LIST_TABLES)
+
+
+def bundles(store: Store) -> tuple[str, ...]:
+    """Return the names of the bundles that have a solution, sorted."""
+    return tuple(row[0] for row in store.rows(SOLUTION))
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionHead:
+    """What tells one solution from another, without reading all of it."""
+
+    run: str
+    status: Status
+    sigma0: float
+    inputs: tuple[tuple[str, str], ...]
+
+
+def read_head(store: Store, bundle: str) -> SolutionHead | None:
+    """Return the head of the last solution of a bundle, None if there is none."""
+    name = store.spelling(SOLUTION, bundle)
+    if name is None:
+        return None
+    head = dict(zip(SOLUTION.column_names, next(store.rows(SOLUTION, name)), strict=True))
+    inputs: Any = tuple(_items(store, TUPLE_LISTS["inputs"], name))
+    return SolutionHead(head["run"], head["status"], head["sigma0"], inputs)
+
+
+def read(store: Store, bundle: str) -> Solution | None:
+    """Return the last solution of a bundle, None if there is none."""
+    name = store.spelling(SOLUTION, bundle)
+    if name is None:
+        return None
+    head = dict(zip(SOLUTION.column_names, next(store.rows(SOLUTION, name)), strict=True))
+    cameras, _ = _read_estimates(store, CAMERAS, name, len(CAMERA_PARAMETERS))
+    photos, (about_axes,) = _read_estimates(store, PHOTOS, name, len(PHOTO_PARAMETERS))
+    points, (rays, kinds) = _read_estimates(store, POINTS, name, len(POINT_COORDINATES))
+    lists: dict[str, Any] = {field: tuple(_items(store, table, name)) for field, table in TUPLE_LISTS.items()}
+    for field, (item, table) in ITEM_LISTS.items():
+        lists[field] = tuple(item(*row) for row in _items(store, table, name))
+    return Solution(
+        **head,
+        cameras=cameras,
+        photos=photos,
+        points=points,
+        point_rays=tuple(rays.tolist()),
+        point_kinds=kinds,
+        residuals=Residuals(*store.columns(RESIDUALS, name)[2:]),  # type: ignore[arg-type]
+        photo_rotation_sd_about_axes=tuple(about_axes.tolist()),
+        **lists,
+    )
+
+
+def write(store: Store, solution: Solution) -> None:
+    """Replace the solution of a bundle; those of other bundles stay.
+
+    Raises
+    ------
+    ValueError
+        If arrays of the solution that go together have different lengths.
+    """
+    delete(store, solution.bundle)
+    bundle = solution.bundle
+    store.insert(SOLUTION, [[getattr(solution, column) for column in SOLUTION.column_names]])
+    _write_estimates(store, CAMERAS, bundle, solution.cameras)
+    about_axes = np.array(solution.photo_rotation_sd_about_axes, dtype=np.bool_)
+    _write_estimates(store, PHOTOS, bundle, solution.photos, about_axes)
+    rays = np.array(solution.point_rays, dtype=np.int64)
+    _write_estimates(store, POINTS, bundle, solution.points, rays, solution.point_kinds)
+    residuals = [getattr(solution.residuals, field.name) for field in fields(Residuals)]
+    _insert(store, RESIDUALS, bundle, *residuals)
+    for field, (_item, table) in ITEM_LISTS.items():
+        names = table.column_names[2:]
+        rows = ([getattr(item, name) for name in names] for item in getattr(solution, field))
+        store.insert(table, ((bundle, place, *row) for place, row in enumerate(rows)))
+    for field, table in TUPLE_LISTS.items():
+        store.insert(table, ((bundle, place, *row) for place, row in enumerate(getattr(solution, field))))
+
+
+def delete(store: Store, bundle: str) -> None:
+    """Delete the solution of a bundle, if there is one."""
+    name = store.spelling(SOLUTION, bundle)
+    if name is not None:
+        store.delete(SOLUTION, name)
+
+
+def _items(store: Store, table: Table, bundle: str) -> list[Row]:
+    return [row[2:] for row in store.rows(table, bundle)]
+
+
+def _insert(store: Store, table: Table, bundle: str, *columns: ColumnValues) -> None:
+    count = len(columns[0])
+    store.insert_columns(table, (bundle,) * count, np.arange(count), *columns)
+
+
+def _write_estimates(store: Store, table: Table, bundle: str, estimates: Estimates, *further: ColumnValues) -> None:
+    count = len(estimates.names)
+    figures = np.stack([estimates.values, estimates.sd], axis=-1).reshape(count, -1) if count else np.empty((0, 0))
+    expected = len(table.columns) - 3 - len(further)
+    if count and figures.shape[1] != expected:
+        message = f"table {table.name} has {expected // 2} parameters, the solution {figures.shape[1] // 2}"
+        raise ValueError(message)
+    columns = figures.T if count else np.empty((expected, 0))
+    _insert(store, table, bundle, estimates.names, *columns, *further)
+
+
+def _read_estimates(store: Store, table: Table, bundle: str, count: int) -> tuple[Estimates, tuple[Any, ...]]:
+    _bundle, _position, names, *columns = store.columns(table, bundle)
+    figures = np.column_stack(columns[: 2 * count])
+    estimates = Estimates(tuple(names), figures[:, 0::2].copy(), figures[:, 1::2].copy())
+    return estimates, tuple(columns[2 * count :])

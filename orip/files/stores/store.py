@@ -1,0 +1,163 @@
+"""One attached store inside a transaction: rows and columns go in and come out as plain values."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.errors import InputError
+from orip.files.stores.table import Column, Table
+from orip.model.names import record_key
+
+Row = tuple[Any, ...]
+ColumnValues = tuple[Any, ...] | NDArray[Any]
+
+PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float}
+ARRAY_TYPES = {"INTEGER": np.int64, "REAL": np.float64}
+NOTHING = "SELECT 1 WHERE 0"
+ROWS_AT_A_TIME = 50_000
+"""Rows fetched at once into arrays: enough to be fast, few enough not to hold millions of Python floats."""
+
+
+def damage(path: Path, finding: str) -> InputError:
+    """Return the error for a store whose content cannot be what orip wrote."""
+    return InputError.single(
+        f"the store is damaged ({finding}); a store is whole or absent: move it away and load its last dump, "
+        f"or make it anew with 'orip init' and 'orip measure'",
+        str(path),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """A store that takes part in the transaction at hand.
+
+    Parameters
+    ----------
+    path : Path
+        As the caller named it.
+    kind : str
+        'CAM', 'TIK', 'PHO', 'TEM', 'EXT' or 'EXO'.
+    connection : sqlite3.Connection
+    schema : str
+        Name under which the file is attached.
+    present : bool
+        False where there is no file yet: all tables are empty.
+    """
+
+    path: Path
+    kind: str
+    connection: sqlite3.Connection
+    schema: str
+    present: bool
+
+    def insert(self, table: Table, rows: Iterable[Sequence[Any]]) -> None:
+        """Insert rows of single values; NaN becomes NULL."""
+        self._insert(table, (tuple(map(_plain, row)) for row in rows))
+
+    def insert_columns(self, table: Table, *columns: ColumnValues) -> None:
+        """Insert many rows given as one array or tuple per column, all of one length."""
+        plain = [column.tolist() if isinstance(column, np.ndarray) else column for column in columns]
+        self._insert(table, zip(*plain, strict=True))
+
+    def delete(self, table: Table, owner: str | None = None) -> None:
+        """Delete all rows, or those whose first column is `owner`."""
+        of_owner = owner is not None
+        self.connection.execute(table.delete(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
+
+    def rows(self, table: Table, owner: str | None = None) -> Iterator[Row]:
+        """Yield rows in reading order with NULL as None or NaN; those whose first column is `owner`, or all."""
+        for row in self._checked(table, self._cursor(table, owner)):
+            yield tuple(map(_read, table.columns, row))
+
+    def stored_rows(self, table: Table) -> Iterator[Row]:
+        """Yield all rows sorted by primary key as SQLite holds them: NaN as None, flags as 0 and 1."""
+        cursor = self.connection.execute(table.select(self.schema, order=table.key) if self.present else NOTHING)
+        yield from self._checked(table, cursor)
+
+    def columns(self, table: Table, owner: str | None = None) -> tuple[ColumnValues, ...]:
+        """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
+        chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
+        # A block has far more observations than names: each name is kept once, not once a row.
+        known: dict[str, str] = {}
+        cursor = self._cursor(table, owner)
+        while rows := cursor.fetchmany(ROWS_AT_A_TIME):
+            for column, values, parts in zip(table.columns, zip(*rows, strict=True), chunks, strict=True):
+                try:
+                    parts.append(_column_values(column, values, known))
+                except (TypeError, ValueError, OverflowError) as error:
+                    raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
+        return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
+
+    def lists(self, table: Table) -> dict[str, list[Row]]:
+        """Return the items of a list table, without owner and position, by the `record_key` of their owner."""
+        items: dict[str, list[Row]] = {}
+        for owner, _position, *values in self.rows(table):
+            items.setdefault(record_key(owner), []).append(tuple(values))
+        return items
+
+    def spelling(self, table: Table, name: str) -> str | None:
+        """Return the name in the table's first column that is `name` when case is ignored."""
+        # NOCASE knows the letters of ASCII only; record names may have others.
+        return next((row[0] for row in self.rows(table) if record_key(row[0]) == record_key(name)), None)
+
+    def _insert(self, table: Table, rows: Iterable[Row]) -> None:
+        try:
+            self.connection.executemany(table.insert(self.schema), rows)
+        except UnicodeEncodeError as error:
+            message = f"the text {error.object!a} has characters that no file of text can hold; spell it otherwise"
+            raise InputError.single(message, str(self.path)) from error
+
+    def _checked(self, table: Table, rows: Iterable[Row]) -> Iterator[Row]:
+        for row in rows:
+            fault = next(filter(None, map(stored_fault, table.columns, row)), None)
+            if fault is not None:
+                raise damage(self.path, f"table {table.name}, {fault}")
+            yield row
+
+    def _cursor(self, table: Table, owner: str | None) -> sqlite3.Cursor:
+        if not self.present:
+            return self.connection.execute(NOTHING)
+        of_owner = owner is not None
+        return self.connection.execute(table.select(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
+
+
+def _plain(value: Any) -> Any:
+    """Return a NumPy scalar as the Python value that sqlite3 can bind."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def stored_fault(column: Column, value: Any) -> str | None:
+    """Say why SQLite should not hold this value in a column, or return None if it may."""
+    if value is None:
+        return None if column.null != "never" else f"column {column.name}: null, but a value is needed"
+    if type(value) is not PYTHON_TYPES[column.type]:
+        return f"column {column.name}: {value!r} is no {column.type}"
+    return None
+
+
+def _read(column: Column, value: Any) -> Any:
+    if value is None:
+        return math.nan if column.null == "nan" else None
+    return bool(value) if column.flag else value
+
+
+def _column_values(column: Column, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
+    if column.type == "TEXT":
+        return tuple(known.setdefault(value, value) for value in values)
+    array = np.array(values, dtype=ARRAY_TYPES[column.type])
+    return array.astype(np.bool_) if column.flag else array
+
+
+def _joined(column: Column, parts: list[ColumnValues]) -> ColumnValues:
+    if column.type == "TEXT":
+        return tuple(value for part in parts for value in part)
+    empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])
+    return np.concatenate([empty, *parts])

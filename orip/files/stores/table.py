@@ -1,0 +1,186 @@
+"""The tables of a record store as data: what creates, fills, dumps and loads them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+ColumnType = Literal["TEXT", "INTEGER", "REAL"]
+Null = Literal["never", "none", "nan"]
+"""What NULL stands for: it is refused, it is None, or it is NaN (which SQLite cannot hold)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    name : str
+    type : {"TEXT", "INTEGER", "REAL"}
+    null : {"never", "none", "nan"}
+    check : str
+        SQL condition that every value meets.
+    record_name : bool
+        The name of a record: one word, compared without regard to case.
+    flag : bool
+        An INTEGER 0 or 1 that is read as bool.
+    """
+
+    name: str
+    type: ColumnType
+    null: Null = "never"
+    check: str = ""
+    record_name: bool = False
+    flag: bool = False
+
+    @property
+    def ddl(self) -> str:
+        """Return the column's definition for CREATE TABLE."""
+        parts = [
+            quoted(self.name),
+            self.type,
+            "COLLATE NOCASE" if self.record_name else "",
+            "NOT NULL" if self.null == "never" else "",
+            _check(self.check) if self.check else "",
+        ]
+        return " ".join(filter(None, parts))
+
+
+def text(name: str, choices: Sequence[str] = (), *, optional: bool = False) -> Column:
+    """Return a column of text; `optional` text may be None."""
+    check = f"{quoted(name)} IN ({', '.join(map(_literal, choices))})" if choices else ""
+    return Column(name, "TEXT", "none" if optional else "never", check)
+
+
+def record_name(name: str, *, optional: bool = False) -> Column:
+    """Return a column of names of records."""
+    return Column(name, "TEXT", "none" if optional else "never", record_name=True)
+
+
+def integer(name: str, check: str = "", *, optional: bool = False) -> Column:
+    """Return a column of whole numbers."""
+    return Column(name, "INTEGER", "none" if optional else "never", check)
+
+
+def flag(name: str) -> Column:
+    """Return a column of yes or no."""
+    return Column(name, "INTEGER", check=f"{quoted(name)} IN (0, 1)", flag=True)
+
+
+def real(name: str, null: Null = "never", check: str = "") -> Column:
+    """Return a column of floating point numbers."""
+    return Column(name, "REAL", null, check)
+
+
+def position() -> Column:
+    """Return the column that keeps the order of a list."""
+    return integer("position", '"position" >= 0')
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One table of a store.
+
+    Parameters
+    ----------
+    name : str
+    columns : tuple of Column
+    key : tuple of str
+        Columns of the primary key.
+    parent : str
+        Table whose primary key the first column names; a row goes when its parent goes.
+    unique : tuple of tuples of str
+        Further columns that together are different in every row.
+    checks : tuple of str
+        SQL conditions that every row meets.
+    """
+
+    name: str
+    columns: tuple[Column, ...]
+    key: tuple[str, ...]
+    parent: str = ""
+    unique: tuple[tuple[str, ...], ...] = ()
+    checks: tuple[str, ...] = ()
+
+    @property
+    def column_names(self) -> tuple[str, ...]:
+        """Return the names of the columns in order."""
+        return tuple(column.name for column in self.columns)
+
+    @property
+    def reading_order(self) -> tuple[str, ...]:
+        """Return the columns to sort by so that lists come back in their order."""
+        outside_key = "position" in self.column_names and "position" not in self.key
+        return ("position", *self.key) if outside_key else self.key
+
+    def ddl(self, schema: str) -> str:
+        """Return the CREATE TABLE statement for one attached store."""
+        owner = f"FOREIGN KEY ({quoted(self.columns[0].name)}) REFERENCES {quoted(self.parent)}"
+        parts = [
+            *(column.ddl for column in self.columns),
+            f"PRIMARY KEY ({_list(self.key)})",
+            *(f"UNIQUE ({_list(columns)})" for columns in self.unique),
+            *([f"{owner} ON DELETE CASCADE ON UPDATE CASCADE"] if self.parent else []),
+            *map(_check, self.checks),
+        ]
+        # Without rowid the owner's name is stored once a row, not twice: large solutions are a third smaller.
+        return f"CREATE TABLE {schema}.{quoted(self.name)} ({', '.join(parts)}) STRICT, WITHOUT ROWID"
+
+    def insert(self, schema: str) -> str:
+        """Return the INSERT statement with a parameter for each column."""
+        marks = ", ".join("?" * len(self.columns))
+        return f"INSERT INTO {schema}.{quoted(self.name)} VALUES ({marks})"
+
+    def select(self, schema: str, *, of_owner: bool = False, order: Sequence[str] = ()) -> str:
+        """Return the SELECT statement of all columns; with a parameter for the first column if `of_owner`."""
+        where = f" WHERE {quoted(self.columns[0].name)} = ?" if of_owner else ""
+        return (
+            f"SELECT {_list(self.column_names)} FROM {schema}.{quoted(self.name)}{where} "
+            f"ORDER BY {_list(order or self.reading_order)}"
+        )
+
+    def delete(self, schema: str, *, of_owner: bool = False) -> str:
+        """Return the DELETE statement; with a parameter for the first column if `of_owner`."""
+        where = f" WHERE {quoted(self.columns[0].name)} = ?" if of_owner else ""
+        return f"DELETE FROM {schema}.{quoted(self.name)}{where}"
+
+
+def list_table(name: str, owner: str, columns: Sequence[Column], *unique: str, parent: str = "") -> Table:
+    """Return the table of a list that each record of another table has: owner, position, then the items' columns.
+
+    The owner's column is called `owner`, and so is its table unless `parent` says otherwise. Items of one owner differ
+    in the `unique` column, if one is given.
+    """
+    return Table(
+        name,
+        (record_name(owner), position(), *columns),
+        key=(owner, "position"),
+        parent=parent or owner,
+        unique=tuple((owner, column) for column in unique),
+    )
+
+
+def all_or_none(*names: str) -> str:
+    """Return the condition that the columns are either all known or all NULL."""
+    nulls = " + ".join(f"({quoted(name)} IS NULL)" for name in names)
+    return f"{nulls} IN (0, {len(names)})"
+
+
+def quoted(name: str) -> str:
+    """Return a name of the schema as an SQL identifier."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(map(quoted, names))
+
+
+def _check(condition: str) -> str:
+    # Doubled parentheses: of a broken rule that starts with '"', SQLite's message has the first word only.
+    return f"CHECK (({condition}))"
+
+
+def _literal(value: str) -> str:
+    return "'" + value.replace("'", "''") + "'"

@@ -1,0 +1,179 @@
+"""Transactions over several stores: all of them change, or none."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from orip.errors import InputError, OripError, UsageError
+from orip.files.stores.explain import explained, opened
+from orip.files.stores.identity import create, is_present
+from orip.files.stores.schema import kind_of
+from orip.files.stores.store import Store
+
+OLDEST_SQLITE = (3, 37, 0)
+"""The first SQLite with STRICT tables."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stores:
+    """The stores of one transaction, by path."""
+
+    by_file: dict[Path, Store]
+
+    def __getitem__(self, path: Path) -> Store:
+        """Return the store of a file that the transaction was begun with."""
+        return self.by_file[path.resolve()]
+
+
+@contextmanager
+def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]:
+    """Lock stores for writing, and commit them as one when the block ends, or roll all back if it raises.
+
+    Missing and empty stores are created with their tables.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        At least one.
+    timeout : float
+        Seconds to wait for another process that holds a store.
+
+    Raises
+    ------
+    LockedError
+        If a store is still locked after `timeout`.
+    InputError
+        If a file is no store of its kind, newer or damaged, or what is written breaks a rule of the store.
+    OripError
+        If there are more stores than SQLite can attach, or disk or permissions are in the way.
+    """
+    files = _files(paths)
+    if not files:
+        message = "a transaction that writes needs at least one store"
+        raise ValueError(message)
+    _require_folders(files.values())
+    main, *others = files.values()
+    # The main database is one of the stores: with ':memory:' in its place SQLite commits file by file.
+    with opened(main):
+        connection = connected(_uri(main, "rwc"), timeout)
+    with closing(connection):
+        stores = [_store(main, connection, "main"), *_attached(connection, others, "rwc")]
+        for store in stores:
+            _prepare(store)
+        named = [store.path for store in stores]
+        with explained(named), _transaction(connection, "BEGIN IMMEDIATE"):
+            present = [_present_or_created(store) for store in stores]
+            yield Stores(dict(zip(files, present, strict=True)))
+            connection.execute("COMMIT")
+
+
+@contextmanager
+def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]:
+    """Read stores in one consistent state; missing and empty ones count as absent and are not created.
+
+    Writers wait while the block lasts.
+
+    Raises
+    ------
+    LockedError
+        If a store is still being committed after `timeout` seconds.
+    InputError
+        If a file is no store of its kind, newer or damaged.
+    OripError
+        If there are more stores than SQLite can attach, or disk or permissions are in the way.
+    """
+    files = _files(paths)
+    there = {file: path for file, path in files.items() if file.is_file() and file.stat().st_size > 0}
+    with closing(connected(":memory:", timeout)) as connection:
+        # Opened for writing where permissions allow: SQLite rolls back what a killed run left half done.
+        stores = dict(zip(there, _attached(connection, list(there.values()), "rw"), strict=True))
+        with explained(list(there.values())), _transaction(connection, "BEGIN"):
+            found = {file: replace(store, present=is_present(store)) for file, store in stores.items()}
+            absent = {file: _store(path, connection, "main") for file, path in files.items() if file not in there}
+            yield Stores({**found, **absent})
+
+
+def _files(paths: Iterable[Path]) -> dict[Path, Path]:
+    """Return the paths by the file that they lead to, each file once, in the order in which all processes lock them."""
+    files = {path.resolve(): path for path in paths}
+    for file, path in files.items():
+        kind_of(path)
+        if file.exists() and not file.is_file():
+            message = "this is no file; a record store is one file"
+            raise InputError.single(message, str(path))
+    return dict(sorted(files.items()))
+
+
+def _require_folders(paths: Iterable[Path]) -> None:
+    for path in paths:
+        if not path.resolve().parent.is_dir():
+            message = f"the folder of '{path}' does not exist; make it first"
+            raise UsageError(message)
+
+
+def connected(database: str, timeout: float) -> sqlite3.Connection:
+    """Return a connection to a file or private database, in which transactions begin and end explicitly."""
+    if sqlite3.sqlite_version_info < OLDEST_SQLITE:
+        message = (
+            f"record stores need SQLite 3.37 or newer, this Python has {sqlite3.sqlite_version}; "
+            f"install a Python with a newer SQLite"
+        )
+        raise OripError(message)
+    # isolation_level None: transactions begin and end where this module says so.
+    connection = sqlite3.connect(database, timeout=timeout, isolation_level=None, uri=True)
+    connection.execute("PRAGMA foreign_keys = ON")
+    return connection
+
+
+def _attached(connection: sqlite3.Connection, paths: list[Path], mode: str) -> list[Store]:
+    limit = connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
+    if len(paths) > limit:
+        message = (
+            f"{len(paths)} further stores are too many for one transaction: this SQLite attaches {limit}; "
+            f"name fewer bundle adjustments or stores at a time"
+        )
+        raise OripError(message)
+    stores = []
+    for number, path in enumerate(paths, start=1):
+        with opened(path):
+            connection.execute(f"ATTACH ? AS store{number}", (_uri(path, mode),))
+        stores.append(_store(path, connection, f"store{number}"))
+    return stores
+
+
+def _store(path: Path, connection: sqlite3.Connection, schema: str) -> Store:
+    return Store(path, kind_of(path), connection, schema, present=False)
+
+
+def _uri(path: Path, mode: str) -> str:
+    return f"{path.resolve().as_uri()}?mode={mode}"
+
+
+def _prepare(store: Store) -> None:
+    """Set what makes a commit over several files atomic and durable; possible outside a transaction only."""
+    is_present(store)  # before a foreign file is touched
+    with explained([store.path]):
+        for setting in ("journal_mode = DELETE", "synchronous = EXTRA", "cache_spill = OFF"):
+            # Without spilling, readers wait during the commit only, not for as long as a large store is being filled.
+            store.connection.execute(f"PRAGMA {store.schema}.{setting}")
+
+
+def _present_or_created(store: Store) -> Store:
+    if not is_present(store):
+        create(store)
+    return replace(store, present=True)
+
+
+@contextmanager
+def _transaction(connection: sqlite3.Connection, begin: str) -> Iterator[None]:
+    """Begin a transaction; what is not committed at the end of the block is rolled back, locks are given up."""
+    connection.execute(begin)
+    try:
+        yield
+    finally:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")

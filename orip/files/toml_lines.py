@@ -1,0 +1,177 @@
+"""Where in a TOML text each key and array element stands; the standard reader keeps no line numbers."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+KeyPath = tuple[str | int, ...]
+"""Keys and array indices that lead to a value, e.g. ``("camera", 0, "fiducials", 2, "x")``."""
+
+_TOKEN = re.compile(
+    r"""
+      (?P<blank>   [ \t\r]+ | \#[^\n]* )
+    | (?P<newline> \n )
+    | (?P<quoted>  \"{3} (?:\\.|[^\\])*? \"{3}\"{0,2} | '{3} .*? '{3}'{0,2} | "(?:\\.|[^"\\\n])*" | '[^'\n]*' )
+    | (?P<mark>    [\[\]{},=] )
+    | (?P<bare>    [^\s\[\]{},=#"']+ )
+    | (?P<other>   . )
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+@dataclass
+class _Open:
+    """An array or inline table that is not closed yet."""
+
+    path: KeyPath
+    is_array: bool
+    index: int = 0
+
+
+class TomlLines:
+    """Line numbers of the keys, tables and array elements of a TOML text.
+
+    Parameters
+    ----------
+    text : str
+        A text that `tomllib` accepts; of any other the lines may be wrong, but nothing is raised.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._lines: dict[KeyPath, int] = _Scan(text).lines
+
+    def line_of(self, path: Sequence[str | int]) -> int:
+        """Return the line of a value, or of the nearest thing around it that stands in the text; 1 at least."""
+        for length in range(len(path), 0, -1):
+            line = self._lines.get(tuple(path[:length]))
+            if line is not None:
+                return line
+        return 1
+
+
+@dataclass
+class _Scan:
+    """One pass over the text. `pending` holds the words of a key until its ``=`` or the end of its header."""
+
+    text: str
+    lines: dict[KeyPath, int] = field(default_factory=dict)
+    line: int = 1
+    table: KeyPath = ()
+    key: KeyPath = ()
+    pending: list[str] = field(default_factory=list)
+    in_value: bool = False
+    header_marks: int = 0
+    open: list[_Open] = field(default_factory=list)
+    table_counts: dict[KeyPath, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for match in _TOKEN.finditer(self.text):
+            kind, token = match.lastgroup, match.group()
+            if kind == "newline":
+                self._end_line()
+            elif kind == "mark":
+                self._take_mark(token)
+            elif kind != "blank":
+                self._take_word(token)
+            self.line += token.count("\n")
+
+    def _end_line(self) -> None:
+        if not self.open:
+            self.in_value, self.header_marks = False, 0
+            self.pending.clear()
+
+    def _take_word(self, token: str) -> None:
+        if self.in_value:
+            self._record(self._value_path())
+        else:
+            self.pending.append(token)
+
+    def _take_mark(self, mark: str) -> None:
+        if not self.in_value and not self.open and mark in "[]":
+            self._take_header_mark(mark)
+        elif mark == "=":
+            self._begin_value()
+        elif mark in "[{":
+            path = self._value_path()
+            self._record(path)
+            self.open.append(_Open(path, is_array=mark == "["))
+            self.in_value = mark == "["
+            self.pending.clear()
+        elif mark == ",":
+            self._next_element()
+        elif self.open:
+            self.open.pop()
+            self.in_value = True
+
+    def _take_header_mark(self, mark: str) -> None:
+        if mark == "[":
+            self.header_marks += 1
+            self.pending.clear()
+        elif self.pending:
+            self._enter_table(_key_parts(self.pending), is_array=self.header_marks > 1)
+            self.pending.clear()
+
+    def _enter_table(self, parts: Sequence[str], *, is_array: bool) -> None:
+        path: KeyPath = ()
+        for part in parts[:-1]:
+            path = (*path, part)
+            self._record(path)
+            if path in self.table_counts:
+                path = (*path, self.table_counts[path] - 1)
+        path = (*path, *parts[-1:])
+        self._record(path)
+        if is_array:
+            count = self.table_counts.get(path, 0)
+            self.table_counts[path] = count + 1
+            path = (*path, count)
+            self._record(path)
+        self.table = path
+
+    def _begin_value(self) -> None:
+        if self.in_value:
+            return
+        path = self.open[-1].path if self.open else self.table
+        for part in _key_parts(self.pending):
+            path = (*path, part)
+            self._record(path)
+        self.key = path
+        self.pending.clear()
+        self.in_value = True
+
+    def _next_element(self) -> None:
+        if not self.open:
+            return
+        if self.open[-1].is_array:
+            self.open[-1].index += 1
+        self.in_value = self.open[-1].is_array
+        self.pending.clear()
+
+    def _value_path(self) -> KeyPath:
+        if self.open and self.open[-1].is_array:
+            return (*self.open[-1].path, self.open[-1].index)
+        return self.key
+
+    def _record(self, path: KeyPath) -> None:
+        self.lines.setdefault(path, self.line)
+
+
+def _key_parts(words: Sequence[str]) -> list[str]:
+    """Return the parts of a dotted key; a quoted part may have dots of its own."""
+    parts: list[str] = []
+    for word in words:
+        if word[0] in "\"'":
+            parts.append(_unquoted(word))
+        else:
+            parts += [part for part in word.split(".") if part]
+    return parts
+
+
+def _unquoted(word: str) -> str:
+    try:
+        return str(tomllib.loads(f"key = {word}")["key"])
+    except (tomllib.TOMLDecodeError, ValueError):
+        return word

@@ -1,0 +1,168 @@
+"""Orientation by marks: ticks orient a template on its plate, fiducial marks a photo on its template or plate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.errors import OripError
+from orip.geometry.plane import (
+    IDENTITY,
+    MARKS_NEEDED,
+    PARAMETERS,
+    PlaneTransformation,
+    TransformationKind,
+    fit_plane_transformation,
+)
+from orip.model.camera import Camera, Mark, Sensor
+from orip.model.interior import MarkAdjustment
+from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.model.photo import Scan, Stage
+from orip.model.solution import InteriorSummary
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+
+_MIRROR_GAIN = 0.1
+"""A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""
+
+
+class OrientedMarks(NamedTuple):
+    """A transformation (measured to given coordinates) and its listing."""
+
+    transformation: PlaneTransformation
+    adjustment: MarkAdjustment
+
+
+class OrientationError(OripError):
+    """The marks do not give an orientation; the text says why and what to do."""
+
+    exit_code = 3
+
+
+def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> OrientedMarks:
+    """Return the transformation plate to template.
+
+    Raises
+    ------
+    OrientationError
+    """
+    given = given_coordinates(orientation.marks, ticks, "the temtick record")
+    return _orient(
+        orientation.transformation,
+        orientation.marks,
+        given,
+        "templates",
+        orientation.template,
+        "plate",
+        orientation.stage,
+    )
+
+
+def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: bool) -> OrientedMarks:
+    """Return the transformation template (plate off a template) to photo.
+
+    Raises
+    ------
+    OrientationError
+    """
+    given = given_coordinates(orientation.marks, camera.fiducials, f"camera {camera.name}")
+    system: Literal["plate", "template"] = "template" if on_template else "plate"
+    return _orient(orientation.transformation, orientation.marks, given, "photos", orientation.photo, system, None)
+
+
+def given_coordinates(marks: MeasuredMarks, record: Iterable[Mark], record_name: str) -> FloatArray:
+    """Return the given coordinates (n, 2) of measured marks: their own, else the record's.
+
+    Raises
+    ------
+    OrientationError
+        Naming every mark that has neither.
+    """
+    known: Mapping[str, Mark] = {mark.name: mark for mark in record}
+    given = marks.given.copy()
+    missing = []
+    for row, name in enumerate(marks.names):
+        if np.isnan(given[row]).any():
+            if name in known:
+                given[row] = known[name].x, known[name].y
+            else:
+                missing.append(name)
+    if missing:
+        listed = ", ".join(missing)
+        message = f"mark {listed} is not in {record_name}; name one of its marks, or give coordinates after '='"
+        raise OrientationError(message)
+    return given
+
+
+def sensor_transformation(sensor: Sensor) -> PlaneTransformation:
+    """Return the transformation from pixels (outer corner of the upper left pixel, rows down) to photo millimetres."""
+    x_pixel, y_pixel = sensor.width / sensor.columns, sensor.height / sensor.rows
+    return PlaneTransformation(
+        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([-sensor.width / 2.0, sensor.height / 2.0])
+    )
+
+
+def scan_transformation(scan: Scan) -> PlaneTransformation:
+    """Return the transformation from scan pixels (column right, row down) to plate millimetres (y up)."""
+    x_pixel, y_pixel = scan.pixel
+    to_corner = 0.5 if scan.origin == "centre" else 0.0
+    return PlaneTransformation(
+        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([to_corner * x_pixel, -to_corner * y_pixel])
+    )
+
+
+def transformation_without_marks(camera: Camera) -> PlaneTransformation | None:
+    """Return stored coordinates to photo millimetres for a camera that needs no fiducial marks, else None."""
+    if camera.sensor is not None:
+        return sensor_transformation(camera.sensor)
+    return None if camera.fiducials else IDENTITY
+
+
+def _orient(
+    kind: TransformationKind,
+    marks: MeasuredMarks,
+    given: FloatArray,
+    group: Literal["templates", "photos"],
+    name: str,
+    system: Literal["plate", "template"],
+    stage: Stage | None,
+) -> OrientedMarks:
+    used = ~marks.disregarded
+    what = "template" if group == "templates" else "photo"
+    if (count := int(np.count_nonzero(used))) < MARKS_NEEDED[kind]:
+        message = (
+            f"{what} {name} has {count} usable marks; transformation {kind} needs {MARKS_NEEDED[kind]}: "
+            "measure more marks or include disregarded ones"
+        )
+        raise OrientationError(message)
+    try:
+        transformation = fit_plane_transformation(kind, marks.measured[used], given[used])
+    except ValueError as fault:
+        message = f"{what} {name} cannot be oriented: {fault}; measure marks that are spread over the frame"
+        raise OrientationError(message) from None
+    residuals = transformation.apply(marks.measured) - given
+    square_sum = float(np.sum(residuals[used] ** 2))
+    redundancy = 2 * count - PARAMETERS[kind]
+    s0 = float(np.sqrt(square_sum / redundancy)) if redundancy > 0 else float("nan")
+    rotation, skew = transformation.rotation_and_skew
+    summary = InteriorSummary(
+        group, name, kind, float(transformation.shift[0]), float(transformation.shift[1]),
+        rotation * DEGREES_PER_RADIAN, skew * DEGREES_PER_RADIAN, *transformation.scales, s0, redundancy,
+    )  # fmt: skip
+    mirrored = transformation.mirrored or _fits_better_mirrored(kind, marks.measured[used], given[used], square_sum)
+    return OrientedMarks(
+        transformation, MarkAdjustment(summary, kind, system, stage, marks, given, residuals, mirrored)
+    )
+
+
+def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given: FloatArray, square_sum: float) -> bool:
+    """Whether turning the film over makes a conform fit far better; two marks fit either way and cannot tell."""
+    if kind == "A" or len(measured) < 3:
+        return False
+    turned = measured * [-1.0, 1.0]
+    residuals = fit_plane_transformation(kind, turned, given).apply(turned) - given
+    return float(np.sum(residuals**2)) < _MIRROR_GAIN**2 * square_sum

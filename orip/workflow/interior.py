@@ -1,0 +1,83 @@
+"""The interior orientation in force: every template and photo that has been measured, from the stores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from orip.errors import Complaint, ProjectWarning
+from orip.geometry.plane import PlaneTransformation
+from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
+from orip.interior.replay import Definitions, Measured, pixel_size
+from orip.model.interior import MarkAdjustment
+from orip.model.names import record_key
+
+
+@dataclass(frozen=True, slots=True)
+class Interior:
+    """The interior orientation of a project.
+
+    Parameters
+    ----------
+    adjustments : tuple of MarkAdjustment
+        Templates first, each kind in the order of its definition.
+    to_photo : mapping by `record_key`
+        Stored coordinates to photo millimetres, for photos that are oriented.
+    pixel_sizes : mapping by `record_key`
+        mm in x and y, for photos with a sensor or scan.
+    complaints : tuple of Complaint
+        Orientations that are not valid.
+    warnings : tuple of ProjectWarning
+    """
+
+    adjustments: tuple[MarkAdjustment, ...]
+    to_photo: Mapping[str, PlaneTransformation]
+    pixel_sizes: Mapping[str, tuple[float, float]]
+    complaints: tuple[Complaint, ...]
+    warnings: tuple[ProjectWarning, ...]
+
+
+def interior_orientation(definitions: Definitions, measured: Measured) -> Interior:
+    """Orient all templates and photos from their measured marks."""
+    adjustments: list[MarkAdjustment] = []
+    complaints: list[Complaint] = []
+    for key, template in definitions.templates.items():
+        if key in measured.templates:
+            ticks = definitions.temticks[record_key(template.temtick)].ticks
+            try:
+                adjustments.append(orient_template(measured.templates[key], ticks).adjustment)
+            except OrientationError as error:
+                complaints.append(Complaint(str(error)))
+    to_photo: dict[str, PlaneTransformation] = {}
+    pixel_sizes = {}
+    for key, photo in definitions.photos.items():
+        camera = definitions.cameras[record_key(photo.camera)]
+        without_marks = transformation_without_marks(camera)
+        if without_marks is not None:
+            to_photo[key] = without_marks
+        size = pixel_size(photo, camera, definitions.templates[record_key(photo.template)] if photo.template else None)
+        if size is not None:
+            pixel_sizes[key] = size
+        if key in measured.photos:
+            try:
+                oriented = orient_photo(measured.photos[key], camera, photo.template is not None)
+            except OrientationError as error:
+                complaints.append(Complaint(str(error)))
+                continue
+            to_photo[key] = oriented.transformation
+            adjustments.append(oriented.adjustment)
+    warnings = tuple(warning for each in adjustments for warning in _warnings(each))
+    return Interior(tuple(adjustments), to_photo, pixel_sizes, tuple(complaints), warnings)
+
+
+def _warnings(adjustment: MarkAdjustment) -> list[ProjectWarning]:
+    summary = adjustment.summary
+    where = f"{summary.group[:-1]} {summary.name}"
+    found = []
+    if adjustment.mirrored:
+        text = "is a mirror image: the film or scan lies upside down, or its row axis is not declared by 'scan'"
+        found.append(ProjectWarning("mirrored", where, text))
+    if summary.redundancy == 0:
+        text = "has no redundancy: a wrong mark would not be noticed; measure one more"
+        found.append(ProjectWarning("no-redundancy", where, text))
+    return found

@@ -1,0 +1,155 @@
+"""A project folder: its definition, and where its stores and outputs are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import InputError, ProjectWarning, UsageError
+from orip.files.project_toml import read_project
+from orip.model.names import record_key
+from orip.model.project import ProjectDefinition
+
+PROJECT_FILE = "orip.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class OutputFiles:
+    """Paths of what a bundle adjustment writes."""
+
+    result: Path
+    residuals: Path
+    listing: Path
+    errors: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """A project folder with a sound orip.toml.
+
+    Parameters
+    ----------
+    folder : Path
+    definition : ProjectDefinition
+        As the text says; distortions not yet taken to the polynomial.
+    lines : mapping (kind, record_key) to int
+        Where each record stands in orip.toml.
+    warnings : tuple of ProjectWarning
+    """
+
+    folder: Path
+    definition: ProjectDefinition
+    lines: Mapping[tuple[str, str], int]
+    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def text(self) -> Path:
+        """Return the path of orip.toml."""
+        return self.folder / PROJECT_FILE
+
+    @property
+    def cameras(self) -> Path:
+        """Return the store of cameras."""
+        return self.folder / self.definition.camera_file
+
+    @property
+    def temticks(self) -> Path:
+        """Return the store of temticks."""
+        return self.folder / self.definition.temtick_file
+
+    @property
+    def photos(self) -> Path:
+        """Return the store of photos."""
+        return self.folder / f"{self.definition.project_files}.PHO"
+
+    @property
+    def templates(self) -> Path:
+        """Return the store of templates."""
+        return self.folder / f"{self.definition.project_files}.TEM"
+
+    @property
+    def exterior(self) -> Path:
+        """Return the store of exterior orientation."""
+        return self.folder / f"{self.definition.project_files}.EXT"
+
+    @property
+    def record_stores(self) -> tuple[Path, ...]:
+        """Return the stores of all definitions."""
+        return self.cameras, self.temticks, self.photos, self.templates, self.exterior
+
+    @property
+    def interior_listing(self) -> Path:
+        """Return the path of INTERIOR_RESULT.OUT."""
+        return self.folder / "INTERIOR_RESULT.OUT"
+
+    def observations(self, bundle: str) -> Path:
+        """Return the store of a bundle's photo observations."""
+        return self.beside_photos(bundle, "EXO")
+
+    def preliminary(self, bundle: str) -> Path:
+        """Return the path of a bundle's preliminary coordinates."""
+        return self.beside_photos(bundle, "PRE")
+
+    def beside_photos(self, bundle: str, extension: str) -> Path:
+        """Return a bundle's file in the folder of the project files."""
+        return self.photos.with_name(f"{bundle}.{extension}")
+
+    def outputs(self, bundle: str) -> OutputFiles:
+        """Return where a bundle's results go: plain names where it is the project's only bundle."""
+        if len(self.definition.bundles) == 1:
+            result, residuals, prefix = "result.json", "residuals.csv", "BUNDLE"
+        else:
+            result, residuals, prefix = f"{bundle}_result.json", f"{bundle}_residuals.csv", bundle
+        return OutputFiles(
+            self.folder / result,
+            self.folder / residuals,
+            self.folder / f"{prefix}_RESULT.OUT",
+            self.folder / f"{prefix}_ERROR.OUT",
+        )
+
+    def shown(self, path: Path) -> str:
+        """Return a path as the user would name it: relative to the project folder."""
+        return str(path.relative_to(self.folder)) if path.is_relative_to(self.folder) else str(path)
+
+    def bundle_name(self, wanted: str | None) -> str:
+        """Return the name of the bundle that a command is about.
+
+        Raises
+        ------
+        UsageError
+            If there is no such bundle, or several and none was named.
+        """
+        names = [bundle.name for bundle in self.definition.bundles]
+        if wanted is None and len(names) == 1:
+            return names[0]
+        for name in names:
+            if wanted is not None and record_key(name) == record_key(wanted):
+                return name
+        listed = ", ".join(names) or "none"
+        if wanted is None:
+            message = f"the project has {len(names)} bundles; name one of them: {listed}"
+        else:
+            message = f"there is no bundle '{wanted}' in {PROJECT_FILE}; its bundles are: {listed}"
+        raise UsageError(message)
+
+
+def open_project(folder: Path) -> Project:
+    """Read orip.toml of a folder.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong in it.
+    """
+    path = folder / PROJECT_FILE
+    if not path.is_file():
+        message = (
+            f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project; go to the project's folder, "
+            f"name it with -C DIR, or write an {PROJECT_FILE} (the README has one to start from)"
+        )
+        raise InputError.single(message)
+    parsed = read_project(path, PROJECT_FILE)
+    if parsed.complaints or parsed.records is None:
+        raise InputError(parsed.complaints)
+    return Project(folder, parsed.records.definition, parsed.records.lines, parsed.warnings)

@@ -1,0 +1,181 @@
+"""Measurement logs: blocks, edits, names like keywords, and what is said of faulty lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orip.files.measurement_text import read_measurements
+from orip.files.parsed import Parsed
+from orip.model.measurement import (
+    EditRecord,
+    FiducialsRecord,
+    LogRecord,
+    PhotoRecord,
+    Place,
+    PointsRecord,
+    TemplateRecord,
+    TicksRecord,
+)
+
+LOG = """\
+TEMPLATE T1  A  UPPER  ! mounted
+  1    10.0123  220.1130
+  2    11.0  221.0  -
+photo P101 w
+  1   1.0D1 2
+  9   12.0 3.5 = 100 0
+  10  12.0 3.5 = 100 -1.5 -   # own coordinates, disregarded
+POINTS MAIN P101
+  1001  35.2310  -12.0040
+  1002  30.1180   -9.7710  0.004 -0.5px
+  1003  30.1180   -9.7710  0.004 0.004 -
+  1004\t30 -9 -
+DISREGARD POINT MAIN P101 1001
+include mark * 2
+KILL TICK T1 *
+FIDUCIALS CAM Midsides
+  1 2 3
+TICKS TT1
+  1 2 3
+"""
+
+
+def parse(folder: Path, text: str) -> Parsed[tuple[LogRecord, ...]]:
+    path = folder / "S1.MEA"
+    path.write_text(text, encoding="utf-8", newline="")
+    return read_measurements(path, "S1.MEA")
+
+
+def complaints(folder: Path, text: str) -> list[str]:
+    return [str(complaint) for complaint in parse(folder, text).complaints]
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> None:
+    parsed = parse(tmp_path, LOG.replace("\n", line_end))
+    assert not parsed.complaints
+    template, photo, points, *edits, fiducials, ticks = parsed.records
+
+    assert isinstance(template, TemplateRecord)
+    assert (template.place, template.template) == (Place("S1.MEA", 1), "T1")
+    assert (template.transformation, template.stage) == ("A", "UPPER")
+    assert template.marks.names == ("1", "2")
+    assert template.marks.disregarded.tolist() == [False, True]
+    assert np.isnan(template.marks.given).all()
+
+    assert isinstance(photo, PhotoRecord)
+    assert (photo.place.line, photo.photo, photo.transformation) == (4, "P101", "W")
+    np.testing.assert_array_equal(photo.marks.measured, [[10, 2], [12, 3.5], [12, 3.5]])
+    np.testing.assert_array_equal(photo.marks.given, [[np.nan, np.nan], [100, 0], [100, -1.5]])
+    assert photo.marks.disregarded.tolist() == [False, False, True]
+
+    assert isinstance(points, PointsRecord)
+    assert (points.bundle, points.photo, points.names) == ("MAIN", "P101", ("1001", "1002", "1003", "1004"))
+    np.testing.assert_array_equal(points.measured[0], [35.231, -12.004])
+    np.testing.assert_array_equal(points.errors, [[np.nan, np.nan], [0.004, -0.5], [0.004, 0.004], [np.nan, np.nan]])
+    assert points.errors_in_pixels.tolist() == [[False, False], [False, True], [False, False], [False, False]]
+    assert points.disregarded.tolist() == [False, False, True, True]
+    assert points.lines.tolist() == [9, 10, 11, 12]
+
+    assert edits == [
+        EditRecord(Place("S1.MEA", 13), "DISREGARD", "POINT", "MAIN", "P101", "1001"),
+        EditRecord(Place("S1.MEA", 14), "INCLUDE", "MARK", None, "*", "2"),
+        EditRecord(Place("S1.MEA", 15), "KILL", "TICK", None, "T1", "*"),
+    ]
+    assert isinstance(fiducials, FiducialsRecord)
+    assert (fiducials.camera, fiducials.arrangement) == ("CAM", "midsides")
+    assert isinstance(ticks, TicksRecord)
+    assert (ticks.temtick, ticks.marks.names) == ("TT1", ("1",))
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("POINTS M P\n1 2 3,5", ":2:5: ", "decimal comma; write a decimal point: 3.5"),
+        ("POINTS M P\n1 nan 3", ":2:3: ", "'nan' is not allowed"),
+        ("POINTS M P\n1 1_0 3", ":2:3: ", "'1_0' is not a number"),
+        ("POINTS M P\n1 2", ":2: ", "a coordinate is missing; a line of POINTS M P is: name x y"),
+        ("POINTS M P\n1 2 -", ":2: ", "a coordinate is missing"),
+        ("POINTS M P\n1 2 3 4", ":2:7: ", "'4' does not fit here"),
+        ("POINTS M P\n1 2 3 = 4 5", ":2:7: ", "'=' does not fit here"),
+        ("POINTS M P\n1 2 3 0 1", ":2:7: ", "an own a-priori error of 0 is not allowed"),
+        ("POINTS M P\n1 2 3 1 -0.0px", ":2:9: ", "of 0 is not allowed"),
+        ("POINTS M P\n1 2 3 1 xpx", ":2:9: ", "'xpx' is not a number of pixels; write for example 0.5px"),
+        ("POINTS M P\n= 2 3", ":2:1: ", "'=' is not allowed as a name"),
+        ("POINTS M P\n1 2 3\n1 4 5", ":3: ", "'1' is measured twice in POINTS M P, first on line 2"),
+        ("PHOTO P A\n1 2 3\n\n1 4 5 -", ":4: ", "'1' is measured twice in PHOTO P, first on line 2"),
+        ("PHOTO P A\n1 2 3 4 5", ":2:7: ", "a line of PHOTO P is: name x y, = and its own coordinates"),
+        ("TICKS T\n1 2 3 -", ":2:7: ", "a digitised mark is taken as it is"),
+        ("FIDUCIALS C corners\n1 2 3 = 4 5", ":2:7: ", "'=' does not fit"),
+        ("POINTS M P", ":1: ", "POINTS M P has no measurements"),
+        ("POINTS M P\n!1 2 3\nPHOTO P A\n1 2 3", ":1: ", "POINTS M P has no measurements"),
+        ("1 2 3\n2 3 4\n", ":1: ", "the measurement of '1' is outside a block"),
+        ("POINTS M P\n1 2 3\nKILL MARK P 1\n2 3 4", ":4: ", "outside a block"),
+        ("PHOTO P\n1 2 3", ":1:9: ", "a field is missing, 2 found; the line is: PHOTO name A|C|W"),
+        ("PHOTO P Q\n1 2 3", ":1:9: ", "'Q' is not a transformation (A affine, C conform, W conform without scale)"),
+        ("PHOTO P A UPPER\n1 2 3", ":1:11: ", "'UPPER' is one field too many"),
+        ("TEMPLATE T A UPER\n1 2 3", ":1:14: ", "'UPER' is not a stage; did you mean UPPER?"),
+        ("FIDUCIALS C corner\n1 2 3", ":1:13: ", "did you mean corners?"),
+        ("TICKS\n1 2 3", ":1:7: ", "the line is: TICKS temtick"),
+        ("POINTS = P\n1 2 3", ":1:8: ", "'=' is not allowed as a name"),
+        ("FOTO P A\n1 2 3", ":1:1: ", "'FOTO' is not a keyword; did you mean PHOTO?"),
+        ("POINTS M P\n1 2 3\nPHOTOS P A\n1 2 3\n2 2 3", ":3:1: ", "'PHOTOS' is not a keyword; did you mean PHOTO?"),
+        ("xyzzy", ":1:1: ", "'xyzzy' is not a keyword; write one of TEMPLATE, PHOTO"),
+        ("KILL", ":1:6: ", "the line is: KILL POINT bundle photo|* point|*"),
+        ("KILL POINTS M P 1", ":1:6: ", "'POINTS' is not something to kill; did you mean POINT?"),
+        ("KILL POINT P 1", ":1:16: ", "the line is: KILL POINT bundle photo|* point|*"),
+        ("DISREGARD MARK P 1 2", ":1:20: ", "the line is: DISREGARD MARK photo|* mark|*"),
+        ("INCLUDE TICK - 2", ":1:14: ", "'-' is not allowed as a name"),
+    ],
+)
+def test_faulty_logs(tmp_path: Path, text: str, place: str, words: str) -> None:
+    (complaint,) = complaints(tmp_path, text)
+    assert complaint.startswith(f"S1.MEA{place}")
+    assert words in complaint
+
+
+def test_all_faults_come_at_once_in_the_order_of_the_lines(tmp_path: Path) -> None:
+    found = complaints(tmp_path, "PHOTO P Q\n1 2 x\nPOINTS M P\nTICKS T\n1 - 2\n2 3\nKILL IT\n")
+    assert [complaint.split(" ")[0] for complaint in found] == [
+        "S1.MEA:1:9:",
+        "S1.MEA:2:5:",
+        "S1.MEA:3:",
+        "S1.MEA:5:3:",
+        "S1.MEA:6:",
+        "S1.MEA:7:6:",
+    ]
+
+
+def test_points_may_be_called_like_keywords(tmp_path: Path) -> None:
+    text = "POINTS M P\nPHOTO 1 2\nKill 3.5 4\nPOINTS 5.0 6.0\nTICKS 7 8 -\nTEMPLATE 9 10 0.1 0.1\n"
+    parsed = parse(tmp_path, text)
+    assert not parsed.complaints
+    (record,) = parsed.records
+    assert isinstance(record, PointsRecord)
+    assert record.names == ("PHOTO", "Kill", "POINTS", "TICKS", "TEMPLATE")
+
+
+def test_bundles_and_photos_may_be_called_by_numbers(tmp_path: Path) -> None:
+    parsed = parse(tmp_path, "PHOTO 101 A\n1 2 3\nPOINTS 1 101\n1 2 3\nPOINTS 1 102\n1 2 3\n")
+    assert not parsed.complaints
+    assert [type(record) for record in parsed.records] == [PhotoRecord, PointsRecord, PointsRecord]
+
+
+def test_the_same_name_in_a_later_block_is_a_new_measurement(tmp_path: Path) -> None:
+    parsed = parse(tmp_path, "POINTS M P\n1 2 3\nPOINTS M P\n1 2 4\n")
+    assert not parsed.complaints
+    assert len(parsed.records) == 2
+
+
+def test_names_of_other_scripts_are_names(tmp_path: Path) -> None:
+    parsed = parse(tmp_path, "POINTS M P\nMühle_1 2 3\n")
+    assert isinstance(parsed.records[0], PointsRecord)
+    assert parsed.records[0].names == ("Mühle_1",)
+
+
+def test_a_missing_log_is_named(tmp_path: Path) -> None:
+    (complaint,) = read_measurements(tmp_path / "S2.MEA", "S2.MEA").complaints
+    assert str(complaint).startswith("S2.MEA: there is no such file")
