@@ -1,9 +1,11 @@
 """Cholesky factorisation that watches the digits lost by each diagonal element and removes what is not determined.
 
-A column that has lost more than five digits at its turn is deferred: it is not eliminated but kept as a border. At the
-end the deferred columns are eliminated by largest remaining pivot first, and those that lose more digits than allowed
-are removed: row and column do not take part, the correction is zero. Monitoring the reduction of the diagonal is
-Poder's; the deferral is this program's own, and makes a limit of 12 digits right for 16-digit arithmetic.
+As long as no column loses more than five digits at its turn, the matrix is factored in its order. Otherwise columns
+that have lost more than three are deferred: kept as a border, and at the end eliminated by largest remaining pivot
+first. Those that then lose more digits than allowed are removed: row and column do not take part, the correction is
+zero. Monitoring the reduction of the diagonal is Poder's; the deferral is this program's own. A pivot that has lost d
+digits magnifies the rounding of what is eliminated after it by 10^d: with deferral at five digits undetermined columns
+have been seen to lose 12.1 digits only, at three 13.8 and more, and determined ones 4.1 at the most.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from scipy.linalg import lapack, solve_triangular
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-DEFERRAL_DIGITS = 5.0
+ALARM_DIGITS = 5.0
+DEFERRAL_DIGITS = 3.0
 LOST_ALL = 99.0
 """Digits lost by a diagonal element that has become zero or negative, or never was positive."""
 
@@ -46,12 +49,15 @@ class Factor:
     removed: NDArray[np.bool_]
 
     def reduce(self, right: FloatArray) -> FloatArray:
-        """Return c = L^-1 right for a right-hand side (m,); its square sum is the drop of the weighted square sum."""
+        """Return c = L^-1 right for right-hand sides (m,) or (m, k).
+
+        The square sum of c is the drop of the weighted square sum.
+        """
         return np.asarray(solve_triangular(self.lower, right[self.order], lower=True))
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
-        """Return the solution (m,) of L^T x = c, zero for removed columns."""
-        solution = np.zeros(len(self.removed))
+        """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
+        solution = np.zeros((len(self.removed), *reduced_right.shape[1:]))
         solution[self.order] = solve_triangular(self.lower, reduced_right, lower=True, trans="T")
         return solution
 
@@ -98,11 +104,11 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[
 
 
 def _factorise_regular(matrix: FloatArray) -> FloatArray | None:
-    """Return L where no column loses more than the deferral limit: the usual case, at LAPACK's speed."""
+    """Return L where no column loses more than the alarm limit: the usual case, at LAPACK's speed."""
     if not len(matrix):
         return matrix
     lower, info = lapack.dpotrf(matrix, lower=1, clean=1)
-    if info != 0 or np.diag(lower).min() ** 2 < 10.0**-DEFERRAL_DIGITS:
+    if info != 0 or np.diag(lower).min() ** 2 < 10.0**-ALARM_DIGITS:
         return None
     return np.asarray(lower)
 

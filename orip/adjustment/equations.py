@@ -57,11 +57,14 @@ class Equations:
         Computed minus observed, divided by the a-priori error.
     active : array (n,) of bool
         False: a disregarded observation, or one that cannot be computed at this linearisation.
+    exact : array (n,) of bool
+        A constant that is met exactly: full weight always, a part of the redundancy, no part of sigma0.
     """
 
     design: csr_array
     residual: FloatArray
     active: BoolArray
+    exact: BoolArray
 
 
 class Problem(Protocol[State]):

@@ -9,17 +9,22 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import (
     Termination,
     exponent_of_numerical_precision,
     is_diverging,
     weights_are_steady,
 )
-from orip.adjustment.equations import Equations, Linearised, Problem, State
+from orip.adjustment.equations import Equations, Layout, Linearised, Problem, State
 from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.adjustment.precision import cofactors
 from orip.adjustment.weights import DanishWeights
 
 FloatArray = NDArray[np.float64]
+
+_GIVING_BACK_ENP = 2.0
+"""Corrections this far below their deviations change no standard residual enough to matter for giving weight back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,23 +98,71 @@ def adjust(
     layout = problem.layout
     current = Linearised(start, problem.linearise(start))
     passes: list[PassRecord] = []
+    given_back: set[int] = set()
+    again: list[int] = []
+    acceleration = Acceleration(layout)
     termination = Termination.MAX_ITERATIONS
-    for iteration in range(1, settings.max_iterations + 1):
-        weights = settings.weights.factors(np.abs(current.equations.residual), iteration)
+    last = settings.max_iterations
+    while len(passes) < last:
+        iteration = len(passes) + 1
+        weights = _weights(settings, current.equations, iteration)
+        weights[again] = 1.0
         normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
-        factor = problem.step_factor(normals.correction)
-        state = problem.update(current.state, factor * normals.correction)
+        step = acceleration.step(normals)
+        factor = problem.step_factor(step)
+        state = problem.update(current.state, factor * step)
+        acceleration.applied(factor * step)
         current = Linearised(state, problem.linearise(state))
         effective = layout.unknowns - int(np.count_nonzero(normals.removed))
         enp = exponent_of_numerical_precision(normals.reduced_square_sum, effective)
         passes.append(_record(iteration, enp, current.equations, weights, normals, effective, factor < 1.0))
         on_pass(passes[-1])
-        next_weights = settings.weights.factors(np.abs(current.equations.residual), iteration + 1)
-        ended = _termination(passes, settings, weights_are_steady(weights, next_weights), stop_asked())
+        next_weights = _weights(settings, current.equations, iteration + 1)
+        steady = weights_are_steady(weights, next_weights)
+        if not steady:
+            acceleration.forget()
+        ended = _termination(passes, settings, steady, stop_asked())
+        again = []
+        if ended in (None, Termination.CONVERGED) and steady and enp >= _GIVING_BACK_ENP:
+            again = _to_give_back(current.equations, next_weights, normals, layout, settings, given_back)
+        if again:
+            given_back.update(again)
+            last = iteration + settings.max_iterations
+            acceleration.forget()
+            continue
         if ended is not None:
             termination = ended
             break
     return _finish(problem, current, settings, passes, termination)
+
+
+def _weights(settings: IterationSettings, equations: Equations, iteration: int) -> FloatArray:
+    factors = settings.weights.factors(np.abs(equations.residual), iteration)
+    return np.where(equations.exact, 1.0, factors)
+
+
+def _to_give_back(
+    equations: Equations,
+    weights: FloatArray,
+    normals: SolvedNormals,
+    layout: Layout,
+    settings: IterationSettings,
+    given_back: set[int],
+) -> list[int]:
+    """Return the down-weighted observation that would fit best with its full weight, if it would fit at all.
+
+    The weight falls at once from 1 to 0.37, so that iterations can end with an observation on either side; this makes
+    the end state the same from different starts. With full weight a standard residual u becomes u / (1 + (1 - wf) h).
+    Each observation is given back once.
+    """
+    reduced = np.flatnonzero(equations.active & (weights < 1.0))
+    reduced = np.array([row for row in reduced if int(row) not in given_back], dtype=np.int64)
+    if not len(reduced):
+        return []
+    leverage = cofactors(equations, normals, layout).leverage[reduced]
+    with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
+    best = int(with_full_weight.argmin())
+    return [int(reduced[best])] if with_full_weight[best] <= settings.weights.max_standard_residual else []
 
 
 def _record(
@@ -125,7 +178,7 @@ def _record(
     down_weighted = int(np.count_nonzero(equations.active & (weights < 1.0)))
     # while iterating a down-weighted observation counts as not redundant; the final figure knows each one's share
     redundancy = max(int(np.count_nonzero(full)) - effective, 0)
-    square_sum = float(np.sum(equations.residual[full] ** 2))
+    square_sum = float(np.sum(equations.residual[full & ~equations.exact] ** 2))
     sigma0 = float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0
     singular = int(np.count_nonzero(normals.removed))
     return PassRecord(iteration, enp, sigma0, down_weighted, singular, step_limited)
@@ -153,8 +206,6 @@ def _finish(
     passes: list[PassRecord],
     termination: Termination,
 ) -> Adjusted[State]:
-    residual = np.abs(current.equations.residual)
-    weights = settings.weights.factors(residual, len(passes))
-    weights = np.where(current.equations.active, weights, 0.0)
+    weights = np.where(current.equations.active, _weights(settings, current.equations, len(passes)), 0.0)
     normals = solve_normals(current.equations, weights, problem.layout, settings.max_lost_digits)
     return Adjusted(current, weights, normals, tuple(passes), termination)

@@ -46,6 +46,15 @@ class SolvedNormals:
     removed: NDArray[np.bool_]
     lost_digits: FloatArray
 
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns."""
+        size = len(self.scale)
+        half = block_diagonal(self.blocks.half)
+        block_right = half @ right[size:]
+        reduced = right[:size] / self.scale[:, None] - self.coupling.T @ block_right
+        solution = self.factor.back_substitute(self.factor.reduce(reduced))
+        return np.vstack([solution / self.scale[:, None], half.T @ (block_right - self.coupling @ solution)])
+
 
 def solve_normals(
     equations: Equations, weight_factors: FloatArray, layout: Layout, max_lost_digits: float
@@ -75,7 +84,8 @@ def solve_normals(
     block_factors = factorise_blocks(blocks, fixed_places, max_lost_digits)
     half = block_diagonal(block_factors.half)
 
-    diagonal = np.diag(matrix).copy()
+    held = layout.fixed[: layout.reduced]
+    diagonal = np.where(held, 0.0, np.diag(matrix))
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
     coupling = (half @ (block_design.T @ reduced_design)).tocsr()
     coupling.data /= scale[coupling.indices]
@@ -95,7 +105,7 @@ def solve_normals(
         factor=factor,
         blocks=block_factors,
         coupling=coupling,
-        removed=np.concatenate([factor.removed, block_factors.removed.ravel()]),
+        removed=np.concatenate([factor.removed & ~held, block_factors.removed.ravel()]),
         lost_digits=np.concatenate([factor.lost_digits, block_factors.lost_digits.ravel()]),
     )
 

@@ -106,7 +106,7 @@ def variance_of_unit_weight(
     redundancy = int(np.count_nonzero(active)) - effective_unknowns
     full = active & (weight_factors >= 1.0)
     used = float(np.sum(numbers[full]))
-    squares = equations.residual**2
+    squares = np.where(equations.exact, 0.0, equations.residual**2)
     return VarianceOfUnitWeight(
         sigma0=_root_of_mean(float(np.sum(squares[full])), used),
         sigma0_all=_root_of_mean(float(np.sum(squares[active])), redundancy),

@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.name_warnings import name_warnings
+from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
-from orip.geometry.rays import intersect_rays
-from orip.geometry.rotation import rotation_from_angles
-from orip.interior.distortion import correction_with_partials, remove_distortion
-from orip.model.block import Block, PhotoPoints
+from orip.model.block import Block, PhotoPoints, TheodoliteSet
 from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.control import Control, ControlElement, ControlPoint, PreliminaryPoint
+from orip.model.control import Control, ControlElement, PreliminaryPoint
 from orip.model.measurement import PhotoObservations
-from orip.model.names import look_alikes, record_key
+from orip.model.names import record_key
 from orip.model.photo import PHOTO_PARAMETERS, Photo
 from orip.model.project import BundleDefinition
 from orip.units import RADIANS_PER_DEGREE
@@ -83,8 +82,8 @@ def assemble(ingredients: Ingredients) -> Assembled:
     if complaints:
         return Assembled(None, tuple(complaints), ())
     photos, cameras = _with_constant_elements(keys, ingredients)
-    point_names = tuple(dict.fromkeys(observations.points))
-    control_points = _control_points(point_names, ingredients.control)
+    point_names = _point_names(ingredients)
+    ground = _ground_observations(point_names, photos, cameras, ingredients)
     photo_points = _photo_points(keys, point_names, ingredients)
     camera_keys = [record_key(camera.name) for camera in cameras]
     camera_of = np.array([camera_keys.index(record_key(photo.camera)) for photo in photos])
@@ -99,10 +98,17 @@ def assemble(ingredients: Ingredients) -> Assembled:
         point_names=point_names,
         point_start=np.full((len(point_names), 3), np.nan),
         photo_points=photo_points,
-        control_points=control_points,
+        constant_points=_constant_points(point_names, ground, ingredients.definition),
+        control_points=ground.points,
+        elements=ground.elements,
+        distances=ground.distances,
+        directions=ground.directions,
     )
-    block, start_warnings = _with_starting_points(block, ingredients.preliminary)
-    return Assembled(block, (), tuple(_name_warnings(block, ingredients) + start_warnings))
+    block, start_warnings = with_starting_points(block, ingredients.preliminary)
+    block = replace(block, theodolites=theodolite_sets(block))
+    return Assembled(
+        block, (), tuple(name_warnings(block, ingredients.control, ingredients.preliminary) + start_warnings)
+    )
 
 
 def _photo_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Complaint]:
@@ -174,10 +180,74 @@ def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement]) ->
     return replace(camera, parameters=tuple(values), unknown=free)
 
 
-def _control_points(point_names: Sequence[str], control: Control) -> tuple[ControlPoint, ...]:
-    """Return the control of measured points, with coordinates that an element of group POINT holds."""
-    measured = set(point_names)
-    return tuple(point for point in control.points if point.name in measured)
+def _point_names(ingredients: Ingredients) -> tuple[str, ...]:
+    """Return the measured points, then further ends of distances and directions that have coordinates to start at."""
+    control = ingredients.control
+    placed = {point.name for point in control.points if None not in point.coordinates}
+    placed |= {point.name for point in ingredients.preliminary}
+    ends = [name for each in control.distances for name in (each.start, each.end)]
+    ends += [name for each in control.directions for name in (each.station, each.target)]
+    return tuple(dict.fromkeys([*ingredients.observations.points, *(name for name in ends if name in placed)]))
+
+
+def _ground_observations(
+    point_names: Sequence[str], photos: Sequence[Photo], cameras: Sequence[Camera], ingredients: Ingredients
+) -> Control:
+    """Return the control whose points, photos and cameras are all in the block."""
+    control = ingredients.control
+    points = set(point_names)
+    records = {
+        "PHOTO": {record_key(each.name) for each in photos},
+        "CAMERA": {record_key(each.name) for each in cameras},
+    }
+    directions = tuple(each for each in control.directions if {each.station, each.target} <= points)
+    sets = {each.set for each in directions}
+
+    def has(element: ControlElement) -> bool:
+        if element.group in records:
+            return record_key(element.name) in records[element.group]
+        return element.name in (points if element.group == "POINT" else sets)
+
+    return Control(
+        tuple(point for point in control.points if point.name in points),
+        tuple(element for element in control.elements if has(element)),
+        tuple(each for each in control.distances if {each.start, each.end} <= points),
+        directions,
+    )
+
+
+def _constant_points(point_names: Sequence[str], ground: Control, definition: BundleDefinition) -> NDArray[np.bool_]:
+    """Return which coordinates (number of points, 3) control holds; in a free network it holds none."""
+    constant = np.zeros((len(point_names), 3), dtype=bool)
+    if definition.datum == "free":
+        return constant
+    place = {name: index for index, name in enumerate(point_names)}
+    for point in ground.points:
+        if not point.rejected:
+            constant[place[point.name]] = [error == 0.0 for error in point.errors]
+    for element in ground.elements:
+        if element.group == "POINT" and element.error == 0.0:
+            constant[place[element.name], "XYZ".index(element.kind)] = True
+    return constant
+
+
+def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
+    """Return the theodolite sets with preliminary zero directions: the mean of azimuth less direction."""
+    place = block.point_index()
+    held = {each.name: each for each in block.elements if each.group == "THEODOLITE" and each.error == 0.0}
+    sets = []
+    for name in dict.fromkeys(each.set for each in block.directions):
+        if name in held:
+            sets.append(TheodoliteSet(name, held[name].value * RADIANS_PER_DEGREE, constant=True))
+            continue
+        mine = [each for each in block.directions if each.set == name]
+        offset = np.array(
+            [block.point_start[place[each.target]] - block.point_start[place[each.station]] for each in mine]
+        )
+        turned = np.arctan2(offset[:, 0], offset[:, 1])
+        turned -= np.array([each.direction for each in mine]) * RADIANS_PER_DEGREE
+        sets.append(TheodoliteSet(name, float(np.arctan2(np.sin(turned).mean(), np.cos(turned).mean()))))
+    return tuple(sets)
 
 
 def _photo_points(keys: Sequence[str], point_names: Sequence[str], ingredients: Ingredients) -> PhotoPoints:
@@ -198,88 +268,3 @@ def _photo_points(keys: Sequence[str], point_names: Sequence[str], ingredients: 
     error = np.where(own, np.abs(observations.errors), default)
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
     return PhotoPoints(photo, point, xy, error, used)
-
-
-def _with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
-    """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given."""
-    start = block.point_start.copy()
-    place = {name: index for index, name in enumerate(block.point_names)}
-    for point in block.control_points:
-        if None not in point.coordinates:
-            start[place[point.name]] = point.coordinates
-    for given in preliminary:
-        if given.name in place:
-            start[place[given.name]] = given.coordinates
-    missing = np.isnan(start).any(axis=1)
-    if missing.any():
-        start[missing] = _intersections(block)[missing]
-    warnings = []
-    single: NDArray[np.bool_] = np.asarray(np.isnan(start).any(axis=1))
-    if single.any():
-        start[single] = _points_on_first_ray(block, start, single)
-        warnings = [
-            ProjectWarning(
-                "one-ray", f"point {block.point_names[index]}",
-                "is seen by one ray and has no preliminary coordinates: its distance from the photo is a guess",
-            )
-            for index in np.flatnonzero(single)
-        ]  # fmt: skip
-    for point in block.control_points:
-        for coordinate, (value, error) in enumerate(zip(point.coordinates, point.errors, strict=True)):
-            if not point.rejected and error == 0.0 and value is not None:
-                start[place[point.name], coordinate] = value
-    return replace(block, point_start=start), warnings
-
-
-def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
-    """Return origins and directions (n, 3) of the rays of all photo points."""
-    points = block.photo_points
-    parameters = np.array([camera.parameters for camera in block.cameras])[block.photo_camera[points.photo]]
-    reduced = points.xy - parameters[:, 1:3]
-    at_measured = np.array([camera.distortion_at == "measured" for camera in block.cameras])
-    measured = at_measured[block.photo_camera[points.photo]][:, None]
-    ideal = np.where(
-        measured,
-        correction_with_partials(reduced, parameters[:, 3:]).value,
-        remove_distortion(reduced, parameters[:, 3:]),
-    )
-    image = np.column_stack([ideal, -parameters[:, 0]])
-    rotation = rotation_from_angles(block.photo_orientation[points.photo, 3:])
-    return block.photo_orientation[points.photo, :3], (rotation @ image[:, :, None])[:, :, 0]
-
-
-def _intersections(block: Block) -> FloatArray:
-    origins, directions = _rays(block)
-    seen = block.photo_points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
-    return intersect_rays(origins[seen], directions[seen], block.photo_points.point[seen], len(block.point_names))
-
-
-def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
-    """Return positions on the first ray of points that nothing places, as far away as the other points are."""
-    origins, directions = _rays(block)
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    distances = np.linalg.norm(start[block.photo_points.point] - origins, axis=1)
-    typical = float(np.nanmedian(distances)) if np.isfinite(distances).any() else 1.0
-    indices, first = np.unique(block.photo_points.point, return_index=True)
-    position = np.full_like(start, np.nan)
-    position[indices] = (origins + typical * directions)[first]
-    return np.asarray(position[wanted])
-
-
-def _name_warnings(block: Block, ingredients: Ingredients) -> list[ProjectWarning]:
-    measured = set(block.point_names)
-    warnings = [
-        ProjectWarning("unused-control", f"control point {point.name}", "is not measured in any photo")
-        for point in ingredients.control.points
-        if point.name not in measured
-    ]
-    warnings += [
-        ProjectWarning("unused-preliminary", f"preliminary point {given.name}", "is not measured in any photo")
-        for given in ingredients.preliminary
-        if given.name not in measured
-    ]
-    names = [*block.point_names, *(point.name for point in ingredients.control.points)]
-    for group in look_alikes(names):
-        text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
-        warnings.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
-    return warnings

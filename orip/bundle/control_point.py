@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.observation import Linearisation, Rows
+from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.model.block import Block
 
 
 @dataclass(frozen=True, slots=True)
-class ControlPointObservations:
+class ControlPointObservations(Observations):
     """n observed coordinates; `point` and `coordinate` (0, 1, 2) say which."""
 
     rows: Rows
@@ -27,19 +27,9 @@ class ControlPointObservations:
         return Linearisation(residual, np.ones((len(residual), 1)), np.ones(len(residual), dtype=bool))
 
 
-def constant_coordinates(block: Block) -> NDArray[np.bool_]:
-    """Return which coordinates (number of points, 3) control with a-priori error 0 holds."""
-    place = {name: index for index, name in enumerate(block.point_names)}
-    constant = np.zeros((len(block.point_names), 3), dtype=bool)
-    for point in block.control_points:
-        if not point.rejected:
-            constant[place[point.name]] = [error == 0.0 for error in point.errors]
-    return constant
-
-
 def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObservations:
     """Return the weighted and the disregarded coordinates of control and check points as observations."""
-    place = {name: index for index, name in enumerate(block.point_names)}
+    place = block.point_index()
     found = [
         (place[point.name], coordinate, value, error)
         for point in block.control_points
@@ -57,7 +47,7 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
         component=tuple(POINT_COORDINATES[index] for index in coordinate),
         observed=np.array([row[2] for row in found], dtype=np.float64),
         error=np.abs(error),
-        used=error > 0.0,
+        used=(error > 0.0) & (block.definition.datum == "control"),
         columns=unknowns.points[point, coordinate][:, None],
     )
     return ControlPointObservations(rows, point, coordinate)

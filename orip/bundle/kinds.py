@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from orip.bundle.control_point import observe_control_points
+from orip.bundle.direction import observe_directions, tied_by_directions
+from orip.bundle.distance import observe_constant_distances, observe_distances, tied_by_distances
+from orip.bundle.element import observe_elements
 from orip.bundle.observation import Observations
 from orip.bundle.photo_point import observe_photo_points
 from orip.bundle.unknowns import Unknowns
@@ -32,4 +35,11 @@ class Kind:
     tied_points: Callable[[Block], frozenset[int]] = _ties_no_points
 
 
-KINDS = (Kind(observe_photo_points), Kind(observe_control_points))
+KINDS = (
+    Kind(observe_photo_points),
+    Kind(observe_control_points),
+    Kind(observe_elements),
+    Kind(observe_distances, tied_by_distances),
+    Kind(observe_constant_distances, tied_by_distances),
+    Kind(observe_directions, tied_by_directions),
+)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,11 @@ class Rows:
     Parameters
     ----------
     kind : str
-        As in residuals.csv.
+        As in residuals.csv; each kind of a block has its own.
     photo, point, component : tuples of str, length n
         What the user calls the observation.
     observed : array (n,)
-        In the observation's own unit: mm, ground unit, radians.
+        In the unit of the files: mm, ground unit, degrees.
     error : array (n,)
         A-priori error in the same unit, greater than zero.
     used : array (n,) of bool
@@ -53,12 +54,28 @@ class Linearisation(NamedTuple):
     computable: BoolArray
 
 
-class Observations(Protocol):
-    """All observations of one kind in a block."""
+class Observations(ABC):
+    """All observations of one kind in a block.
 
-    @property
-    def rows(self) -> Rows:
-        """Return what does not change while iterating."""
+    Attributes
+    ----------
+    rows : Rows
+        What does not change while iterating.
+    exact : bool
+        The observations are constants: they are met exactly, never down-weighted, and say nothing of sigma0.
+    """
 
+    rows: Rows
+    exact: ClassVar[bool] = False
+
+    @abstractmethod
     def linearise_with_partials(self, state: State) -> Linearisation:
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
+
+    def remembered(self, state: State) -> FloatArray | None:
+        """Return what this kind adds to its residuals (n,) in the next iteration; None: nothing.
+
+        It is kept in `State.memory`; the state given is new, but still has the memory of the one before.
+        """
+        del state
+        return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.observation import Linearisation, Rows
+from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.perspective import Perspective, perspective_with_partials
@@ -20,7 +20,7 @@ _CAMERA, _CENTRE, _ROTATION, _POINT = slice(0, 11), slice(11, 14), slice(14, 17)
 
 
 @dataclass(frozen=True, slots=True)
-class PhotoPointObservations:
+class PhotoPointObservations(Observations):
     """n photo points, 2 n equations: x and y of each point in turn.
 
     Parameters

@@ -61,7 +61,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         redundancy=variance.redundancy,
         redundancy_used=variance.redundancy_used,
         observations=int(np.count_nonzero(equations.active)),
-        unknowns=solved.problem.layout.unknowns,
+        unknowns=solved.problem.layout.unknowns + solved.problem.defect,
         enp=passes[-1].enp,
         iterations=tuple(iteration_pass(record) for record in passes),
         cameras=Estimates(
@@ -149,19 +149,22 @@ def _point_kinds(block: Block) -> tuple[PointKind, ...]:
 
 def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
-    equations = solved.adjusted.linearised.equations
+    state, equations = solved.adjusted.linearised.state, solved.adjusted.linearised.equations
     error = np.concatenate([each.error for each in rows])
+    # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
+    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind, 0.0), len(each.photo)) for each in rows])
+    residual = equations.residual * error - added
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
-    standard = np.abs(equations.residual)
+    standard = np.abs(residual) / error
     return Residuals(
         kind=tuple(each.kind for each in rows for _ in each.photo),
         photo=_chained([each.photo for each in rows]),
         point=_chained([each.point for each in rows]),
         component=_chained([each.component for each in rows]),
         observed=np.concatenate([each.observed for each in rows]),
-        residual=equations.residual * error,
+        residual=residual,
         a_priori=error,
         standard_residual=standard,
         weight_factor=solved.adjusted.weight_factors * taking_part,

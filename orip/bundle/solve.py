@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.adjustment.iteration import Adjusted, IterationSettings, PassRecord, adjust
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
@@ -31,6 +32,14 @@ class SolvedBlock:
     def deviation_scale(self) -> float:
         """Return what the root of a cofactor is multiplied with: sigma0, or 1 without redundancy."""
         return self.variance.sigma0 if np.isfinite(self.variance.sigma0) else 1.0
+
+    def cofactors_of(self, columns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the cofactor matrix (k, k) of unknowns that are all in the reduced system or all of one point."""
+        m = self.problem.layout.reduced
+        if (columns < m).all():
+            return np.asarray(self.cofactors.reduced[np.ix_(columns, columns)])
+        place = (columns - m) % 3
+        return np.asarray(self.cofactors.blocks[(columns[0] - m) // 3][np.ix_(place, place)])
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
@@ -65,13 +74,20 @@ def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked:
     if not problem.layout.unknowns:
         message = "nothing is unknown: every camera, photo and point is constant; there is nothing to adjust"
         raise NotSolvableError(message)
-    adjusted = adjust(
-        problem,
-        starting_state(block),
-        iteration_settings(block.definition),
-        on_pass,
-        stop_asked,
-    )
+    settings = iteration_settings(block.definition)
+    return solve_problem(block, problem, starting_state(block), settings, on_pass, stop_asked)
+
+
+def solve_problem(
+    block: Block,
+    problem: BlockProblem,
+    start: State,
+    settings: IterationSettings,
+    on_pass: Callable[[PassRecord], None],
+    stop_asked: Callable[[], bool],
+) -> SolvedBlock:
+    """Adjust a block's problem from any state; see `solve_block`."""
+    adjusted = adjust(problem, start, settings, on_pass, stop_asked)
     equations = adjusted.linearised.equations
     if not np.isfinite(adjusted.passes[-1].enp) or not np.isfinite(equations.residual).all():
         message = (
@@ -80,6 +96,9 @@ def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked:
         )
         raise NotSolvableError(message)
     found = cofactors(equations, adjusted.normals, problem.layout)
+    if problem.datum is not None:
+        state = adjusted.linearised.state
+        found = problem.datum.transformed_cofactors(found, adjusted.normals, state, problem.unknowns)
     effective = problem.layout.unknowns - int(np.count_nonzero(adjusted.normals.removed))
     variance = variance_of_unit_weight(equations, adjusted.weight_factors, found.leverage, effective)
     return SolvedBlock(block, problem, adjusted, found, variance)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,16 +34,22 @@ class State:
     rotations : array (number of photos, 3, 3)
         Photo to ground.
     points : array (number of points, 3)
+    theodolites : array (number of theodolite sets,)
+        Zero directions, radians.
     turned_by_angles : array (number of photos,) of bool
         Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
         are small rotations about the ground axes, which have no singular case.
+    memory : mapping of kind to array
+        What kinds of observation keep from one iteration to the next.
     """
 
     cameras: FloatArray
     centres: FloatArray
     rotations: FloatArray
     points: FloatArray
+    theodolites: FloatArray
     turned_by_angles: NDArray[np.bool_]
+    memory: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def angles(self) -> FloatArray:
         """Return omega, phi, kappa (number of photos, 3), radians."""
@@ -62,12 +69,13 @@ class State:
         if self.turned_by_angles.any():
             turned = self.turned_by_angles
             rotations[turned] = rotation_from_angles(self.angles()[turned] + rotation[turned])
-        return State(
+        return replace(
+            self,
             cameras=self.cameras + _take(correction, unknowns.cameras),
             centres=self.centres + _take(correction, unknowns.photos[:, :3]),
             rotations=rotations,
             points=self.points + _take(correction, unknowns.points),
-            turned_by_angles=self.turned_by_angles,
+            theodolites=self.theodolites + _take(correction, unknowns.theodolites),
         )
 
 

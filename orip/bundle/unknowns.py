@@ -1,4 +1,4 @@
-"""The unknowns and their order: cameras, photos, tied points in the reduced system; all other points eliminated.
+"""The unknowns and their order: cameras, theodolites, photos, tied points; all other points are eliminated.
 
 Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined, it
 is OMEGA or PHI that is named, and not KAPPA.
@@ -26,7 +26,7 @@ _PHOTO_ORDER = ("X0", "Y0", "Z0", "KAPPA", "OMEGA", "PHI")
 
 
 class UnknownName(NamedTuple):
-    """An unknown in the user's names: group (CAMERA, PHOTO, POINT), record or point, kind."""
+    """An unknown in the user's names: group (CAMERA, THEODOLITE, PHOTO, POINT), record or point, kind."""
 
     group: str
     name: str
@@ -40,6 +40,7 @@ class Unknowns:
     Parameters
     ----------
     cameras : array (number of cameras, 11)
+    theodolites : array (number of theodolite sets,)
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`.
     points : array (number of points, 3)
@@ -49,20 +50,19 @@ class Unknowns:
     """
 
     cameras: IntArray
+    theodolites: IntArray
     photos: IntArray
     points: IntArray
     layout: Layout
     names: tuple[UnknownName | None, ...]
 
 
-def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_points: Iterable[int]) -> Unknowns:
+def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     """Give every unknown of a block its column.
 
     Parameters
     ----------
     block : Block
-    constant_points : array (number of points, 3) of bool
-        Coordinates held by control.
     tied_points : iterable of int
         Points that an observation ties to another point: they stay in the reduced system.
 
@@ -74,6 +74,13 @@ def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_point
     cameras = np.array(
         [_number("CAMERA", camera.name, CAMERA_PARAMETERS, camera.unknown, names) for camera in block.cameras]
     )
+    theodolites = np.array(
+        [
+            _number("THEODOLITE", set_.name, ("R",), () if set_.constant else ("R",), names)[0]
+            for set_ in block.theodolites
+        ],
+        dtype=np.int64,
+    )
     place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
     photos = np.array(
         [
@@ -84,12 +91,12 @@ def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_point
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
     for point in tied:
-        free = {kind for kind, held in zip(POINT_COORDINATES, constant_points[point], strict=True) if not held}
+        free = {kind for kind, held in zip(POINT_COORDINATES, block.constant_points[point], strict=True) if not held}
         points[point] = _number("POINT", block.point_names[point], POINT_COORDINATES, free, names)
 
     reduced = len(names)
     eliminated = np.setdiff1d(np.arange(len(block.point_names)), tied)
-    held = constant_points[eliminated]
+    held = block.constant_points[eliminated]
     points[eliminated] = np.where(held, CONSTANT, reduced + np.arange(3 * len(eliminated)).reshape(-1, 3))
     names += [
         None if hold else UnknownName("POINT", block.point_names[point], kind)
@@ -97,7 +104,7 @@ def number_unknowns(block: Block, constant_points: NDArray[np.bool_], tied_point
         for hold, kind in zip(holds, POINT_COORDINATES, strict=True)
     ]
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])
-    return Unknowns(cameras, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names))
+    return Unknowns(cameras, theodolites, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names))
 
 
 def _number(

@@ -53,12 +53,11 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
     if not outcome.changes:
         terminal.say("init     unchanged: the stores hold what orip.toml says")
         return
-    counts: dict[tuple[str, str], int] = {}
+    from orip.workflow.reconcile import counted
+
     for change in outcome.changes:
-        counts[change.action, change.kind] = counts.get((change.action, change.kind), 0) + 1
         terminal.detail(f"         {change.action} {change.kind} {change.name}")
-    listed = ", ".join(f"{count} {kind}{'s' * (count > 1)} {action}" for (action, kind), count in counts.items())
-    terminal.say(f"init     {listed}")
+    terminal.say(f"init     {counted(outcome.changes)}")
     for change in outcome.changes:
         if change.action == "detached":
             terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 Files = Annotated[
     list[Path] | None,
-    typer.Argument(
-        metavar="[FILE]...", help="Read these on top of what the stores hold; none: replay the project's list."
-    ),
+    typer.Argument(metavar="FILE", help="Read these on top of what the stores hold; none: replay the project's list."),
 ]
 
 
@@ -60,6 +58,9 @@ def tell(terminal: Terminal, outcome: MeasureOutcome) -> None:
     if counts.remeasured:
         parts.append(f"{counts.remeasured} measured again")
     unchanged = "" if outcome.changed else "unchanged: "
-    terminal.say(f"measure  {unchanged}{', '.join(parts) or 'nothing is measured yet'}")
+    nothing = "nothing is measured yet"
+    if not outcome.files:
+        nothing += f": no file is called {' or '.join(outcome.project.definition.measurement_files)}"
+    terminal.say(f"measure  {unchanged}{', '.join(parts) or nothing}")
     for path in outcome.files:
         terminal.detail(f"         read {outcome.project.shown(path)}")

@@ -9,9 +9,10 @@ import typer
 from orip.cli.options import Session, command
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "residuals"], typer.Argument(help="What to show of the last adjustment.")
+    Literal["cameras", "photos", "points", "residuals"],
+    typer.Argument(metavar="WHAT", help="cameras, photos, points or residuals of the last adjustment."),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="These cameras, photos or points alone.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These cameras, photos or points alone.")]
 BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
 ]

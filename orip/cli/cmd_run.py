@@ -9,7 +9,7 @@ import typer
 
 from orip.cli import cmd_init, cmd_measure
 from orip.cli.options import Session, command
-from orip.cli.solving import exit_code, limited_threads, stopping, tell_pass, tell_solution, tell_start
+from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 
 
 def register(app: typer.Typer) -> None:
@@ -24,18 +24,17 @@ def register(app: typer.Typer) -> None:
         Example: orip -C sample_projects/zurich_city_hall run
         """
         from orip.files.result_json import result_document, result_text
-        from orip.workflow.run import Watcher, run
+        from orip.workflow.run import RunWatcher, run
 
         terminal = session.terminal
-        watcher = Watcher(
+        watcher = RunWatcher(
             initialised=partial(cmd_init.tell, terminal),
             measured=partial(cmd_measure.tell, terminal),
-            started=partial(tell_start, terminal),
-            passed=partial(tell_pass, terminal),
+            solving=solve_watcher(terminal),
             solved=partial(tell_solution, terminal),
         )
-        with stopping(terminal) as stop_asked, limited_threads(terminal):
-            outcomes = run(session.folder, prefer, watcher, stop_asked)
+        with limited_threads(terminal):
+            outcomes = run(session.folder, prefer, watcher)
         if terminal.json and len(outcomes) == 1:
             terminal.data(result_text(outcomes[0].solution))
         elif terminal.json:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated
 
 import typer
 
 from orip.cli.options import Session, command
-from orip.cli.solving import exit_code, limited_threads, stopping, tell_pass, tell_solution, tell_start
+from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 
 BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="[BUNDLE]", help="Needed only where the project has several.")
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
 ]
 
 
@@ -30,10 +29,8 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.solve import solve
 
         terminal = session.terminal
-        with stopping(terminal) as stop_asked, limited_threads(terminal):
-            outcome = solve(
-                session.folder, bundle, partial(tell_start, terminal), partial(tell_pass, terminal), stop_asked
-            )
+        with limited_threads(terminal):
+            outcome = solve(session.folder, bundle, solve_watcher(terminal))
         tell_solution(terminal, outcome)
         if terminal.json:
             terminal.data(result_text(outcome.solution))

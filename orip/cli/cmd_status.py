@@ -34,11 +34,11 @@ def show(session: Session) -> None:
                 "counts": {f"{name}s": count for name, count in found.counts},
                 "steps": [{"command": step.command, "state": step.state, "text": step.text} for step in found.steps],
                 "next": found.next_command,
-                "warnings": warning_rows(found.project.warnings),
+                "warnings": warning_rows(found.warnings),
             }
         )
         return
-    terminal.warn(found.project.warnings)
+    terminal.warn(found.warnings)
     has = ", ".join(f"{count} {name}{'s' * (count != 1)}" for name, count in found.counts)
     terminal.data(f"project  {found.project.definition.name}: {has}")
     width = max(len(step.command) for step in found.steps)

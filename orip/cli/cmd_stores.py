@@ -11,7 +11,7 @@ import typer
 from orip.cli.options import Session, command
 
 StoreArgument = Annotated[Path, typer.Argument(metavar="STORE", help="A .CAM .TIK .PHO .TEM .EXT or .EXO file.")]
-TextArgument = Annotated[Path | None, typer.Argument(metavar="[TEXT]", help="A dump; none or '-': stdin.")]
+TextArgument = Annotated[Path | None, typer.Argument(metavar="TEXT", help="A dump; none or '-': stdin.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -31,7 +31,7 @@ def register(app: typer.Typer) -> None:
             message = "there is no such store; 'orip init' and 'orip measure' make the stores of a project"
             raise InputError.single(message, str(store))
         for line in dump(path):
-            sys.stdout.write(f"{line}\n")
+            session.terminal.data(line)
 
     @command(app, "load")
     def load_command(session: Session, store: StoreArgument, text: TextArgument = None) -> None:
@@ -45,9 +45,10 @@ def register(app: typer.Typer) -> None:
         if text is None or str(text) == "-":
             load(sys.stdin, session.folder / store, source="stdin")
         else:
-            if not text.is_file():
+            path = session.folder / text
+            if not path.is_file():
                 message = "there is no such file; name a text that 'orip dump' printed"
                 raise InputError.single(message, str(text))
-            with text.open(encoding="utf-8", errors="replace", newline="") as lines:
+            with path.open(encoding="utf-8", errors="replace", newline="") as lines:
                 load(lines, session.folder / store, source=str(text))
         session.terminal.say(f"load     {store} holds what the dump says")

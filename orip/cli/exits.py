@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import typer
 
-from orip.cli.terminal import Terminal
-from orip.errors import InputError, OripError
+from orip.cli.terminal import ColorChoice, Terminal
+from orip.errors import InputError, OripError, UsageError
 
 INTERRUPTED = 130
 _TRACEBACK_VARIABLE = "ORIP_TRACEBACK"
@@ -21,20 +20,20 @@ _TRACEBACK_VARIABLE = "ORIP_TRACEBACK"
 def exit_on_error(terminal: Terminal) -> Iterator[None]:
     """Print what went wrong and leave with its exit code."""
     try:
-        yield
+        try:
+            yield
+        finally:
+            terminal.flush()
     except OripError as error:
         _report(terminal, error)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        terminal.error("interrupted; nothing was changed")
+        message = "interrupted; stores and outputs are whole, 'orip status' tells what is left to do"
+        _report(terminal, OripError(message), INTERRUPTED)
         raise typer.Exit(INTERRUPTED) from None
-    except BrokenPipeError:
-        # the reader of our output has gone; what follows must not complain again while Python shuts down
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(1) from None
     except (OSError, MemoryError) as error:
-        terminal.error(f"the system refused: {error or type(error).__name__}")
-        raise typer.Exit(1) from None
+        _report(terminal, OripError(f"the system refused: {error or 'out of memory'}"))
+        raise typer.Exit(OripError.exit_code) from None
     except (typer.Exit, typer.Abort):
         raise
     except Exception as error:  # noqa: BLE001  # the last line of defence: a user never sees a traceback
@@ -42,14 +41,28 @@ def exit_on_error(terminal: Terminal) -> Iterator[None]:
         raise typer.Exit(1) from None
 
 
-def _report(terminal: Terminal, error: OripError) -> None:
+def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
+    """Print what is wrong with a command line that could not be taken apart, and return the exit code."""
+    # The shared options have not been read; what can be told of them from the words has to do.
+    colors: dict[bool, ColorChoice] = {True: "never", False: "auto"}
+    never = "--color=never" in arguments or "never" in arguments
+    terminal = Terminal(json="--json" in arguments, color=colors[never])
+    message = " ".join(error.format_message().split())
+    _report(
+        terminal, UsageError(f"{message.rstrip('.')}; 'orip --help' and 'orip COMMAND --help' show what is allowed")
+    )
+    terminal.flush()
+    return UsageError.exit_code
+
+
+def _report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> None:
     complaints = error.complaints if isinstance(error, InputError) else ()
     if terminal.json:
         rows = [
             {"file": each.path or None, "line": each.line, "column": each.column, "message": each.message}
             for each in complaints
         ] or [{"file": None, "line": None, "column": None, "message": str(error)}]
-        terminal.document({"schema": "orip.error/1", "exit_code": error.exit_code, "errors": rows})
+        terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
     for text in [str(each) for each in complaints] or [str(error)]:
         terminal.error(text)
     if len(complaints) > 1:
@@ -57,9 +70,10 @@ def _report(terminal: Terminal, error: OripError) -> None:
 
 
 def _report_internal(terminal: Terminal, error: Exception) -> None:
-    terminal.error(
+    message = (
         f"internal error: {type(error).__name__}: {error}; this is a fault of orip, please report it "
         f"(set {_TRACEBACK_VARIABLE}=1 to see where)"
     )
+    _report(terminal, OripError(message))
     if os.environ.get(_TRACEBACK_VARIABLE):
         traceback.print_exception(error)

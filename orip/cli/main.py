@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,8 +11,8 @@ import typer
 
 from orip import __version__
 from orip.cli import cmd_init, cmd_measure, cmd_results, cmd_run, cmd_solve, cmd_status, cmd_stores
-from orip.cli.exits import exit_on_error
-from orip.cli.options import Color, Json, Quiet, Session, Threads, Verbose, first_options
+from orip.cli.exits import INTERRUPTED, exit_on_error, report_usage
+from orip.cli.options import Color, Json, Quiet, Session, SharedOptions, Threads, Verbose
 
 app = typer.Typer(
     name="orip",
@@ -34,7 +36,9 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def before_command(
     context: typer.Context,
-    folder: Annotated[Path, typer.Option("--project", "-C", metavar="DIR", help="The project folder.")] = Path(),
+    folder: Annotated[
+        Path, typer.Option("--project", "-C", metavar="DIR", help="The project folder: work as if started there.")
+    ] = Path(),
     quiet: Quiet = False,
     verbose: Verbose = False,
     json: Json = False,
@@ -47,17 +51,34 @@ def before_command(
     """Bundle adjustment of photogrammetric project folders.
 
     Without a command: what the project has, and what is next.
+
+    Example: orip -C sample_projects/zurich_city_hall run
     """
-    terminal = first_options(quiet, verbose, json, color, threads)
-    context.obj = Session(folder, terminal)
+    options = SharedOptions(quiet, verbose, json, color, threads)
+    context.obj = Session(folder, options, options.terminal())
     if context.invoked_subcommand is None:
-        with exit_on_error(terminal):
+        with exit_on_error(context.obj.terminal):
             cmd_status.show(context.obj)
 
 
 def main() -> None:
     """Run the program."""
-    app()
+    _prepare_streams()
+    try:
+        code = app(standalone_mode=False)
+    except typer.Abort:
+        code = INTERRUPTED
+    except typer.TyperException as error:  # every fault of the command line that typer finds
+        code = report_usage(error, sys.argv[1:])
+    sys.exit(code)
+
+
+def _prepare_streams() -> None:
+    """Let no stream fail a command: one that is closed swallows what it is given, no character is unprintable."""
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  # open for as long as orip runs
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 if __name__ == "__main__":

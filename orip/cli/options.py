@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import typer
 
@@ -23,17 +23,31 @@ Color = Annotated[
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
 
+class SharedOptions(NamedTuple):
+    """The shared options as given in one place; False and None: not given there."""
+
+    quiet: Quiet = False
+    verbose: Verbose = False
+    json: Json = False
+    color: Color = None
+    threads: Threads = None
+
+    def then(self, later: SharedOptions) -> SharedOptions:
+        """Return the options of both places; the later one wins."""
+        return SharedOptions._make(after or before for before, after in zip(self, later, strict=True))
+
+    def terminal(self) -> Terminal:
+        """Return the terminal that they ask for."""
+        return Terminal(self.quiet, self.verbose, self.json, self.color or "auto", self.threads or 1)
+
+
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What a command gets beside its own options: the project folder, and how to talk."""
+    """What a command gets beside its own options: the project folder, the shared options, and how to talk."""
 
     folder: Path
+    options: SharedOptions
     terminal: Terminal
-
-
-def first_options(quiet: bool, verbose: bool, json: bool, color: ColorChoice | None, threads: int | None) -> Terminal:
-    """Return the terminal that the options before the command ask for."""
-    return Terminal(quiet, verbose, json, color or "auto", threads or 1)
 
 
 def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -45,20 +59,14 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
     def register(function: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(function)
         def run(context: typer.Context, **given: Any) -> None:
-            session: Session = context.obj
-            late = first_options(*(given.pop(key) for key in _SHARED))
-            session = Session(session.folder, _merged(session.terminal, late, given_color=context.params.get("color")))
+            before: Session = context.obj
+            late = SharedOptions(*(given.pop(key) for key in SharedOptions._fields))
+            options = before.options.then(late)
+            session = Session(before.folder, options, options.terminal())
             with exit_on_error(session.terminal):
                 function(session, **given)
 
-        parameters = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
-        shared = [
-            inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-            for key, (annotation, default) in _SHARED.items()
-        ]
-        context = inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
-        own = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
-        signature = inspect.Signature([context, *own, *shared])
+        signature = _with_shared_options(inspect.signature(function, eval_str=True))
         run.__signature__ = signature  # type: ignore[attr-defined]
         run.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
         app.command(name)(run)
@@ -67,21 +75,14 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
     return register
 
 
-_SHARED: dict[str, tuple[Any, Any]] = {
-    "quiet": (Quiet, False),
-    "verbose": (Verbose, False),
-    "json": (Json, False),
-    "color": (Color, None),
-    "threads": (Threads, None),
-}
-
-
-def _merged(first: Terminal, late: Terminal, given_color: object) -> Terminal:
-    """Return the options of both places; the later one wins."""
-    return Terminal(
-        quiet=first.quiet or late.quiet,
-        verbose=first.verbose or late.verbose,
-        json=first.json or late.json,
-        color=late.color if given_color is not None else first.color,
-        threads=late.threads if late.threads != 1 else first.threads,
-    )
+def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
+    """Return the signature for typer: the context in place of the session, and the shared options at the end."""
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    context = inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
+    _session, *parameters = own.parameters.values()
+    hints = get_type_hints(SharedOptions, include_extras=True)
+    shared = [
+        inspect.Parameter(key, keyword, default=SharedOptions._field_defaults[key], annotation=hints[key])
+        for key in SharedOptions._fields
+    ]
+    return inspect.Signature([context, *(each.replace(kind=keyword) for each in parameters), *shared])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from orip.cli.exits import INTERRUPTED
@@ -14,11 +15,22 @@ from orip.errors import NotSolvableError, ProjectWarning
 if TYPE_CHECKING:
     from orip.model.block import Block
     from orip.model.solution import IterationPass, Solution
-    from orip.workflow.solve import SolveOutcome
+    from orip.workflow.solve import SolveOutcome, SolveWatcher
 
 NOT_SOLVED = NotSolvableError.exit_code
 _STATUS_STYLE: dict[str, Style] = {"converged": "green", "doubtful": "yellow", "not_converged": "red", "stopped": "red"}
 _SHOWN_DIAGNOSES = 10
+
+
+def solve_watcher(terminal: Terminal) -> SolveWatcher:
+    """Return who tells the terminal of an adjustment and lets Ctrl-C stop it."""
+    from orip.workflow.solve import SolveWatcher
+
+    return SolveWatcher(
+        started=partial(tell_start, terminal),
+        passed=partial(tell_pass, terminal),
+        stoppable=partial(stopping, terminal),
+    )
 
 
 @contextmanager
@@ -72,7 +84,8 @@ def tell_solution(terminal: Terminal, outcome: SolveOutcome) -> None:
     """Print the summary of an adjustment."""
     solution = outcome.solution
     terminal.warn(ProjectWarning(*row) for row in solution.warnings)
-    terminal.say(f"status   {solution.status.replace('_', ' ')}", _STATUS_STYLE[solution.status])
+    same = "" if outcome.changed else "; unchanged: the store holds this solution already"
+    terminal.say(f"status   {solution.status.replace('_', ' ')}{same}", _STATUS_STYLE[solution.status])
     terminal.say(
         f"sigma0   {solution.sigma0:.4f} (all observations {solution.sigma0_all:.4f}), "
         f"redundancy {solution.redundancy}, {solution.observations} observations, {solution.unknowns} unknowns"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
 from orip.errors import ProjectWarning
@@ -35,6 +36,7 @@ class Terminal:
     json: bool = False
     color: ColorChoice = "auto"
     threads: int = 1
+    _warned: set[str] = field(default_factory=set, compare=False)
 
     def say(self, text: str, style: Style | None = None) -> None:
         """Print a line of talk, unless quiet."""
@@ -47,9 +49,11 @@ class Terminal:
             self.say(text, "dim")
 
     def warn(self, warnings: Iterable[ProjectWarning]) -> None:
-        """Print warnings, unless quiet."""
-        for warning in warnings:
-            self.say(f"{self._styled('warning:', 'yellow', sys.stderr)} {warning}")
+        """Print warnings, unless quiet; each once, though several steps of a command may give it."""
+        for text in dict.fromkeys(map(str, warnings)):
+            if text not in self._warned:
+                self._warned.add(text)
+                self.say(f"{self._styled('warning:', 'yellow', sys.stderr)} {text}")
 
     def error(self, text: str) -> None:
         """Print an error, quiet or not."""
@@ -57,7 +61,13 @@ class Terminal:
 
     def data(self, text: str) -> None:
         """Print data on stdout."""
-        sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
+        with _reader_may_leave(sys.stdout):
+            sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
+
+    def flush(self) -> None:
+        """Hand the data on to their reader."""
+        with _reader_may_leave(sys.stdout):
+            sys.stdout.flush()
 
     def document(self, content: dict[str, Any]) -> None:
         """Print one JSON document on stdout."""
@@ -65,8 +75,9 @@ class Terminal:
 
     @staticmethod
     def _talk(text: str) -> None:
-        sys.stderr.write(f"{text}\n")
-        sys.stderr.flush()
+        with _reader_may_leave(sys.stderr):
+            sys.stderr.write(f"{text}\n")
+            sys.stderr.flush()
 
     def _styled(self, text: str, style: Style | None, stream: TextIO) -> str:
         if style is None or not self._has_color(stream):
@@ -77,6 +88,17 @@ class Terminal:
         if self.color != "auto":
             return self.color == "always"
         return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+@contextmanager
+def _reader_may_leave(stream: TextIO) -> Iterator[None]:
+    """Go on in silence when the reader has seen enough, as head and less do: work and exit code are not theirs."""
+    try:
+        yield
+    except BrokenPipeError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def warning_rows(warnings: Iterable[ProjectWarning]) -> list[dict[str, str]]:

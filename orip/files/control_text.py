@@ -9,6 +9,7 @@ from typing import Generic, TypeVar, get_args
 from orip.errors import Complaint, ProjectWarning
 from orip.files.field_reader import FieldReader
 from orip.files.parsed import Parsed
+from orip.files.shown_text import shown_token
 from orip.files.text_lines import field_lines, read_lines
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import (
@@ -82,7 +83,7 @@ def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
 
 
 def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> ProjectWarning:
-    listed = " and ".join(f"'{name}' (line {lines[name]})" for name in names)
+    listed = " and ".join(f"'{shown_token(name)}' (line {lines[name]})" for name in names)
     text = f"points {listed} differ only in case or leading zeros; rename one if they are the same point"
     return ProjectWarning("similar-names", f"{shown}:{lines[names[-1]]}", text)
 
@@ -99,7 +100,9 @@ def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
     for axis in range(3):
         _check_dashes(reader, axis, dashes)
     if all(dashes[:3]):
-        reader.complain(f"point '{name}' has no coordinate at all; give one at least or remove the line")
+        reader.complain(
+            f"point '{reader.shown_text(0)}' has no coordinate at all; give one at least or remove the line"
+        )
     rejected = reader.count == 8
     if rejected and reader.text(7) not in {"x", "X"}:
         reader.complain(f"'{reader.shown_text(7)}' is one field too many; only x (rejected) may follow the errors", 7)
@@ -110,7 +113,7 @@ def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
         rejected,
         reader.number,
     )
-    found.add(name, f"point '{name}'", point, reader)
+    found.add(name, f"point '{reader.shown_text(0)}'", point, reader)
 
 
 def _check_dashes(reader: FieldReader, axis: int, dashes: list[bool]) -> None:
@@ -145,7 +148,7 @@ def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> No
         return
     compared = record_key(name) if group in {"CAMERA", "PHOTO"} else name
     element = ControlElement(name, group, kind, value, error, reader.number)
-    found.add((compared, group, kind), f"{kind} of {group} '{name}'", element, reader)
+    found.add((compared, group, kind), f"{kind} of {group} '{reader.shown_text(0)}'", element, reader)
 
 
 def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]]:
@@ -164,18 +167,21 @@ def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> 
     code = reader.word(3, _CODES, "a distance code")
     distance, error = reader.decimal(4), reader.decimal(5)
     if start == end:
-        reader.complain(f"distance '{name}' goes from '{start}' to itself; name two points", 2)
+        reader.complain(
+            f"distance '{reader.shown_text(0)}' goes from '{reader.shown_text(1)}' to itself; name two points", 2
+        )
     if code is None:
         found.complaints += reader.complaints
         return
     if code not in _SIGNED_CODES and distance <= 0:
         reader.complain(
-            f"distance '{name}' of code {code} is {reader.shown_text(4)}; "
+            f"distance '{reader.shown_text(0)}' of code {code} is {reader.shown_text(4)}; "
             "write a length above 0 (only X, Y and Z have a sign)",
             4,
         )
     record = ControlDistance(name, start, end, code, distance, error, reader.number)
-    found.add((name, start, end, code), f"distance '{name}' {code} from '{start}' to '{end}'", record, reader)
+    title = f"distance '{reader.shown_text(0)}' {code} from '{reader.shown_text(1)}' to '{reader.shown_text(2)}'"
+    found.add((name, start, end, code), title, record, reader)
 
 
 def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ...]]:
@@ -194,8 +200,8 @@ def _moved_sets(directions: Sequence[ControlDirection], shown: str) -> Iterator[
         known = first.setdefault(direction.set, direction)
         if known.station != direction.station:
             message = (
-                f"set '{direction.set}' is at station '{known.station}' on line {known.line} and at "
-                f"'{direction.station}' here; give each station sets of its own"
+                f"set '{shown_token(direction.set)}' is at station '{shown_token(known.station)}' on line {known.line} "
+                f"and at '{shown_token(direction.station)}' here; give each station sets of its own"
             )
             yield Complaint(message, shown, direction.line)
 
@@ -208,9 +214,12 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
     direction, direction_error = reader.decimal(3), reader.decimal(4)
     zenith, zenith_error = (reader.decimal(5), reader.decimal(6)) if reader.count == 7 else (None, None)
     if station == target:
-        reader.complain(f"set '{name}' points from '{station}' to itself; name two points", 2)
+        reader.complain(
+            f"set '{reader.shown_text(0)}' points from '{reader.shown_text(1)}' to itself; name two points", 2
+        )
     record = ControlDirection(name, station, target, direction, direction_error, zenith, zenith_error, reader.number)
-    found.add((name, station, target), f"the direction of set '{name}' to '{target}'", record, reader)
+    title = f"the direction of set '{reader.shown_text(0)}' to '{reader.shown_text(2)}'"
+    found.add((name, station, target), title, record, reader)
 
 
 def read_control(folder: Path, base: str) -> Parsed[Control]:

@@ -29,6 +29,9 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
     for photo in source.photos:
         if photo.table.template is not None:
             template_of[record_key(photo.table.name)] = template_names[record_key(photo.table.template)]
+    photos_of: dict[str, list[str]] = {}
+    for key, name in photo_names.items():
+        photos_of.setdefault(template_of.get(key, ""), []).append(name)
     return ProjectDefinition(
         name=project.name,
         user=project.user,
@@ -41,7 +44,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         crs=project.crs,
         cameras=tuple(_camera(camera.table) for camera in source.cameras),
         temticks=tuple(Temtick(t.table.name, _marks(t.table.ticks)) for t in source.temticks),
-        templates=tuple(_template(t.table, photo_names, template_of) for t in source.templates),
+        templates=tuple(_template(t.table, photo_names, photos_of) for t in source.templates),
         photos=tuple(_photo(p.table, template_of.get(record_key(p.table.name))) for p in source.photos),
         bundles=tuple(_bundle(bundle, source.models) for bundle in source.bundles),
         gates=tuple(source.check.gates),
@@ -77,15 +80,14 @@ def _camera(table: CameraTable) -> Camera:
     )
 
 
-def _template(table: TemplateTable, photo_names: dict[str, str], template_of: dict[str, str]) -> Template:
+def _template(table: TemplateTable, photo_names: dict[str, str], photos_of: dict[str, list[str]]) -> Template:
     """Return a template with its photos: those that it lists, then those that name it, as the photos spell them."""
     listed = [photo_names[record_key(photo)] for photo in table.photos]
-    naming = [name for key, name in photo_names.items() if template_of.get(key) == table.name]
     return Template(
         name=table.name,
         temtick=table.temtick,
         stage=table.stage,
-        photos=tuple(dict.fromkeys([*listed, *naming])),
+        photos=tuple(dict.fromkeys([*listed, *photos_of.get(table.name, [])])),
         scan=_scan(table.scan),
     )
 

@@ -16,6 +16,19 @@ TransformationKind = Literal["A", "C", "W"]
 MARKS_NEEDED: dict[TransformationKind, int] = {"A": 3, "C": 2, "W": 2}
 PARAMETERS: dict[TransformationKind, int] = {"A": 6, "C": 4, "W": 3}
 
+_LARGEST_COORDINATE = 1e100
+"""Above it squares overflow; no film is that large in any unit."""
+
+_ONE_PLACE = 1e-12
+"""Marks nearer to each other than this part of their coordinates differ by rounding alone."""
+
+_ONE_LINE = 1e-3
+"""Marks on a line across a film of 230 mm are off it by some 0.01 mm, the error of measuring; no frame is so narrow
+that its width is a thousandth of its length."""
+
+_NO_INVERSE = 1e-6
+"""Smallest scale, as part of the one expected from the extents, that still has a meaning."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlaneTransformation:
@@ -62,7 +75,8 @@ class PlaneTransformation:
         (a, b), (c, d) = self.matrix
         rotation = float(np.arctan2(c, a))
         skew = float(np.arctan2(-b, d)) - rotation
-        return rotation, (skew + np.pi) % (2.0 * np.pi) - np.pi
+        # in (-pi, pi], as all angles are written: a mirror image has a skew of +pi
+        return rotation, np.pi - (np.pi - skew) % (2.0 * np.pi)
 
 
 IDENTITY = PlaneTransformation(np.eye(2), np.zeros(2))
@@ -84,18 +98,36 @@ def fit_plane_transformation(kind: TransformationKind, measured: FloatArray, giv
     Raises
     ------
     ValueError
-        With fewer marks than the kind needs, or marks that do not determine it (all on a line, or in one place).
+        With fewer marks than the kind needs, or marks that do not determine it: all on a line, in one place, or so
+        unlike the given ones that the transformation has no inverse.
     """
     if len(measured) < MARKS_NEEDED[kind]:
         message = f"{len(measured)} marks, {MARKS_NEEDED[kind]} are needed"
         raise ValueError(message)
+    size = _extent(kind, measured, "measured marks")
+    given_size = _extent(kind, given, "given coordinates of the marks")
     centre, target = measured.mean(axis=0), given.mean(axis=0)
-    extent = np.linalg.svd(measured - centre, compute_uv=False)
-    if extent[0] == 0.0 or (kind == "A" and extent[1] < 1e-6 * extent[0]):
-        message = "the marks lie in one place" if extent[0] == 0.0 else "the marks lie on one line"
-        raise ValueError(message)
     matrix = _FITS[kind](measured - centre, given - target)
+    if np.linalg.svd(matrix, compute_uv=False)[1] < _NO_INVERSE * given_size / size:
+        message = "the measured marks are not at all arranged like the given ones (are names interchanged?)"
+        raise ValueError(message)
     return PlaneTransformation(matrix, target - matrix @ centre)
+
+
+def _extent(kind: TransformationKind, xy: FloatArray, what: str) -> float:
+    """Return the extent of marks along their longest direction; raise ValueError where they fix no transformation."""
+    largest = float(np.abs(xy).max())
+    if not largest < _LARGEST_COORDINATE:
+        message = f"the {what} have coordinates above {_LARGEST_COORDINATE:g}"
+        raise ValueError(message)
+    length, width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
+    if length <= _ONE_PLACE * largest:
+        message = f"the {what} lie in one place"
+        raise ValueError(message)
+    if kind == "A" and width < _ONE_LINE * length:
+        message = f"the {what} lie on one line"
+        raise ValueError(message)
+    return float(length)
 
 
 def _fit_affine(measured: FloatArray, given: FloatArray) -> FloatArray:
@@ -117,9 +149,8 @@ def _fit_conform(measured: FloatArray, given: FloatArray) -> FloatArray:
 def _fit_without_scale(measured: FloatArray, given: FloatArray) -> FloatArray:
     cosine, sine = _rotation_sums(measured, given)
     length = np.hypot(cosine, sine)
-    if length == 0.0:
-        message = "the marks do not fix a rotation"
-        raise ValueError(message)
+    if length <= _NO_INVERSE * np.linalg.norm(measured) * np.linalg.norm(given):
+        return np.zeros((2, 2))
     return np.array([[cosine, -sine], [sine, cosine]], dtype=np.float64) / float(length)
 
 

@@ -13,6 +13,9 @@ from orip.model.measurement import MeasuredMarks
 
 FloatArray = NDArray[np.float64]
 
+_ONE_PLACE = 1e-6
+"""Marks on opposite sides are apart by the size of the frame, not by a millionth of it."""
+
 
 def fiducials_from_plate(marks: MeasuredMarks, arrangement: Literal["corners", "midsides"]) -> tuple[Mark, ...]:
     """Return fiducial marks with the origin at their mean and the x axis nearest to the plate's x direction.
@@ -40,16 +43,30 @@ def fiducials_from_plate(marks: MeasuredMarks, arrangement: Literal["corners", "
         message = f"{len(plate)} marks; exactly four are needed, one in each corner or in the middle of each side"
         raise ValueError(message)
     centred = plate - plate.mean(axis=0)
-    left, right = _ends_of_x_axis(centred, arrangement)
-    direction = right - left
+    direction = _x_axis(centred if arrangement == "midsides" else _middles_of_sides(centred))
     cosine, sine = direction / np.hypot(*direction)
     turn = PlaneTransformation(np.array([[cosine, sine], [-sine, cosine]]), np.zeros(2))
     names = [name for name, use in zip(marks.names, used, strict=True) if use]
     return tuple(Mark(name, float(x), float(y)) for name, (x, y) in zip(names, turn.apply(centred), strict=True))
 
 
-def _ends_of_x_axis(centred: FloatArray, arrangement: str) -> tuple[FloatArray, FloatArray]:
-    by_x = centred[np.argsort(centred[:, 0], kind="stable")]
-    if arrangement == "midsides":
-        return by_x[0], by_x[3]
-    return by_x[:2].mean(axis=0), by_x[2:].mean(axis=0)
+def _around(centred: FloatArray) -> FloatArray:
+    """Return the four marks in their order around the mean."""
+    return centred[np.argsort(np.arctan2(centred[:, 1], centred[:, 0]), kind="stable")]
+
+
+def _middles_of_sides(centred: FloatArray) -> FloatArray:
+    corners = _around(centred)
+    return (corners + np.roll(corners, -1, axis=0)) / 2.0
+
+
+def _x_axis(midsides: FloatArray) -> FloatArray:
+    """Return the direction of the pair of opposite marks nearest to the plate's x direction, pointing right."""
+    around = _around(midsides)
+    pairs = around[2:] - around[:2]
+    lengths = np.hypot(pairs[:, 0], pairs[:, 1])
+    if lengths.min() < _ONE_PLACE * np.abs(midsides).max(initial=0.0) or lengths.min() == 0.0:
+        message = "the marks do not lie around their mean; digitise one in each corner, or in the middle of each side"
+        raise ValueError(message)
+    nearest: FloatArray = pairs[np.argmax(np.abs(pairs[:, 0]) / lengths)]
+    return nearest if nearest[0] > 0.0 else -nearest

@@ -17,10 +17,12 @@ from orip.geometry.plane import (
     TransformationKind,
     fit_plane_transformation,
 )
-from orip.model.camera import Camera, Mark, Sensor
+from orip.interior.known_names import listed_names
+from orip.interior.pixels import sensor_transformation
+from orip.model.camera import Camera, Mark
 from orip.model.interior import MarkAdjustment
 from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.model.photo import Scan, Stage
+from orip.model.photo import Stage
 from orip.model.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
 
@@ -50,7 +52,7 @@ def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> 
     ------
     OrientationError
     """
-    given = given_coordinates(orientation.marks, ticks, "the temtick record")
+    given = _given_coordinates(orientation.marks, ticks, f"template {orientation.template}", "its temtick record")
     return _orient(
         orientation.transformation,
         orientation.marks,
@@ -69,19 +71,15 @@ def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: boo
     ------
     OrientationError
     """
-    given = given_coordinates(orientation.marks, camera.fiducials, f"camera {camera.name}")
+    given = _given_coordinates(
+        orientation.marks, camera.fiducials, f"photo {orientation.photo}", f"camera {camera.name}"
+    )
     system: Literal["plate", "template"] = "template" if on_template else "plate"
     return _orient(orientation.transformation, orientation.marks, given, "photos", orientation.photo, system, None)
 
 
-def given_coordinates(marks: MeasuredMarks, record: Iterable[Mark], record_name: str) -> FloatArray:
-    """Return the given coordinates (n, 2) of measured marks: their own, else the record's.
-
-    Raises
-    ------
-    OrientationError
-        Naming every mark that has neither.
-    """
+def _given_coordinates(marks: MeasuredMarks, record: Iterable[Mark], owner: str, record_name: str) -> FloatArray:
+    """Return the given coordinates (n, 2) of measured marks: their own, else the record's."""
     known: Mapping[str, Mark] = {mark.name: mark for mark in record}
     given = marks.given.copy()
     missing = []
@@ -92,27 +90,12 @@ def given_coordinates(marks: MeasuredMarks, record: Iterable[Mark], record_name:
             else:
                 missing.append(name)
     if missing:
-        listed = ", ".join(missing)
-        message = f"mark {listed} is not in {record_name}; name one of its marks, or give coordinates after '='"
+        message = (
+            f"{owner}: {record_name} has no mark {', '.join(missing)}; name one of its marks "
+            f"({listed_names(known)}), or give coordinates after '='"
+        )
         raise OrientationError(message)
     return given
-
-
-def sensor_transformation(sensor: Sensor) -> PlaneTransformation:
-    """Return the transformation from pixels (outer corner of the upper left pixel, rows down) to photo millimetres."""
-    x_pixel, y_pixel = sensor.width / sensor.columns, sensor.height / sensor.rows
-    return PlaneTransformation(
-        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([-sensor.width / 2.0, sensor.height / 2.0])
-    )
-
-
-def scan_transformation(scan: Scan) -> PlaneTransformation:
-    """Return the transformation from scan pixels (column right, row down) to plate millimetres (y up)."""
-    x_pixel, y_pixel = scan.pixel
-    to_corner = 0.5 if scan.origin == "centre" else 0.0
-    return PlaneTransformation(
-        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([to_corner * x_pixel, -to_corner * y_pixel])
-    )
 
 
 def transformation_without_marks(camera: Camera) -> PlaneTransformation | None:

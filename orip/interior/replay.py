@@ -2,36 +2,35 @@
 
 Photo and point measurements are kept in template coordinates (plate coordinates off a template, pixels of a digital
 frame), so that a template mounted again is oriented anew by its ticks alone. A photo off a template that is mounted
-again takes its earlier points and marks along: old plate to photo to new plate.
+again takes its earlier points and marks along: old plate to photo to new plate. An edit concerns the mounting in which
+the mark was last measured, and everything measured in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.fiducial_system import fiducials_from_plate
-from orip.interior.orientation import (
-    OrientationError,
-    given_coordinates,
-    orient_photo,
-    orient_template,
-    scan_transformation,
-    transformation_without_marks,
-)
-from orip.model.camera import Camera, Mark
+from orip.interior.definitions import Definitions
+from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
+from orip.interior.findings import Findings
+from orip.interior.known_names import unknown_record
+from orip.interior.measured import Measured
+from orip.interior.measured_points import MeasuredPoint, MeasuredPoints
+from orip.interior.mounting import STORED, MountedFilms, Mounting
+from orip.interior.orientation import OrientationError
+from orip.interior.pixels import pixel_size, scan_transformation
+from orip.interior.stored_coordinates import StoredCoordinates
+from orip.model.camera import Camera
 from orip.model.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
-    MeasuredMarks,
-    PhotoObservations,
     PhotoOrientation,
     PhotoRecord,
     Place,
@@ -41,31 +40,11 @@ from orip.model.measurement import (
     TicksRecord,
 )
 from orip.model.names import record_key
-from orip.model.photo import Photo, Scan, Template, Temtick
+from orip.model.photo import Photo, Template, Temtick
+
+__all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Definitions:
-    """The records that a log refers to, by `record_key` of their names; `bundles` are names alone."""
-
-    cameras: Mapping[str, Camera]
-    temticks: Mapping[str, Temtick]
-    templates: Mapping[str, Template]
-    photos: Mapping[str, Photo]
-    bundles: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """What is measured: orientations by `record_key`, observations by bundle, digitised marks taken into records."""
-
-    templates: dict[str, TemplateOrientation] = field(default_factory=dict)
-    photos: dict[str, PhotoOrientation] = field(default_factory=dict)
-    observations: dict[str, PhotoObservations] = field(default_factory=dict)
-    cameras: dict[str, Camera] = field(default_factory=dict)
-    temticks: dict[str, Temtick] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +55,6 @@ class Replayed:
     complaints: tuple[Complaint, ...]
     warnings: tuple[ProjectWarning, ...]
     remeasured: int
-
-
-class _PhotoPoint(NamedTuple):
-    x: float
-    y: float
-    x_error: float
-    y_error: float
-    disregarded: bool
-
-
-_PointsOfPhoto = dict[str, _PhotoPoint]
 
 
 def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measured) -> Replayed:
@@ -105,33 +73,38 @@ def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measur
     Replayed
         With complaints, `measured` is not to be kept.
     """
-    state = _Replay(definitions, start)
+    log = _Replay(definitions, start)
     for record in records:
-        state.take(record)
-    state.check_photo_orientations()
-    return Replayed(state.result(), tuple(state.complaints), tuple(state.warnings), state.remeasured)
+        log.take(record)
+    measured = log.measured()
+    return Replayed(measured, log.findings.complaints(), log.findings.warnings(), log.points.remeasured)
 
 
 class _Replay:
     """The replay in hand."""
 
     def __init__(self, definitions: Definitions, start: Measured) -> None:
-        self.definitions = definitions
-        self.templates = dict(start.templates)
-        self.photos = dict(start.photos)
-        self.cameras = dict(definitions.cameras) | start.cameras
-        self.temticks = dict(definitions.temticks) | start.temticks
-        self.digitised_cameras = dict(start.cameras)
-        self.digitised_temticks = dict(start.temticks)
-        self.points = {bundle: _points_by_photo(each) for bundle, each in start.observations.items()}
-        self.plate_to_template: dict[str, PlaneTransformation] = {}
-        self.photo_places: dict[str, Place] = {}
-        self.complaints: list[Complaint] = []
-        self.warnings: list[ProjectWarning] = []
-        self.remeasured = 0
+        self.definitions = replace(
+            definitions,
+            cameras={**definitions.cameras, **start.cameras},
+            temticks={**definitions.temticks, **start.temticks},
+        )
+        self.templates = MountedFilms(start.templates)
+        self.photos = MountedFilms(start.photos)
+        self.points = MeasuredPoints(start.observations)
+        self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
+        self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
+        self.findings = Findings()
 
     def take(self, record: LogRecord) -> None:
-        """Take one record into the state."""
+        """Take one record; one that is at fault leaves a complaint and nothing else."""
+        self.findings.reads(record.place)
+        try:
+            self._take(record)
+        except OrientationError as error:
+            self.findings.complain(record.place, str(error))
+
+    def _take(self, record: LogRecord) -> None:
         match record:
             case TemplateRecord():
                 self._mount_template(record)
@@ -142,312 +115,167 @@ class _Replay:
             case EditRecord():
                 self._edit(record)
             case FiducialsRecord():
-                self._digitise_fiducials(record)
+                camera = camera_with_digitised_fiducials(record, self.definitions)
+                self.definitions = self.definitions.with_camera(camera)
+                self.digitised_cameras[record_key(camera.name)] = camera
             case TicksRecord():
-                self._digitise_ticks(record)
+                temtick = temtick_with_digitised_ticks(record, self.definitions)
+                self.definitions = self.definitions.with_temtick(temtick)
+                self.digitised_temticks[record_key(temtick.name)] = temtick
 
-    def _complain(self, place: Place, message: str) -> None:
-        self.complaints.append(Complaint(message, place.path, place.line))
+    def measured(self) -> Measured:
+        """Return what is measured, photos in the order of their definition."""
+        stored = StoredCoordinates(self.definitions, self.templates, self.photos, self.points, self.findings)
+        return Measured(
+            stored.template_orientations(),
+            stored.photo_orientations(),
+            self.points.observations(self.definitions.bundles, self.definitions.photos, stored.of_points),
+            self.digitised_cameras,
+            self.digitised_temticks,
+        )
 
-    def _warn(self, place: Place, code: str, text: str) -> None:
-        self.warnings.append(ProjectWarning(code, f"{place.path}:{place.line}", text))
-
-    # templates
+    # marks
 
     def _mount_template(self, record: TemplateRecord) -> None:
-        key = record_key(record.template)
-        template = self.definitions.templates.get(key)
-        if template is None:
-            self._complain(record.place, _unknown("template", record.template, self.definitions.templates.values()))
-            return
-        marks = _in_plate_millimetres(record.marks, template.scan)
+        template = self._template(record.template)
+        to_plate = scan_transformation(template.scan) if template.scan else IDENTITY
+        marks = replace(record.marks, measured=to_plate.apply(record.marks.measured))
         orientation = TemplateOrientation(template.name, record.transformation, record.stage or template.stage, marks)
-        try:
-            self._template_transformation(key, orientation)
-        except OrientationError as error:
-            self._complain(record.place, str(error))
-            return
-        self.templates[key] = orientation
-
-    def _template_transformation(self, key: str, orientation: TemplateOrientation) -> PlaneTransformation:
-        temtick = self.temticks[record_key(self.definitions.templates[key].temtick)]
-        oriented = orient_template(orientation, temtick.ticks)
-        self.plate_to_template[key] = oriented.transformation
-        return oriented.transformation
-
-    # photos
-
-    def _measured_to_stored(self, photo: Photo, place: Place) -> PlaneTransformation | None:
-        """Return the transformation of a photo's log coordinates to those that are kept; None after a complaint."""
-        if photo.template is None:
-            return scan_transformation(photo.scan) if photo.scan else IDENTITY
-        key = record_key(photo.template)
-        scan = photo.scan or self.definitions.templates[key].scan
-        if key not in self.templates:
-            self._complain(
-                place,
-                f"photo {photo.name} is on template {photo.template}, which is not oriented yet; "
-                f"measure its tick marks first (TEMPLATE {photo.template} A ...)",
-            )
-            return None
-        if key not in self.plate_to_template:
-            self._template_transformation(key, self.templates[key])
-        transformation = self.plate_to_template[key]
-        return transformation.after(scan_transformation(scan)) if scan else transformation
-
-    def _known_photo(self, name: str, place: Place) -> Photo | None:
-        photo = self.definitions.photos.get(record_key(name))
-        if photo is None:
-            self._complain(place, _unknown("photo", name, self.definitions.photos.values()))
-        return photo
+        self.templates.mount(record_key(template.name), Mounting(((orientation, record.place),)))
 
     def _measure_photo(self, record: PhotoRecord) -> None:
-        photo = self._known_photo(record.photo, record.place)
-        if photo is None:
-            return
-        key, camera = record_key(photo.name), self.cameras[record_key(photo.camera)]
+        photo = self._photo(record.photo)
+        camera = self.definitions.camera_of(photo)
         if camera.sensor is not None:
             message = (
                 f"photo {photo.name} is a digital frame (camera {camera.name} has a sensor) and has no fiducial marks; "
                 "take this PHOTO record out, or give the camera fiducials instead of the sensor"
             )
-            self._complain(record.place, message)
-            return
-        to_stored = self._measured_to_stored(photo, record.place)
-        if to_stored is None:
-            return
-        marks = replace(record.marks, measured=to_stored.apply(record.marks.measured))
-        try:
-            given_coordinates(marks, camera.fiducials, f"camera {camera.name}")
-        except OrientationError as error:
-            self._complain(record.place, f"photo {photo.name}: {error}")
-            return
+            raise OrientationError(message)
+        marks = replace(record.marks, measured=self._to_plate(photo).apply(record.marks.measured))
         orientation = PhotoOrientation(photo.name, record.transformation, marks)
-        if key in self.photos and photo.template is None:
-            orientation = self._mount_photo_again(photo, camera, orientation, record.place)
-        self.photos[key] = orientation
-        self.photo_places[key] = record.place
+        mounting = Mounting(((orientation, record.place),), self._template_mounting(photo))
+        if photo.template is None:
+            self.photos.mount(record_key(photo.name), mounting)
+        else:
+            self.photos.mount_only(record_key(photo.name), mounting)
 
-    def _mount_photo_again(self, photo: Photo, camera: Camera, new: PhotoOrientation, place: Place) -> PhotoOrientation:
-        """Take the earlier points and marks of a photo off a template along to its new place on the plate."""
-        old = self.photos[record_key(photo.name)]
-        try:
-            to_photo = orient_photo(old, camera, on_template=False).transformation
-            to_plate = orient_photo(new, camera, on_template=False).transformation.inverse()
-        except OrientationError as error:
-            self._complain(place, f"photo {photo.name} is mounted again, but its points cannot follow: {error}")
-            return new
-        moved = to_plate.after(to_photo)
-        for points in self.points.values():
-            if record_key(photo.name) in points:
-                points[record_key(photo.name)] = _moved_points(points[record_key(photo.name)], moved)
-        # an earlier mark that was not measured again is carried along, but has no say in the new orientation
-        kept = [row for row, name in enumerate(old.marks.names) if name not in new.marks.names]
-        return replace(
-            new,
-            marks=MeasuredMarks(
-                new.marks.names + tuple(old.marks.names[row] for row in kept),
-                np.vstack([new.marks.measured, moved.apply(old.marks.measured[kept])]),
-                np.append(new.marks.disregarded, np.ones(len(kept), dtype=bool)),
-                np.vstack([new.marks.given, old.marks.given[kept]]),
-            ),
-        )
+    def _to_plate(self, photo: Photo) -> PlaneTransformation:
+        """Return the transformation of a photo's log coordinates to plate millimetres."""
+        template = self.definitions.template_of(photo)
+        scan = photo.scan or (template.scan if template else None)
+        return scan_transformation(scan) if scan else IDENTITY
 
-    def check_photo_orientations(self) -> None:
-        """Complain of every photo whose marks, after all edits, do not orient it."""
-        for key, orientation in self.photos.items():
-            photo = self.definitions.photos.get(key)
-            if photo is None:
-                continue
-            camera = self.cameras[record_key(photo.camera)]
-            if transformation_without_marks(camera) is not None and not len(orientation.marks.names):
-                continue
-            try:
-                orient_photo(orientation, camera, photo.template is not None)
-            except OrientationError as error:
-                place = self.photo_places.get(key)
-                self.complaints.append(
-                    Complaint(str(error), place.path if place else "", place.line if place else None)
-                )
+    def _template_mounting(self, photo: Photo) -> int:
+        """Return the mounting in force of the template that a photo is on."""
+        template = self.definitions.template_of(photo)
+        if template is None:
+            return STORED
+        mountings = self.templates.of(record_key(template.name))
+        if not mountings:
+            message = (
+                f"photo {photo.name} is on template {template.name}, which is not oriented yet; "
+                f"measure its tick marks first (TEMPLATE {template.name} A ...)"
+            )
+            raise OrientationError(message)
+        return len(mountings) - 1
 
     # points
 
     def _measure_points(self, record: PointsRecord) -> None:
-        bundle = self.definitions.bundles.get(record_key(record.bundle))
-        if bundle is None:
-            names = ", ".join(self.definitions.bundles.values())
-            self._complain(record.place, f"bundle {record.bundle} is not defined; known are: {names}")
-        photo = self._known_photo(record.photo, record.place)
-        if bundle is None or photo is None:
-            return
-        camera = self.cameras[record_key(photo.camera)]
-        to_stored = IDENTITY if camera.sensor is not None else self._measured_to_stored(photo, record.place)
+        bundle, photo = self._bundle_and_photo(record.bundle, record.photo, record.place)
+        camera = self.definitions.camera_of(photo)
         errors = self._errors_in_millimetres(record, photo, camera)
-        if to_stored is None or errors is None:
-            return
-        points = self.points.setdefault(record_key(bundle), {}).setdefault(record_key(photo.name), {})
-        stored = to_stored.apply(record.measured)
-        for name, (x, y), (x_error, y_error), disregarded in zip(
-            record.names, stored.tolist(), errors.tolist(), record.disregarded.tolist(), strict=True
-        ):
-            self.remeasured += name in points
-            points[name] = _PhotoPoint(x, y, x_error, y_error, disregarded)
+        if camera.sensor is not None:
+            measured, mounting = record.measured, STORED
+        else:
+            measured, mounting = self._to_plate(photo).apply(record.measured), self._mounting_in_force(photo)
+        rows = zip(record.names, measured.tolist(), errors.tolist(), record.disregarded.tolist(), strict=True)
+        points = (
+            (name, MeasuredPoint(x, y, x_error, y_error, disregarded, mounting))
+            for name, (x, y), (x_error, y_error), disregarded in rows
+        )
+        self.points.measure(record_key(bundle), record_key(photo.name), points)
 
-    def _errors_in_millimetres(self, record: PointsRecord, photo: Photo, camera: Camera) -> FloatArray | None:
+    def _mounting_in_force(self, photo: Photo) -> int:
+        if photo.template is not None:
+            return self._template_mounting(photo)
+        # points measured before the first PHOTO record belong to the mounting that it describes
+        return max(len(self.photos.of(record_key(photo.name))) - 1, 0)
+
+    def _errors_in_millimetres(self, record: PointsRecord, photo: Photo, camera: Camera) -> FloatArray:
         if not record.errors_in_pixels.any():
             return record.errors
-        pixel = pixel_size(photo, camera, self._template_of(photo))
+        pixel = pixel_size(photo, camera, self.definitions.template_of(photo))
         if pixel is None:
             line = int(record.lines[record.errors_in_pixels.any(axis=1)][0])
             message = f"an a-priori error in px needs a sensor or scan, and photo {photo.name} has neither; write mm"
-            self._complain(Place(record.place.path, line), message)
-            return None
+            self.findings.complain(Place(record.place.path, line), message)
+            return record.errors
         return np.where(record.errors_in_pixels, record.errors * np.array(pixel), record.errors)
-
-    def _template_of(self, photo: Photo) -> Template | None:
-        return self.definitions.templates[record_key(photo.template)] if photo.template else None
 
     # edits
 
     def _edit(self, record: EditRecord) -> None:
-        count = self._edit_points(record) if record.what == "POINT" else self._edit_marks(record)
-        if not count:
-            what = record.what.lower()
-            self._warn(
-                record.place, "nothing-to-edit", f"{record.action} finds no {what} {record.name} of {record.owner}"
-            )
+        match record.what:
+            case "POINT":
+                found = self._edit_points(record)
+            case "MARK":
+                if record.owner != "*":
+                    self._photo(record.owner)
+                found = bool(self.photos.edit(record))
+            case "TICK":
+                found = self._edit_ticks(record)
+        if not found:
+            owner = f"{record.bundle} {record.owner}" if record.bundle else record.owner
+            text = f"{record.action} {record.what} {owner} {record.name} finds nothing measured: nothing is changed"
+            self.findings.warn(record.place, "nothing-to-edit", text)
 
-    def _edit_points(self, record: EditRecord) -> int:
-        by_photo = self.points.get(record_key(record.bundle or ""), {})
-        owners = by_photo if record.owner == "*" else [record_key(record.owner)]
-        count = 0
-        for owner in owners:
-            points = by_photo.get(owner, {})
-            for name in [name for name in points if record.name in ("*", name)]:
-                count += 1
-                if record.action == "KILL":
-                    del points[name]
-                else:
-                    points[name] = points[name]._replace(disregarded=record.action == "DISREGARD")
-        return count
+    def _edit_points(self, record: EditRecord) -> bool:
+        name = record.bundle or ""
+        if record.owner != "*":
+            self._bundle_and_photo(name, record.owner, record.place)
+        return self.points.edit(record_key(self._bundle(name)), record) > 0
 
-    def _edit_marks(self, record: EditRecord) -> int:
-        count = 0
-        if record.what == "TICK":
-            for key, template in list(self.templates.items()):
-                if record.owner in ("*",) or record_key(record.owner) == key:
-                    marks, edited = _edited_marks(template.marks, record)
-                    self.templates[key] = replace(template, marks=marks)
-                    count += edited
-                    self._reorient_template(key, record.place)
-            return count
-        for key, photo in list(self.photos.items()):
-            if record.owner in ("*",) or record_key(record.owner) == key:
-                marks, edited = _edited_marks(photo.marks, record)
-                self.photos[key] = replace(photo, marks=marks)
-                self.photo_places.setdefault(key, record.place)
-                count += edited
-        return count
+    def _edit_ticks(self, record: EditRecord) -> bool:
+        if record.owner != "*":
+            self._template(record.owner)
+        edited = self.templates.edit(record)
+        for key in edited:
+            mounting = self.templates.of(key)[-1]
+            if mounting.history[0][1] is None:
+                text = (
+                    f"template {mounting.orientation.template} was mounted in an earlier run, and what was measured "
+                    "in it then is not moved; 'orip measure' without files replays everything with this edit"
+                )
+                self.findings.warn(record.place, "stored-points-stay", text)
+        return bool(edited)
 
-    def _reorient_template(self, key: str, place: Place) -> None:
-        try:
-            self._template_transformation(key, self.templates[key])
-        except OrientationError as error:
-            self._complain(place, str(error))
+    # names
 
-    # digitised marks
+    def _template(self, name: str) -> Template:
+        template = self.definitions.templates.get(record_key(name))
+        if template is None:
+            known = (each.name for each in self.definitions.templates.values())
+            raise OrientationError(unknown_record("template", name, known))
+        return template
 
-    def _digitise_fiducials(self, record: FiducialsRecord) -> None:
-        key = record_key(record.camera)
-        if key not in self.cameras:
-            self._complain(record.place, _unknown("camera", record.camera, self.cameras.values()))
-            return
-        try:
-            fiducials = fiducials_from_plate(record.marks, record.arrangement)
-        except ValueError as error:
-            self._complain(record.place, f"fiducials of camera {record.camera}: {error}")
-            return
-        self.cameras[key] = self.digitised_cameras[key] = replace(self.cameras[key], fiducials=fiducials)
+    def _photo(self, name: str) -> Photo:
+        photo = self.definitions.photos.get(record_key(name))
+        if photo is None:
+            raise OrientationError(self._unknown_photo(name))
+        return photo
 
-    def _digitise_ticks(self, record: TicksRecord) -> None:
-        key = record_key(record.temtick)
-        if key not in self.temticks:
-            self._complain(record.place, _unknown("temtick", record.temtick, self.temticks.values()))
-            return
-        ticks = tuple(
-            Mark(name, float(x), float(y))
-            for name, (x, y) in zip(record.marks.names, record.marks.measured, strict=True)
-        )
-        self.temticks[key] = self.digitised_temticks[key] = replace(self.temticks[key], ticks=ticks)
+    def _unknown_photo(self, name: str) -> str:
+        return unknown_record("photo", name, (each.name for each in self.definitions.photos.values()))
 
-    def result(self) -> Measured:
-        """Return what is measured, photos in the order of their definition."""
-        order = {key: place for place, key in enumerate(self.definitions.photos)}
-        observations = {
-            bundle: _observations(self.definitions.bundles[bundle], by_photo, self.definitions.photos, order)
-            for bundle, by_photo in self.points.items()
-            if bundle in self.definitions.bundles
-        }
-        return Measured(self.templates, self.photos, observations, self.digitised_cameras, self.digitised_temticks)
+    def _bundle(self, name: str) -> str:
+        bundle = self.definitions.bundles.get(record_key(name))
+        if bundle is None:
+            raise OrientationError(unknown_record("bundle", name, self.definitions.bundles.values()))
+        return bundle
 
-
-def pixel_size(photo: Photo, camera: Camera, template: Template | None) -> tuple[float, float] | None:
-    """Return the pixel size (mm, x and y) of a photo's sensor or scan, or None where it has neither."""
-    if camera.sensor is not None:
-        sensor = camera.sensor
-        return sensor.width / sensor.columns, sensor.height / sensor.rows
-    scan = photo.scan or (template.scan if template else None)
-    return scan.pixel if scan else None
-
-
-def _unknown(what: str, name: str, records: Iterable[Camera | Photo | Template | Temtick]) -> str:
-    known = ", ".join(record.name for record in records) or "none"
-    return f"{what} {name} is not defined; known are: {known}"
-
-
-def _in_plate_millimetres(marks: MeasuredMarks, scan: Scan | None) -> MeasuredMarks:
-    return replace(marks, measured=scan_transformation(scan).apply(marks.measured)) if scan else marks
-
-
-def _edited_marks(marks: MeasuredMarks, record: EditRecord) -> tuple[MeasuredMarks, int]:
-    chosen = np.array([record.name in ("*", name) for name in marks.names], dtype=bool)
-    if record.action == "KILL":
-        names = tuple(name for name, kill in zip(marks.names, chosen, strict=True) if not kill)
-        left = MeasuredMarks(names, marks.measured[~chosen], marks.disregarded[~chosen], marks.given[~chosen])
-        return left, int(chosen.sum())
-    disregarded = np.where(chosen, record.action == "DISREGARD", marks.disregarded)
-    return replace(marks, disregarded=disregarded), int(chosen.sum())
-
-
-def _moved_points(points: _PointsOfPhoto, transformation: PlaneTransformation) -> _PointsOfPhoto:
-    moved = transformation.apply(np.array([(point.x, point.y) for point in points.values()]).reshape(-1, 2))
-    return {
-        name: point._replace(x=x, y=y) for (name, point), (x, y) in zip(points.items(), moved.tolist(), strict=True)
-    }
-
-
-def _points_by_photo(observations: PhotoObservations) -> dict[str, _PointsOfPhoto]:
-    by_photo: dict[str, _PointsOfPhoto] = {}
-    rows = zip(
-        observations.photos, observations.points, observations.measured.tolist(), observations.errors.tolist(),
-        observations.disregarded.tolist(), strict=True,
-    )  # fmt: skip
-    for photo, point, (x, y), (x_error, y_error), disregarded in rows:
-        by_photo.setdefault(record_key(photo), {})[point] = _PhotoPoint(x, y, x_error, y_error, disregarded)
-    return by_photo
-
-
-def _observations(
-    bundle: str, by_photo: Mapping[str, _PointsOfPhoto], photos: Mapping[str, Photo], order: Mapping[str, int]
-) -> PhotoObservations:
-    keys = sorted((key for key in by_photo if key in order), key=order.__getitem__)
-    rows = [(photos[key].name, name, point) for key in keys for name, point in by_photo[key].items()]
-    values = np.array([point[:4] for *_, point in rows], dtype=np.float64).reshape(-1, 4)
-    return PhotoObservations(
-        bundle,
-        tuple(photo for photo, *_ in rows),
-        tuple(name for _, name, _ in rows),
-        values[:, :2],
-        values[:, 2:],
-        np.array([point.disregarded for *_, point in rows], dtype=bool),
-    )
+    def _bundle_and_photo(self, bundle: str, photo: str, place: Place) -> tuple[str, Photo]:
+        if record_key(bundle) not in self.definitions.bundles and record_key(photo) not in self.definitions.photos:
+            self.findings.complain(place, self._unknown_photo(photo))
+        return self._bundle(bundle), self._photo(photo)

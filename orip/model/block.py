@@ -41,6 +41,15 @@ class PhotoPoints:
 
 
 @dataclass(frozen=True, slots=True)
+class TheodoliteSet:
+    """A set of theodolite directions: its zero direction (radians), and whether that is held."""
+
+    name: str
+    zero_direction: float
+    constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Block:
     """What is adjusted.
 
@@ -58,8 +67,11 @@ class Block:
     photo_points : PhotoPoints
     control_points : tuple of ControlPoint
         Those of measured points alone, rejected ones included.
+    constant_points : array (number of points, 3) of bool
+        Coordinates that control with a-priori error 0 holds.
     elements, distances, directions : tuples
         Those whose names are in the block.
+    theodolites : tuple of TheodoliteSet
     """
 
     definition: BundleDefinition
@@ -70,7 +82,13 @@ class Block:
     point_names: tuple[str, ...]
     point_start: FloatArray
     photo_points: PhotoPoints
+    constant_points: BoolArray
     control_points: tuple[ControlPoint, ...] = ()
     elements: tuple[ControlElement, ...] = ()
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
+    theodolites: tuple[TheodoliteSet, ...] = ()
+
+    def point_index(self) -> dict[str, int]:
+        """Return the place of each point by its name."""
+        return {name: index for index, name in enumerate(self.point_names)}

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import Complaint, InputError, ProjectWarning
-from orip.files.stores.provenance import read_inputs, write_inputs
-from orip.files.stores.transaction import writing
-from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
-from orip.model.camera import CAMERA_PARAMETERS, Camera
+from orip.errors import Complaint, ProjectWarning
+from orip.files.parsed import Parsed
+from orip.files.stores.transaction import reading, writing
+from orip.interior.definitions import Definitions
+from orip.interior.measured import Measured
+from orip.interior.replay import replay
+from orip.model.measurement import EditRecord, FiducialsRecord, LogRecord, PhotoRecord, PointsRecord, TemplateRecord
 from orip.model.names import record_key
-from orip.workflow.project import Project, open_project
-from orip.workflow.reconcile import Change, Conflict, Prefer, reconcile
-from orip.workflow.records import StoredDefinitions, read_definitions, write_definitions
-from orip.workflow.texts import check_texts, digests
-
-_POLYNOMIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
+from orip.workflow.apply_text import TextApplied, apply_text
+from orip.workflow.outputs import rewrite_stale_outputs
+from orip.workflow.project import Project
+from orip.workflow.reconcile import Change, Prefer
+from orip.workflow.records import read_definitions, write_definitions
+from orip.workflow.texts import Texts, open_project_with_texts, raise_complaints
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +27,6 @@ class Initialised:
     """What `orip init` did: the changes of records (none: nothing had changed), and what to know."""
 
     project: Project
-    created: bool
     changes: tuple[Change, ...]
     warnings: tuple[ProjectWarning, ...]
 
@@ -42,55 +44,50 @@ def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
     ------
     InputError
         With everything that is wrong in any text file, or with all conflicts; nothing is written then.
+    LockedError
     """
-    project = open_project(folder)
-    warnings = (*project.warnings, *check_texts(project))
+    project, texts = open_project_with_texts(folder)
+    return initialise_project(project, texts, prefer)
+
+
+def initialise_project(project: Project, texts: Parsed[Texts], prefer: Prefer | None) -> Initialised:
+    """Do what `initialise` does with texts that have been read."""
+    # All faults are found before a store is opened for writing, so that a refused project is left without new files.
+    with reading(project.record_stores) as stores:
+        applied = apply_text(project, read_definitions(project, stores), prefer)
+    raise_complaints([*texts.complaints, *_log_complaints(texts, applied), *applied.complaints])
     with writing(project.record_stores) as stores:
         old = read_definitions(project, stores)
-        text_cameras = tuple(_with_polynomial(camera) for camera in project.definition.cameras)
-        name = project.definition.name
-        definition = project.definition
-        cameras = reconcile("camera", text_cameras, old.cameras, name, prefer, shared=True)
-        temticks = reconcile("temtick", definition.temticks, old.temticks, name, prefer, shared=True)
-        templates = reconcile("template", definition.templates, old.templates, name, prefer, shared=False)
-        photos = reconcile("photo", definition.photos, old.photos, name, prefer, shared=False)
-        bundles = reconcile("bundle", definition.bundles, old.bundles, name, prefer, shared=False)
-        outcomes = (cameras, temticks, templates, photos, bundles)
-        _raise_conflicts(project, [conflict for each in outcomes for conflict in each.conflicts])
-        new = StoredDefinitions(cameras.records, temticks.records, templates.records, photos.records, bundles.records)
-        write_definitions(project, stores, old, new)
-        text = digests(project, [project.text])
-        created = not read_inputs(stores[project.exterior], "init")
-        if read_inputs(stores[project.exterior], "init") != text:
-            write_inputs(stores[project.exterior], "init", text)
-    changes = tuple(change for each in outcomes for change in each.changes)
-    return Initialised(project, created, changes, warnings)
+        applied = apply_text(project, old, prefer)  # another run may have changed them meanwhile
+        raise_complaints(applied.complaints)
+        write_definitions(project, stores, old, applied.definitions)
+    rewrite_stale_outputs(project)
+    return Initialised(project, applied.changes, (*project.warnings, *texts.warnings))
 
 
-def _with_polynomial(camera: Camera) -> Camera:
-    """Return the camera with its distortion taken to the polynomial, if it was given in another form."""
-    if camera.distortion_isp is not None:
-        polynomial = polynomial_from_isp(camera.distortion_isp)
-    elif camera.distortion_curve is not None:
-        polynomial, _ = polynomial_from_curve(camera.distortion_curve)
-    else:
-        return camera
-    parameters = list(camera.parameters)
-    parameters[_POLYNOMIAL] = (float(value) for value in polynomial)
-    return replace(camera, parameters=tuple(parameters))
+def _log_complaints(texts: Parsed[Texts], applied: TextApplied) -> Sequence[Complaint]:
+    """Return what a replay of the measurements will complain of."""
+    definitions, records = applied.definitions.by_name(), texts.records.log.records
+    if texts.complaints or applied.complaints:
+        # lines that could not be read may be missing from the replay: wrong names alone are certain
+        records = tuple(_with_unknown_names(records, definitions))
+    return replay(records, definitions, Measured()).complaints
 
 
-def _raise_conflicts(project: Project, conflicts: list[Conflict]) -> None:
-    if not conflicts:
-        return
-    remedy = "keep one of them with 'orip init --prefer text' or 'orip init --prefer store'"
-    raise InputError(
-        [
-            Complaint(
-                f"{conflict.kind} {conflict.name} {conflict.text}; {remedy}",
-                project.shown(project.text),
-                project.lines.get((conflict.kind, record_key(conflict.name))),
-            )
-            for conflict in conflicts
-        ]
-    )
+def _with_unknown_names(records: Sequence[LogRecord], known: Definitions) -> Iterator[LogRecord]:
+    for record in records:
+        match record:
+            case PointsRecord():
+                unknown = record_key(record.bundle) not in known.bundles or record_key(record.photo) not in known.photos
+            case PhotoRecord():
+                unknown = record_key(record.photo) not in known.photos
+            case TemplateRecord():
+                unknown = record_key(record.template) not in known.templates
+            case FiducialsRecord():
+                unknown = record_key(record.camera) not in known.cameras
+            case EditRecord():
+                unknown = False  # an edit that finds nothing is a warning
+            case _:
+                unknown = record_key(record.temtick) not in known.temticks
+        if unknown:
+            yield record

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.interior.measured import Measured
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
-from orip.interior.replay import Definitions, Measured, pixel_size
+from orip.interior.pixels import pixel_size
 from orip.model.interior import MarkAdjustment
 from orip.model.names import record_key
 

@@ -1,35 +1,49 @@
-"""The text outputs of solutions: written after the stores have committed, and again where a kill came between."""
+"""The text outputs: written after the stores have committed, and again where a kill came between."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from orip.errors import OripError
 from orip.files.atomic_text import remove_leftovers, replace_text
 from orip.files.bundle_listing import bundle_listing
 from orip.files.error_listing import error_listing
+from orip.files.interior_listing import interior_listing
 from orip.files.listing_title import run_of_listing
 from orip.files.residuals_csv import residuals_csv
 from orip.files.result_json import result_text, run_of_result
 from orip.files.stores import solutions
+from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.model.solution import Solution
+from orip.workflow.interior import Interior, interior_orientation
 from orip.workflow.project import Project
+from orip.workflow.records import read_definitions
+from orip.workflow.stored_measurements import read_measured
 
 _HEAD = 4096
 """Characters that hold the run id of any output."""
 
 
-def write_outputs(project: Project, solution: Solution) -> tuple[Path, ...]:
-    """Write all outputs of a solution; result.json comes last, so that its run id vouches for the others."""
+def write_solution_outputs(project: Project, solution: Solution) -> tuple[Path, ...]:
+    """Write all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv."""
     files = project.outputs(solution.bundle)
-    replace_text(files.residuals, residuals_csv(solution.residuals))
-    replace_text(files.listing, bundle_listing(solution))
-    replace_text(files.errors, error_listing(solution))
-    replace_text(files.result, result_text(solution))
-    return files.listing, files.errors, files.result, files.residuals
+    _write(project, files.residuals, residuals_csv(solution.residuals))
+    _write(project, files.listing, bundle_listing(solution))
+    _write(project, files.errors, error_listing(solution))
+    _write(project, files.result, result_text(solution))
+    return files.all
 
 
-def stale_outputs(project: Project, bundle: str, run: str) -> tuple[Path, ...]:
+def write_interior_listing(project: Project, interior: Interior, run: str) -> None:
+    """Write INTERIOR_RESULT.OUT."""
+    definition = project.definition
+    listing = interior_listing(interior.adjustments, definition.name, definition.user, run)
+    _write(project, project.interior_listing, listing)
+
+
+def stale_solution_outputs(project: Project, bundle: str, run: str) -> tuple[Path, ...]:
     """Return the outputs of a bundle that are missing or not those of the run in the store."""
     files = project.outputs(bundle)
     stale = [path for path in (files.listing, files.errors) if run_of_listing(_head(path)) != run]
@@ -40,19 +54,50 @@ def stale_outputs(project: Project, bundle: str, run: str) -> tuple[Path, ...]:
     return tuple(stale)
 
 
-def rewrite_stale_outputs(project: Project) -> tuple[Path, ...]:
-    """Rewrite the outputs that do not belong to the solutions in the store; return them."""
+def is_interior_listing_stale(project: Project, run: str) -> bool:
+    """Tell whether INTERIOR_RESULT.OUT is missing or not that of the run in the stores."""
+    return run_of_listing(_head(project.interior_listing)) != run
+
+
+def rewrite_stale_outputs(project: Project) -> None:
+    """Rewrite the outputs that do not belong to what is in the stores, and clear away what killed runs have left."""
     remove_leftovers(project.folder)
-    rewritten: list[Path] = []
+    _rewrite_interior_listing(project)
     for bundle in project.definition.bundles:
         with reading([project.exterior]) as stores:
             head = solutions.read_head(stores[project.exterior], bundle.name)
-            stale = stale_outputs(project, bundle.name, head.run) if head is not None else ()
+            stale = head is not None and stale_solution_outputs(project, bundle.name, head.run)
             solution = solutions.read(stores[project.exterior], bundle.name) if stale else None
         if solution is not None:
-            write_outputs(project, solution)
-            rewritten += stale
-    return tuple(rewritten)
+            write_solution_outputs(project, solution)
+
+
+def outputs_of_other_names(project: Project) -> Sequence[Path]:
+    """Return outputs that were written while the project had one bundle, and now has several, or the reverse."""
+    current = {path for bundle in project.definition.bundles for path in project.outputs(bundle.name).all}
+    other = (path for bundle in project.definition.bundles for path in project.outputs_of_other_name(bundle.name).all)
+    return [path for path in dict.fromkeys(other) if path not in current and path.is_file()]
+
+
+def _rewrite_interior_listing(project: Project) -> None:
+    with reading(project.record_stores) as stores:
+        run = run_of(stores[project.photos])
+        if run is None or not is_interior_listing_stale(project, run):
+            return
+        definitions, measured = read_definitions(project, stores), read_measured(project, stores, [])
+    write_interior_listing(project, interior_orientation(definitions.by_name(), measured), run)
+
+
+def _write(project: Project, path: Path, text: str) -> None:
+    try:
+        replace_text(path, text)
+    except OSError as error:
+        shown = project.shown(path)
+        message = (
+            f"{shown} cannot be written: {error.strerror or error}; the results are safe in the record stores: "
+            f"remove the cause, then 'orip init' (or measure, solve, run) writes the missing outputs"
+        )
+        raise OripError(message) from error
 
 
 def _head(path: Path) -> str:

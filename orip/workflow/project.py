@@ -8,6 +8,7 @@ from pathlib import Path
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project_toml import read_project
+from orip.files.stores.digest import record_digest
 from orip.model.names import record_key
 from orip.model.project import ProjectDefinition
 
@@ -22,6 +23,11 @@ class OutputFiles:
     residuals: Path
     listing: Path
     errors: Path
+
+    @property
+    def all(self) -> tuple[Path, ...]:
+        """Return them in the order in which they are named."""
+        return self.listing, self.errors, self.result, self.residuals
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +53,13 @@ class Project:
     def text(self) -> Path:
         """Return the path of orip.toml."""
         return self.folder / PROJECT_FILE
+
+    @property
+    def heading_digest(self) -> tuple[str, str]:
+        """Return the name, in messages, and the digest of what stands on every output."""
+        definition = self.definition
+        heading = (definition.name, definition.user, definition.ground_unit)
+        return f"[project] of {PROJECT_FILE}", record_digest(heading)
 
     @property
     def cameras(self) -> Path:
@@ -97,13 +110,17 @@ class Project:
 
     def outputs(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results go: plain names where it is the project's only bundle."""
-        if len(self.definition.bundles) == 1:
-            result, residuals, prefix = "result.json", "residuals.csv", "BUNDLE"
-        else:
-            result, residuals, prefix = f"{bundle}_result.json", f"{bundle}_residuals.csv", bundle
+        return self._outputs(bundle, only=len(self.definition.bundles) == 1)
+
+    def outputs_of_other_name(self, bundle: str) -> OutputFiles:
+        """Return where a bundle's results would go if the project had several bundles and has one, or the reverse."""
+        return self._outputs(bundle, only=len(self.definition.bundles) != 1)
+
+    def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:
+        start, prefix = ("", "BUNDLE") if only else (f"{bundle}_", bundle)
         return OutputFiles(
-            self.folder / result,
-            self.folder / residuals,
+            self.folder / f"{start}result.json",
+            self.folder / f"{start}residuals.csv",
             self.folder / f"{prefix}_RESULT.OUT",
             self.folder / f"{prefix}_ERROR.OUT",
         )
@@ -141,9 +158,15 @@ def open_project(folder: Path) -> Project:
     ------
     InputError
         With everything that is wrong in it.
+    UsageError
+        If there is no such folder.
     """
     path = folder / PROJECT_FILE
-    if not path.is_file():
+    if not folder.is_dir():
+        found = "is a file, not a folder" if folder.exists() else "does not exist"
+        message = f"the folder '{folder}' {found}; name a project's folder with -C DIR"
+        raise UsageError(message)
+    if not path.exists():
         message = (
             f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project; go to the project's folder, "
             f"name it with -C DIR, or write an {PROJECT_FILE} (the README has one to start from)"

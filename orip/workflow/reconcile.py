@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Generic, Literal, TypeVar
@@ -43,6 +44,12 @@ class Reconciled(Generic[T]):
     records: tuple[StoredRecord[T], ...]
     changes: tuple[Change, ...]
     conflicts: tuple[Conflict, ...]
+
+
+def counted(changes: Sequence[Change]) -> str:
+    """Return '1 camera changed, 15 photos added'."""
+    counts = Counter((change.kind, change.action) for change in changes)
+    return ", ".join(f"{count} {kind}{'s' * (count > 1)} {action}" for (kind, action), count in counts.items())
 
 
 def reconcile(
@@ -116,8 +123,13 @@ def _verdict(text: T, old: StoredRecord[T] | None, project: str, prefer: Prefer 
         return applied
     if prefer == "store":
         return StoredRecord(old.record, digest, project)
-    whose = f"belongs to project {old.origin}" if foreign else "was changed both in the text and in the store"
-    return f"{whose}: {'; '.join(differences(text, old.record))}"
+    if foreign:
+        found = f"comes from project {old.origin}"
+    elif old.text_digest is None:
+        found = "is in the store already, from no text of this project"
+    else:
+        found = "was changed both in the text and in the store"
+    return f"{found}: {'; '.join(differences(text, old.record))}"
 
 
 def differences(text: object, store: object) -> list[str]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 from orip.errors import InputError
 from orip.files.stores import cameras, exterior, photos, templates, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.definitions import Named, StoredRecord
 from orip.files.stores.transaction import Stores
-from orip.interior.replay import Definitions
+from orip.interior.definitions import Definitions
 from orip.model.camera import Camera
 from orip.model.names import record_key
 from orip.model.photo import Photo, Template, Temtick
 from orip.model.project import BundleDefinition
 from orip.workflow.project import Project
+
+_SHOWN_MISSING = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +40,8 @@ class StoredDefinitions:
         )
 
     def bundle(self, name: str) -> BundleDefinition:
-        """Return the definition of one bundle.
-
-        Raises
-        ------
-        InputError
-            If the store has none of that name.
-        """
-        for each in self.bundles:
-            if record_key(each.record.name) == record_key(name):
-                return each.record
-        message = f"bundle {name} is in orip.toml but not yet in the stores; run 'orip init' first"
-        raise InputError.single(message)
+        """Return the definition of a bundle that is there."""
+        return next(each.record for each in self.bundles if record_key(each.record.name) == record_key(name))
 
 
 def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
@@ -62,10 +55,8 @@ def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
     )
 
 
-def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> bool:
-    """Write the kinds of records that differ; return whether any does."""
-    if new == old:
-        return False
+def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
+    """Write the kinds of records that differ."""
     if new.cameras != old.cameras:
         cameras.write(stores[project.cameras], new.cameras)
     if new.temticks != old.temticks:
@@ -76,11 +67,43 @@ def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, 
         photos.write(stores[project.photos], new.photos)
     if new.bundles != old.bundles:
         exterior.write(stores[project.exterior], new.bundles)
-    return True
 
 
-def require_initialised(definitions: StoredDefinitions) -> None:
-    """Raise InputError unless `orip init` has been run."""
-    if not definitions.bundles and not definitions.photos:
+def require_initialised(project: Project, definitions: StoredDefinitions) -> None:
+    """Raise InputError unless the stores hold all that orip.toml defines, and all that their records refer to.
+
+    A store may be missing, or come from elsewhere.
+    """
+    if not any((definitions.cameras, definitions.photos, definitions.bundles)):
         message = "the project has no record stores yet; run 'orip init' first (or 'orip run' for everything)"
         raise InputError.single(message)
+    missing = list(dict.fromkeys((*_not_in_stores(project, definitions), *_dangling(definitions))))
+    if missing:
+        more = f" and {len(missing) - _SHOWN_MISSING} more" if len(missing) > _SHOWN_MISSING else ""
+        message = f"not in the record stores: {', '.join(missing[:_SHOWN_MISSING])}{more}; run 'orip init' first"
+        raise InputError.single(message)
+
+
+def _not_in_stores(project: Project, definitions: StoredDefinitions) -> Iterator[str]:
+    text, stored = project.definition, definitions.by_name()
+    kinds: list[tuple[str, Sequence[Named], Container[str]]] = [
+        ("camera", text.cameras, stored.cameras),
+        ("temtick", text.temticks, stored.temticks),
+        ("template", text.templates, stored.templates),
+        ("photo", text.photos, stored.photos),
+        ("bundle", text.bundles, stored.bundles),
+    ]
+    for kind, records, there in kinds:
+        yield from (f"{kind} {each.name}" for each in records if record_key(each.name) not in there)
+
+
+def _dangling(definitions: StoredDefinitions) -> Iterator[str]:
+    stored = definitions.by_name()
+    for template in stored.templates.values():
+        if record_key(template.temtick) not in stored.temticks:
+            yield f"temtick {template.temtick}"
+    for photo in stored.photos.values():
+        if record_key(photo.camera) not in stored.cameras:
+            yield f"camera {photo.camera}"
+        if photo.template is not None and record_key(photo.template) not in stored.templates:
+            yield f"template {photo.template}"

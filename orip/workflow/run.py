@@ -6,43 +6,39 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.model.block import Block
-from orip.model.solution import IterationPass
-from orip.workflow.initialise import Initialised, initialise
-from orip.workflow.measure import MeasureOutcome, measure
-from orip.workflow.project import open_project
+from orip.files.parsed import Parsed
+from orip.workflow.initialise import Initialised, initialise_project
+from orip.workflow.measure import MeasureOutcome, measure_project
 from orip.workflow.reconcile import Prefer
-from orip.workflow.solve import SolveOutcome, solve
+from orip.workflow.solve import SolveOutcome, SolveWatcher, solve_bundle
+from orip.workflow.texts import open_project_with_texts
 
 
 @dataclass(frozen=True, slots=True)
-class Watcher:
+class RunWatcher:
     """Who is told of each step as it is done."""
 
     initialised: Callable[[Initialised], None]
     measured: Callable[[MeasureOutcome], None]
-    started: Callable[[Block], None]
-    passed: Callable[[IterationPass], None]
+    solving: SolveWatcher
     solved: Callable[[SolveOutcome], None]
 
 
-def run(
-    folder: Path, prefer: Prefer | None, watcher: Watcher, stop_asked: Callable[[], bool]
-) -> tuple[SolveOutcome, ...]:
+def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[SolveOutcome, ...]:
     """Initialise, measure and solve all bundles.
 
-    Every text file is read and checked before any store is touched.
+    Every text file is read once, and checked before any store is touched.
 
     Raises
     ------
     InputError, NotSolvableError, LockedError
     """
-    project = open_project(folder)
-    watcher.initialised(initialise(folder, prefer))
-    watcher.measured(measure(folder))
-    outcomes = []
-    for bundle in project.definition.bundles:
-        outcomes.append(solve(folder, bundle.name, watcher.started, watcher.passed, stop_asked))
+    project, texts = open_project_with_texts(folder)
+    watcher.initialised(initialise_project(project, texts, prefer))
+    watcher.measured(measure_project(project, Parsed(texts.records.log), on_top=False))
+    outcomes: list[SolveOutcome] = []
+    for bundle, ground in texts.records.ground.items():
+        outcomes.append(solve_bundle(project, bundle, ground, watcher.solving))
         watcher.solved(outcomes[-1])
         if outcomes[-1].solution.status == "stopped":
             break

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,38 +12,65 @@ from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import iteration_pass, solution_of
 from orip.bundle.solve import solve_block
 from orip.errors import InputError, ProjectWarning
+from orip.files.parsed import Parsed
 from orip.files.stores import solutions
-from orip.files.stores.transaction import writing
-from orip.interior.replay import Measured
+from orip.files.stores.digest import record_digest
+from orip.files.stores.transaction import reading, writing
+from orip.interior.measured import Measured
 from orip.model.block import Block
 from orip.model.measurement import PhotoObservations
 from orip.model.names import record_key
 from orip.model.solution import InteriorSummary, IterationPass, Solution
 from orip.workflow.interior import Interior, interior_orientation
-from orip.workflow.measure import read_measured
-from orip.workflow.outputs import rewrite_stale_outputs, write_outputs
+from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
 from orip.workflow.project import Project, open_project
 from orip.workflow.records import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.run_id import digest_of_observations, digest_of_records, run_id
-from orip.workflow.texts import control_files, digests, parse_control, parse_preliminary, raise_complaints
+from orip.workflow.stored_measurements import read_measured
+from orip.workflow.texts import Digests, GroundTexts, raise_complaints, read_ground
+
+
+@dataclass(frozen=True, slots=True)
+class SolveWatcher:
+    """Who is told of an adjustment, and who may stop it.
+
+    Parameters
+    ----------
+    started : callable
+        Told the block before the first iteration.
+    passed : callable
+        Told each pass.
+    stoppable : context manager
+        Is entered for the time of the iterations and gives a function: once that returns True, the iteration in hand
+        is the last one; the result is kept and marked as stopped.
+    """
+
+    started: Callable[[Block], None]
+    passed: Callable[[IterationPass], None]
+    stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
 
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """What `orip solve` found, and the files it wrote."""
+    """What `orip solve` found, whether that is new to the store, and the files it wrote."""
 
     project: Project
     solution: Solution
+    changed: bool
     files: tuple[Path, ...]
 
 
-def solve(
-    folder: Path,
-    bundle: str | None,
-    on_start: Callable[[Block], None],
-    on_pass: Callable[[IterationPass], None],
-    stop_asked: Callable[[], bool],
-) -> SolveOutcome:
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    """What an adjustment takes from the stores."""
+
+    definitions: StoredDefinitions
+    observations: PhotoObservations
+    interior: Interior
+    digests: Digests
+
+
+def solve(folder: Path, bundle: str | None, watcher: SolveWatcher) -> SolveOutcome:
     """Adjust one bundle and keep its solution in the store and the outputs.
 
     Parameters
@@ -50,10 +78,7 @@ def solve(
     folder : Path
     bundle : str or None
         None: the project's only one.
-    on_start, on_pass : callables
-        Told the block before, and each pass after, an iteration.
-    stop_asked : callable
-        True ends the iterations after the one in hand; the result is kept and marked as stopped.
+    watcher : SolveWatcher
 
     Raises
     ------
@@ -61,54 +86,73 @@ def solve(
     """
     project = open_project(folder)
     name = project.bundle_name(bundle)
-    control, preliminary = parse_control(project), parse_preliminary(project, name)
-    raise_complaints([control, preliminary])
-    with writing([*project.record_stores, project.observations(name)]) as stores:
-        definitions = read_definitions(project, stores)
-        require_initialised(definitions)
-        measured = read_measured(project, stores, [name])
-        observations = measured.observations.get(record_key(name))
-        if observations is None:
-            message = f"bundle {name} has no photo observations yet; run 'orip measure' first"
-            raise InputError.single(message)
-        interior = interior_orientation(definitions.by_name(), measured)
-        ingredients = Ingredients(
-            definitions.bundle(name), definitions.by_name().cameras, definitions.by_name().photos,
-            interior.to_photo, interior.pixel_sizes, observations, control.records, preliminary.records,
-        )  # fmt: skip
-        assembled = assemble(ingredients)
-        if assembled.block is None:
-            raise InputError((*interior.complaints, *assembled.complaints))
-        on_start(assembled.block)
-        solved = solve_block(assembled.block, lambda record: on_pass(iteration_pass(record)), stop_asked)
-        found = diagnose(solved)
-        inputs = solve_inputs(project, name, definitions, measured, observations)
-        solution = replace(
-            solution_of(solved),
-            project=project.definition.name,
-            user=project.definition.user,
-            ground_unit=project.definition.ground_unit,
-            inputs=inputs,
-            interior=_summaries(interior, definitions, observations),
-            diagnosis=found,
-            warnings=_rows((*control.warnings, *preliminary.warnings, *interior.warnings, *assembled.warnings)),
-        )
-        solution = replace(solution, run=run_id("solve", solution.status, len(solution.iterations), inputs))
-        solutions.write(stores[project.exterior], solution)
-    files = write_outputs(project, solution)
+    return solve_bundle(project, name, read_ground(project, name), watcher)
+
+
+def solve_bundle(project: Project, bundle: str, ground: Parsed[GroundTexts], watcher: SolveWatcher) -> SolveOutcome:
+    """Do what `solve` does with texts that have been read."""
+    raise_complaints(ground.complaints)
+    # No store is locked while the iterations run; the digests tell if one has changed meanwhile.
+    stored = _read_stored(project, bundle)
+    solution = _adjusted(project, stored, bundle, ground, watcher)
+    with writing([project.exterior]) as stores:
+        old = solutions.read(stores[project.exterior], bundle)
+        changed = old is None or record_digest(old) != record_digest(solution)
+        if changed:
+            solutions.write(stores[project.exterior], solution)
+    files = write_solution_outputs(project, solution)
     rewrite_stale_outputs(project)
-    return SolveOutcome(project, solution, files)
+    return SolveOutcome(project, solution, changed, files)
 
 
-def solve_inputs(
+def _read_stored(project: Project, bundle: str) -> _Stored:
+    with reading([*project.record_stores, project.observations(bundle)]) as stores:
+        definitions = read_definitions(project, stores)
+        require_initialised(project, definitions)
+        measured = read_measured(project, stores, [bundle])
+    observations = measured.observations.get(record_key(bundle))
+    if observations is None:
+        message = f"bundle {bundle} has no photo observations yet; run 'orip measure' first"
+        raise InputError.single(message)
+    digests = stored_digests(project, bundle, definitions, measured, observations)
+    return _Stored(definitions, observations, interior_orientation(definitions.by_name(), measured), digests)
+
+
+def _adjusted(
+    project: Project, stored: _Stored, bundle: str, ground: Parsed[GroundTexts], watcher: SolveWatcher
+) -> Solution:
+    definitions, interior, texts = stored.definitions.by_name(), stored.interior, ground.records
+    ingredients = Ingredients(
+        stored.definitions.bundle(bundle), definitions.cameras, definitions.photos, interior.to_photo,
+        interior.pixel_sizes, stored.observations, texts.control, texts.preliminary,
+    )  # fmt: skip
+    assembled = assemble(ingredients)
+    if assembled.block is None:
+        raise InputError((*interior.complaints, *assembled.complaints))
+    watcher.started(assembled.block)
+    with watcher.stoppable() as stop_asked:
+        solved = solve_block(assembled.block, lambda record: watcher.passed(iteration_pass(record)), stop_asked)
+    inputs = (*texts.digests, *stored.digests, project.heading_digest)
+    solution = replace(
+        solution_of(solved),
+        project=project.definition.name,
+        user=project.definition.user,
+        ground_unit=project.definition.ground_unit,
+        inputs=inputs,
+        interior=_summaries(interior, stored.definitions, stored.observations),
+        diagnosis=diagnose(solved),
+        warnings=_rows((*ground.warnings, *interior.warnings, *assembled.warnings)),
+    )
+    return replace(solution, run=run_id("solve", solution.status, len(solution.iterations), inputs))
+
+
+def stored_digests(
     project: Project, bundle: str, definitions: StoredDefinitions, measured: Measured, observations: PhotoObservations
-) -> tuple[tuple[str, str], ...]:
-    """Return the digests of all that a solution depends on: control and preliminary text, and the stores' content."""
-    texts = [*control_files(project), *(path for path in [project.preliminary(bundle)] if path.is_file())]
+) -> Digests:
+    """Return the digests of what a solution depends on in the stores."""
     cameras = [each.record for each in definitions.cameras]
     photos = [each.record for each in definitions.photos]
     return (
-        *digests(project, texts),
         (project.shown(project.cameras), digest_of_records(cameras)),
         (project.shown(project.photos), digest_of_records([*photos, *measured.photos.values()])),
         (project.shown(project.exterior), digest_of_records([definitions.bundle(bundle)])),

@@ -7,16 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from orip.errors import ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.model.names import record_key
-from orip.workflow.measure import measurement_inputs, read_measured
-from orip.workflow.outputs import stale_outputs
+from orip.workflow.apply_text import apply_text
+from orip.workflow.measure import measurement_inputs
+from orip.workflow.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
 from orip.workflow.project import Project, open_project
+from orip.workflow.reconcile import counted
 from orip.workflow.records import StoredDefinitions, read_definitions
-from orip.workflow.solve import solve_inputs
-from orip.workflow.texts import digests, measurement_files
+from orip.workflow.solve import stored_digests
+from orip.workflow.stored_measurements import read_measured, runs_of_measurements
+from orip.workflow.texts import ground_digests, log_digests
 
 StepState = Literal["missing", "out of date", "up to date"]
 
@@ -43,12 +47,14 @@ class ProjectStatus:
         In the order of the work.
     next_command : str or None
         What comes next; None when everything is up to date.
+    warnings : tuple of ProjectWarning
     """
 
     project: Project
     counts: tuple[tuple[str, int], ...]
     steps: tuple[Step, ...]
     next_command: str | None
+    warnings: tuple[ProjectWarning, ...]
 
 
 def project_status(folder: Path) -> ProjectStatus:
@@ -63,7 +69,7 @@ def project_status(folder: Path) -> ProjectStatus:
     bundles = [bundle.name for bundle in project.definition.bundles]
     with reading([*project.record_stores, *(project.observations(name) for name in bundles)]) as stores:
         definitions = read_definitions(project, stores)
-        steps = [_initialised(project, stores), _measured(project, stores, definitions)]
+        steps = [_initialised(project, definitions), _measured(project, stores, definitions)]
         steps += [_solved(project, stores, definitions, name) for name in bundles]
         points = sum(len(each.points) for each in read_measured(project, stores, bundles).observations.values())
     counts = (
@@ -74,28 +80,39 @@ def project_status(folder: Path) -> ProjectStatus:
         ("photo point", points),
     )
     following = next((step.command for step in steps if step.state != "up to date"), None)
-    return ProjectStatus(project, counts, tuple(steps), following)
+    return ProjectStatus(project, counts, tuple(steps), following, (*project.warnings, *_old_outputs(project)))
 
 
-def _initialised(project: Project, stores: Stores) -> Step:
-    applied = read_inputs(stores[project.exterior], "init")
-    if not applied:
+def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
+    applied = apply_text(project, definitions, prefer=None)
+    if applied.complaints:
+        text = f"{len(applied.complaints)} records were changed both in orip.toml and in the stores"
+        return Step("orip init", "out of date", text)
+    if applied.changes and not any((definitions.cameras, definitions.photos, definitions.bundles)):
         return Step("orip init", "missing", "orip.toml has not been applied to the stores")
-    if applied != digests(project, [project.text]):
-        return Step("orip init", "out of date", "orip.toml has changed")
+    if applied.changes:
+        return Step("orip init", "out of date", f"to be applied to the stores: {counted(applied.changes)}")
     return Step("orip init", "up to date", "the stores hold what orip.toml says")
 
 
 def _measured(project: Project, stores: Stores, definitions: StoredDefinitions) -> Step:
+    command = "orip measure"
+    log = log_digests(project)
+    files = f"{len(log)} measurement file{'s' * (len(log) != 1)}"
+    runs = set(runs_of_measurements(project, stores))
+    if runs == {None}:
+        what = f"{files} to replay" if log else "there are no measurement files (*.MEA) yet"
+        return Step(command, "missing", what)
+    if len(runs) > 1:
+        return Step(command, "out of date", "some of its stores are missing or come from elsewhere")
     applied = read_inputs(stores[project.photos], "measure")
-    files = measurement_files(project).records
-    if not applied:
-        what = f"{len(files)} measurement files are waiting" if files else "there are no measurement files (*.MEA) yet"
-        return Step("orip measure", "missing", what)
-    changed = changed_inputs(applied, measurement_inputs(project, files, definitions))
+    changed = _changed_inputs(applied, measurement_inputs(project, log, definitions))
     if changed:
-        return Step("orip measure", "out of date", f"changed since: {', '.join(changed)}")
-    return Step("orip measure", "up to date", f"{len(files)} measurement files are in the stores")
+        return Step(command, "out of date", f"changed since: {', '.join(changed)}")
+    if is_interior_listing_stale(project, str(runs.pop())):
+        shown = project.shown(project.interior_listing)
+        return Step(command, "out of date", f"{shown} is missing or not of the last run; {_WRITTEN_BY}")
+    return Step(command, "up to date", f"{files} in the stores")
 
 
 def _solved(project: Project, stores: Stores, definitions: StoredDefinitions, bundle: str) -> Step:
@@ -105,20 +122,30 @@ def _solved(project: Project, stores: Stores, definitions: StoredDefinitions, bu
         return Step(command, "missing", f"bundle {bundle} has not been adjusted")
     measured = read_measured(project, stores, [bundle])
     observations = measured.observations.get(record_key(bundle))
-    found = "" if observations is None else f"{solution.status}, sigma0 {solution.sigma0:.4f}"
     if observations is None or record_key(bundle) not in definitions.by_name().bundles:
-        return Step(command, "out of date", "its photo observations are gone")
-    changed = changed_inputs(solution.inputs, solve_inputs(project, bundle, definitions, measured, observations))
-    if changed:
+        return Step(command, "out of date", "its definition or photo observations are gone")
+    digests = stored_digests(project, bundle, definitions, measured, observations)
+    now = (*ground_digests(project, bundle), *digests, project.heading_digest)
+    found = f"{solution.status.replace('_', ' ')}, sigma0 {solution.sigma0:.4f}"
+    if changed := _changed_inputs(solution.inputs, now):
         return Step(command, "out of date", f"changed since: {', '.join(changed)}")
-    stale = stale_outputs(project, bundle, solution.run)
-    if stale:
+    if stale := stale_solution_outputs(project, bundle, solution.run):
         names = ", ".join(project.shown(path) for path in stale)
-        return Step(command, "out of date", f"{names} are not those of the last adjustment; any command rewrites them")
+        return Step(command, "out of date", f"missing or not of the last adjustment: {names}; {_WRITTEN_BY}")
+    if solution.status == "stopped":
+        return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
     return Step(command, "up to date", found)
 
 
-def changed_inputs(old: Sequence[tuple[str, str]], new: Sequence[tuple[str, str]]) -> list[str]:
+_WRITTEN_BY = "the next init, measure, solve or run writes it"
+
+
+def _old_outputs(project: Project) -> list[ProjectWarning]:
+    text = "is of a time when the project had another number of bundles, and is not written any more; remove it"
+    return [ProjectWarning("old-output", project.shown(path), text) for path in outputs_of_other_names(project)]
+
+
+def _changed_inputs(old: Sequence[tuple[str, str]], new: Sequence[tuple[str, str]]) -> list[str]:
     """Return the names of inputs that are new, gone or different."""
     before, after = dict(old), dict(new)
     return [name for name in {**before, **after} if before.get(name) != after.get(name)]

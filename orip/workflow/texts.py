@@ -1,13 +1,16 @@
-"""Reading the text files of a project, so that everything that is wrong in them is said at once."""
+"""Reading the text files of a project, so that everything that is wrong in them is said at once.
+
+A text's digest is taken before it is read: whatever is saved meanwhile shows as a change later.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orip.errors import Complaint, InputError, ProjectWarning
+from orip.errors import Complaint, InputError
 from orip.files.control_text import read_control
 from orip.files.file_digest import file_digest
 from orip.files.measurement_text import read_measurements
@@ -16,10 +19,13 @@ from orip.files.parsed import Parsed
 from orip.files.preliminary_text import read_preliminary
 from orip.model.control import Control, PreliminaryPoint
 from orip.model.measurement import LogRecord
-from orip.workflow.project import Project
+from orip.workflow.project import PROJECT_FILE, Project, open_project
 
 EDITS_FILE = "EDITS.MEA"
 CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR")
+
+Digests = tuple[tuple[str, str], ...]
+"""(name of an input, SHA-256)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,31 +34,109 @@ class MeasurementLog:
 
     files: tuple[Path, ...]
     records: tuple[LogRecord, ...]
+    digests: Digests
 
 
-def raise_complaints(outcomes: Iterable[Parsed[Any]]) -> None:
-    """Raise one InputError with the complaints of all readers, if there are any."""
-    complaints: list[Complaint] = [complaint for outcome in outcomes for complaint in outcome.complaints]
+@dataclass(frozen=True, slots=True)
+class GroundTexts:
+    """What the text files say of the ground points of one bundle."""
+
+    control: Control
+    preliminary: tuple[PreliminaryPoint, ...]
+    digests: Digests
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """All text files of a project but orip.toml; `ground` by bundle name."""
+
+    log: MeasurementLog
+    ground: Mapping[str, Parsed[GroundTexts]]
+
+
+def open_project_with_texts(folder: Path) -> tuple[Project, Parsed[Texts]]:
+    """Read orip.toml and all other text files.
+
+    Raises
+    ------
+    InputError
+        If orip.toml is missing or wrong; then also with what is wrong in any text file of the folder.
+    """
+    try:
+        project = open_project(folder)
+    except InputError as error:
+        others = _faults_in_folder(folder) if (folder / PROJECT_FILE).is_file() else ()
+        raise InputError([*error.complaints, *others]) from None
+    return project, read_texts(project)
+
+
+def read_texts(project: Project) -> Parsed[Texts]:
+    """Read every text file of a project but orip.toml, with the complaints and warnings of all."""
+    log = read_log(project)
+    ground = {bundle.name: read_ground(project, bundle.name) for bundle in project.definition.bundles}
+    outcomes: list[Parsed[Any]] = [log, *(ground.values() or [read_ground_control(project)])]
+    complaints = dict.fromkeys(complaint for outcome in outcomes for complaint in outcome.complaints)
+    warnings = dict.fromkeys(warning for outcome in outcomes for warning in outcome.warnings)
+    return Parsed(Texts(log.records, ground), tuple(complaints), tuple(warnings))
+
+
+def raise_complaints(complaints: Sequence[Complaint]) -> None:
+    """Raise one InputError with all complaints, if there are any."""
     if complaints:
         raise InputError(complaints)
 
 
-def control_files(project: Project) -> tuple[Path, ...]:
-    """Return the control files that exist."""
-    base = project.definition.control_files
-    paths = (project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS)
-    return tuple(path for path in paths if path.is_file())
+# ground control and preliminary coordinates
 
 
-def parse_control(project: Project) -> Parsed[Control]:
+def read_ground_control(project: Project) -> Parsed[Control]:
     """Read the control files of a project; missing ones are empty."""
-    return read_control(project.folder, project.definition.control_files)
+    base = project.definition.control_files
+    control = read_control(project.folder, base)
+    misspelt = [_misspelt(project, project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
+    return Parsed(control.records, (*_given(misspelt), *control.complaints), control.warnings)
 
 
-def parse_preliminary(project: Project, bundle: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
-    """Read a bundle's preliminary coordinates; a missing file is empty."""
+def read_ground(project: Project, bundle: str) -> Parsed[GroundTexts]:
+    """Read the control files and a bundle's preliminary coordinates; missing ones are empty."""
+    digests = ground_digests(project, bundle)
+    control = read_ground_control(project)
     path = project.preliminary(bundle)
-    return read_preliminary(path, project.shown(path)) if path.exists() else Parsed(())
+    preliminary: Parsed[tuple[PreliminaryPoint, ...]] = (
+        read_preliminary(path, project.shown(path))
+        if path.exists()
+        else Parsed((), tuple(_given([_misspelt(project, path)])))
+    )
+    return Parsed(
+        GroundTexts(control.records, preliminary.records, digests),
+        (*control.complaints, *preliminary.complaints),
+        (*control.warnings, *preliminary.warnings),
+    )
+
+
+def ground_digests(project: Project, bundle: str) -> Digests:
+    """Return the digests of the control files and of a bundle's preliminary coordinates, as far as they exist."""
+    base = project.definition.control_files
+    paths = [project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS]
+    return _digests(project, [*paths, project.preliminary(bundle)])
+
+
+def _misspelt(project: Project, path: Path) -> Complaint | None:
+    """Return a complaint if a file is missing while one of the same name in other letters is there."""
+    if path.exists() or not path.parent.is_dir():
+        return None
+    for other in sorted(path.parent.iterdir()):
+        if other.name.lower() == path.name.lower():
+            shown = project.shown(path)
+            return Complaint(f"is not read, for the project's file is called {shown}; rename it", project.shown(other))
+    return None
+
+
+def _given(complaints: Iterable[Complaint | None]) -> Iterator[Complaint]:
+    return (complaint for complaint in complaints if complaint is not None)
+
+
+# measurements
 
 
 def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
@@ -62,8 +146,8 @@ def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
     for pattern in project.definition.measurement_files:
         if any(mark in pattern for mark in "*?["):
             matches = sorted(project.folder.glob(pattern), key=lambda path: natural_key(project.shown(path)))
-            found.update(dict.fromkeys(path for path in matches if path.is_file()))
-        elif (project.folder / pattern).is_file():
+            found.update(dict.fromkeys(matches))
+        elif (project.folder / pattern).exists():
             found[project.folder / pattern] = None
         else:
             message = f"measurement file '{pattern}' does not exist; correct measurement_files, or make the file"
@@ -75,37 +159,32 @@ def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
     return Parsed(tuple(found), tuple(complaints))
 
 
-def parse_log(project: Project, files: Sequence[Path]) -> Parsed[MeasurementLog]:
-    """Read measurement files as one log."""
-    outcomes = [read_measurements(path, project.shown(path)) for path in files]
+def read_log(project: Project, files: Sequence[Path] = ()) -> Parsed[MeasurementLog]:
+    """Read measurement files as one log; none: those of the project."""
+    listed = Parsed(tuple(files)) if files else measurement_files(project)
+    digests = _digests(project, listed.records)
+    outcomes = [read_measurements(path, project.shown(path)) for path in listed.records]
     return Parsed(
-        MeasurementLog(tuple(files), tuple(record for outcome in outcomes for record in outcome.records)),
-        tuple(complaint for outcome in outcomes for complaint in outcome.complaints),
+        MeasurementLog(listed.records, tuple(record for outcome in outcomes for record in outcome.records), digests),
+        (*listed.complaints, *(complaint for outcome in outcomes for complaint in outcome.complaints)),
         tuple(warning for outcome in outcomes for warning in outcome.warnings),
     )
 
 
-def parse_project_log(project: Project) -> Parsed[MeasurementLog]:
-    """Read all measurement files of a project."""
-    files = measurement_files(project)
-    log = parse_log(project, files.records)
-    return Parsed(log.records, files.complaints + log.complaints, log.warnings)
+def log_digests(project: Project) -> Digests:
+    """Return the digests of the project's measurement files."""
+    return _digests(project, measurement_files(project).records)
 
 
-def check_texts(project: Project) -> tuple[ProjectWarning, ...]:
-    """Read every text file and return the warnings.
-
-    Raises
-    ------
-    InputError
-        With the complaints of all files.
-    """
-    outcomes: list[Parsed[Any]] = [parse_control(project), parse_project_log(project)]
-    outcomes += [parse_preliminary(project, bundle.name) for bundle in project.definition.bundles]
-    raise_complaints(outcomes)
-    return tuple(warning for outcome in outcomes for warning in outcome.warnings)
+def _digests(project: Project, paths: Iterable[Path]) -> Digests:
+    return tuple((project.shown(path), file_digest(path)) for path in paths if path.is_file())
 
 
-def digests(project: Project, paths: Iterable[Path]) -> tuple[tuple[str, str], ...]:
-    """Return (file as shown, SHA-256) of text files."""
-    return tuple((project.shown(path), file_digest(path)) for path in paths)
+def _faults_in_folder(folder: Path) -> list[Complaint]:
+    """Return what is wrong in the text files of a folder whose orip.toml cannot be read: they are told by extension."""
+    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    bases = dict.fromkeys(path.stem for path in files if path.suffix[1:] in CONTROL_EXTENSIONS)
+    outcomes: list[Parsed[Any]] = [read_control(folder, base) for base in bases]
+    outcomes += [read_preliminary(path, path.name) for path in files if path.suffix == ".PRE"]
+    outcomes += [read_measurements(path, path.name) for path in files if path.suffix == ".MEA"]
+    return [complaint for outcome in outcomes for complaint in outcome.complaints]

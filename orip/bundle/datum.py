@@ -1,0 +1,204 @@
+"""A free network: the ground system is fixed by inner constraints, not by control.
+
+A similarity transformation of points and photos changes no photo coordinate, so the normal equations have a defect of
+up to seven; distances take scale out of it. The system is solved with as many photo unknowns held, and corrections and
+cofactors are then taken to the inner constraints by an S-transformation (Baarda 1973), which needs no dense matrix of
+all points. What is held does not show in the result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from orip.adjustment.equations import Equations
+from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.precision import Cofactors
+from orip.bundle.state import State
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.errors import InputError
+from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
+from orip.model.block import Block
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_DETERMINED = 1e-8
+"""An observation fixes a movement when that changes it by more than this part of what its partials allow."""
+
+
+@dataclass(frozen=True, slots=True)
+class FreeDatum:
+    """The datum of a free network.
+
+    Parameters
+    ----------
+    movements : array (7, d)
+        Combinations of the seven movements (three shifts, three rotations, scale) that nothing determines.
+    held : array (d,) of int
+        Unknowns held while solving.
+    points : array of int
+        Points whose sum of squared corrections is least.
+    """
+
+    movements: FloatArray
+    held: IntArray
+    points: IntArray
+
+    def transformed(self, correction: FloatArray, state: State, unknowns: Unknowns) -> FloatArray:
+        """Return a correction of all unknowns (m + 3 b,) that meets the inner constraints."""
+        generator, inner, solver = self._transformation(state, unknowns)
+        return np.asarray(correction - generator @ (solver @ (inner.T @ correction)))
+
+    def transformed_cofactors(
+        self, found: Cofactors, normals: SolvedNormals, state: State, unknowns: Unknowns
+    ) -> Cofactors:
+        """Return S Q S^T block by block, with S = I - G (B^T G)^-1 B^T; leverages do not depend on the datum."""
+        generator, inner, solver = self._transformation(state, unknowns)
+        spread = normals.solve(inner)
+        moved = generator @ solver
+        middle = inner.T @ spread
+        m = unknowns.layout.reduced
+        reduced = _s_transformed(found.reduced, moved[:m], spread[:m], middle)
+        shape = (-1, 3, moved.shape[1])
+        blocks = _s_transformed(found.blocks, moved[m:].reshape(shape), spread[m:].reshape(shape), middle)
+        return replace(found, reduced=reduced, blocks=blocks)
+
+    def _transformation(self, state: State, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return G (u, d), B (u, d): G in the rows of the datum points alone, and (B^T G)^-1."""
+        generator = movement_generator(state, unknowns) @ self.movements
+        inner = np.zeros_like(generator)
+        columns = unknowns.points[self.points]
+        columns = columns[columns != CONSTANT]
+        inner[columns] = generator[columns]
+        return generator, inner, np.asarray(np.linalg.inv(inner.T @ generator), dtype=np.float64)
+
+
+def _s_transformed(cofactor: FloatArray, moved: FloatArray, spread: FloatArray, middle: FloatArray) -> FloatArray:
+    cross = moved @ np.swapaxes(spread, -1, -2)
+    return np.asarray(cofactor - cross - np.swapaxes(cross, -1, -2) + moved @ middle @ np.swapaxes(moved, -1, -2))
+
+
+def movement_generator(state: State, unknowns: Unknowns) -> FloatArray:
+    """Return the change of all unknowns (m + 3 b, 7) under small movements of the whole block.
+
+    The movements are three shifts in units of the block's size, three rotations about its centre, and scale.
+    """
+    centre = state.points.mean(axis=0)
+    size = _size(state)
+    result = np.zeros((unknowns.layout.size, 7))
+    _put(result, unknowns.points, _positions(state.points - centre, size))
+    _put(result, unknowns.photos[:, :3], _positions(state.centres - centre, size))
+    turns = np.broadcast_to(np.eye(3), state.rotations.shape).copy()
+    by_angles = state.turned_by_angles
+    if by_angles.any():
+        turns[by_angles] = angle_rates_from_axes_rotation(state.angles()[by_angles])
+    rotations = np.zeros((len(turns), 3, 7))
+    rotations[:, :, 3:6] = turns
+    _put(result, unknowns.photos[:, 3:], rotations)
+    zero_directions = np.zeros((len(unknowns.theodolites), 7))
+    # azimuths run clockwise, rotations about Z the other way
+    zero_directions[:, 5] = -1.0
+    _put(result, unknowns.theodolites, zero_directions)
+    return result
+
+
+def _size(state: State) -> float:
+    return float(np.sqrt(np.mean((state.points - state.points.mean(axis=0)) ** 2)) or 1.0)
+
+
+def _positions(offset: FloatArray, size: float) -> FloatArray:
+    result = np.empty((*offset.shape, 7))
+    result[:, :, :3] = size * np.eye(3)
+    result[:, :, 3:6] = -cross_matrix(offset)
+    result[:, :, 6] = offset
+    return result
+
+
+def _put(result: FloatArray, columns: IntArray, rows: FloatArray) -> None:
+    unknown = columns != CONSTANT
+    result[columns[unknown]] = rows[unknown]
+
+
+def free_datum(
+    block: Block, state: State, unknowns: Unknowns, equations: Equations, on_the_ground: NDArray[np.bool_]
+) -> FreeDatum:
+    """Find what is free in a network.
+
+    Parameters
+    ----------
+    block : Block
+    state : State
+        The starting state.
+    unknowns : Unknowns
+    equations : Equations
+        At the starting state.
+    on_the_ground : array (n,) of bool
+        Observations other than photo points: they may determine movements.
+
+    Returns
+    -------
+    FreeDatum
+
+    Raises
+    ------
+    InputError
+        If a datum point is not in the block, or the datum points do not suffice.
+    """
+    generator = movement_generator(state, unknowns)
+    rows = equations.design[on_the_ground & equations.active]
+    allowed = abs(rows) @ np.abs(generator).max(axis=1)
+    determined = [(rows @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]]
+    determined.append(_held_by_constants(state, unknowns))
+    _, values, movements = np.linalg.svd(np.vstack([*determined, np.zeros((1, 7))]))
+    rank = int(np.count_nonzero(values > _DETERMINED))
+    free = movements[rank:].T
+    photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
+    size = _size(state)
+    length = np.isin(photo_columns, unknowns.photos[:, :3])
+    scaled = (generator[photo_columns] / np.where(length, size, 1.0)[:, None]) @ free
+    _, _, order = qr(scaled.T, pivoting=True, mode="economic")
+    datum = FreeDatum(free, photo_columns[order[: free.shape[1]]], _datum_points(block))
+    _require_enough_points(datum, state, unknowns)
+    return datum
+
+
+def _held_by_constants(state: State, unknowns: Unknowns) -> FloatArray:
+    """Return how the movements would change constant photo elements: they are not free to."""
+    everything = np.arange(6 * len(state.centres)).reshape(-1, 6)
+    layout = replace(unknowns.layout, reduced=everything.size, blocks=0, fixed=np.zeros(everything.size, dtype=bool))
+    as_unknown = replace(
+        unknowns,
+        photos=everything,
+        points=np.full_like(unknowns.points, CONSTANT),
+        theodolites=np.full_like(unknowns.theodolites, CONSTANT),
+        layout=layout,
+    )
+    rows = movement_generator(state, as_unknown)[(unknowns.photos == CONSTANT).ravel()]
+    return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300))
+
+
+def _datum_points(block: Block) -> IntArray:
+    if not block.definition.datum_points:
+        return np.arange(len(block.point_names))
+    place = block.point_index()
+    missing = [name for name in block.definition.datum_points if name not in place]
+    if missing:
+        message = f"datum point {', '.join(missing)} of bundle {block.definition.name} is not measured in any photo"
+        raise InputError.single(message)
+    return np.array([place[name] for name in block.definition.datum_points])
+
+
+def _require_enough_points(datum: FreeDatum, state: State, unknowns: Unknowns) -> None:
+    generator = movement_generator(state, unknowns) @ datum.movements
+    columns = unknowns.points[datum.points]
+    rows = generator[columns[columns != CONSTANT]]
+    if len(rows) < rows.shape[1] or np.linalg.svd(rows, compute_uv=False)[-1] < _DETERMINED * np.abs(rows).max():
+        message = (
+            f"{len(datum.points)} datum points do not fix the free network's {rows.shape[1]} movements; "
+            "name at least three that are not on one line, or none to use all points"
+        )
+        raise InputError.single(message)

@@ -1,0 +1,287 @@
+"""Data snooping: blunders are found one after the other, each by the residual or group that fits least.
+
+A photo point is left out as a whole, x and y; a control point is tested and left out as a three-dimensional group, so
+that one that contradicts the photos is found even where every photo agrees with every other. After each round the block
+is adjusted again; at the end, whatever would fit after all is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.iteration import IterationSettings, PassRecord
+from orip.adjustment.outlier_tests import OutlierTest
+from orip.adjustment.weights import DanishWeights
+from orip.bundle.control_point import ControlPointObservations
+from orip.bundle.photo_point import PhotoPointObservations
+from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.model.block import Block
+from orip.model.solution import Blunder
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_NEAR_THE_WORST = 0.5
+"""In one round only candidates within this part of the worst are left out: smaller ones may be its shadows."""
+
+_TESTABLE = 1e-4
+"""Redundancy number below which a residual hides its error altogether."""
+
+
+@dataclass(frozen=True, slots=True)
+class SnoopingSettings:
+    """How blunders are searched: sigma0 known a priori (1) or estimated, and the error probability of one test."""
+
+    sigma0: Literal["apriori", "posteriori"] = "apriori"
+    alpha: float = 0.001
+
+
+class _Unit(NamedTuple):
+    """What is left out together: a kind, its rows among all observations, the photo (-1: none) and the point."""
+
+    kind: str
+    rows: tuple[int, ...]
+    photo: int
+    point: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Finding:
+    """A unit left out, with the statistic and limit that it failed by."""
+
+    unit: int
+    statistic: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snooped:
+    """The adjustment without its blunders, and the blunders in the order they were found."""
+
+    solved: SolvedBlock
+    blunders: tuple[Blunder, ...]
+
+
+def snoop(
+    block: Block,
+    settings: SnoopingSettings,
+    on_pass: Callable[[PassRecord], None],
+    stop_asked: Callable[[], bool],
+) -> Snooped:
+    """Adjust a block and leave out its blunders.
+
+    Parameters
+    ----------
+    block : Block
+    settings : SnoopingSettings
+    on_pass, stop_asked : callables
+        See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
+
+    Returns
+    -------
+    Snooped
+    """
+    search = _Search(block, settings, on_pass, stop_asked)
+    search.leave_out()
+    search.take_back()
+    return Snooped(search.solved, tuple(search.blunders()))
+
+
+class _Search:
+    """The search in hand: the units, those left out, and the last adjustment."""
+
+    def __init__(
+        self,
+        block: Block,
+        settings: SnoopingSettings,
+        on_pass: Callable[[PassRecord], None],
+        stop_asked: Callable[[], bool],
+    ) -> None:
+        self.settings = settings
+        self.stop_asked = stop_asked
+        self.passes = 0
+        self.on_pass = on_pass
+        self.iterations = _without_weights(iteration_settings(block.definition))
+        problem = pose_problem(block)
+        self.units = _units(problem.observations)
+        self.left_out: dict[int, _Finding] = {}
+        self.solved = solve_problem(block, problem, starting_state(block), self.iterations, self._numbered, stop_asked)
+
+    def leave_out(self) -> None:
+        """Leave out the worst units, round by round, until none fails its test."""
+        while not self.stop_asked() and (found := self._worst()):
+            self.left_out.update({finding.unit: finding for finding in found})
+            self._adjust_again()
+
+    def take_back(self) -> None:
+        """Take back units that fit the final adjustment after all, the best one first, each of them once."""
+        returned: set[int] = set()
+        while not self.stop_asked():
+            scores = {unit: self._score(unit, left_out=True) for unit in self.left_out if unit not in returned}
+            fitting = {unit: score for unit, score in scores.items() if score.statistic <= score.limit}
+            if not fitting:
+                return
+            best = min(fitting, key=lambda unit: fitting[unit].statistic / fitting[unit].limit)
+            returned.add(best)
+            finding = self.left_out.pop(best)
+            self._adjust_again()
+            if self._fails(best):
+                self.left_out[best] = finding
+                self._adjust_again()
+
+    def blunders(self) -> Iterator[Blunder]:
+        """Return what was left out, with the size of each error and its standard deviation."""
+        problem = self.solved.problem
+        rows = [each.rows for each in problem.observations]
+        photo = [name for each in rows for name in each.photo]
+        point = [name for each in rows for name in each.point]
+        component = [name for each in rows for name in each.component]
+        error = np.concatenate([each.error for each in rows])
+        residual = self.solved.adjusted.linearised.equations.residual
+        for order, finding in enumerate(self.left_out.values(), start=1):
+            unit = self.units[finding.unit]
+            shown = unit.rows if unit.kind == "control" else (max(unit.rows, key=lambda row: abs(residual[row])),)
+            for row in shown:
+                yield Blunder(
+                    order, unit.kind, photo[row], point[row], component[row],
+                    # an observation without influence misses by its own error and by that of its prediction
+                    size=float(-residual[row] * error[row]),
+                    sd=float(self._test().sigma0 * error[row] * np.sqrt(1.0 + self._leverage()[row])),
+                    statistic=finding.statistic,
+                    limit=finding.limit,
+                )  # fmt: skip
+
+    def _numbered(self, record: PassRecord) -> None:
+        self.passes += 1
+        self.on_pass(replace(record, iteration=self.passes))
+
+    def _adjust_again(self) -> None:
+        excluded = np.zeros(len(self._residual()), dtype=bool)
+        for unit in self.left_out:
+            excluded[list(self.units[unit].rows)] = True
+        before = self.solved
+        self.solved = solve_problem(
+            before.block,
+            replace(before.problem, excluded=excluded),
+            before.adjusted.linearised.state,
+            self.iterations,
+            self._numbered,
+            self.stop_asked,
+        )
+
+    def _residual(self) -> FloatArray:
+        return self.solved.adjusted.linearised.equations.residual
+
+    def _leverage(self) -> FloatArray:
+        return self.solved.cofactors.leverage
+
+    def _test(self) -> OutlierTest:
+        variance = self.solved.variance
+        if self.settings.sigma0 == "apriori" or not np.isfinite(variance.sigma0_all):
+            return OutlierTest(self.settings.alpha, 1.0, None)
+        return OutlierTest(self.settings.alpha, variance.sigma0_all, variance.redundancy)
+
+    def _fails(self, unit: int) -> bool:
+        score = self._score(unit, left_out=False)
+        return score.statistic > score.limit
+
+    def _score(self, unit: int, *, left_out: bool) -> _Finding:
+        """Return the statistic of a unit in the last adjustment; NaN where it cannot be tested."""
+        test, rows = self._test(), list(self.units[unit].rows)
+        residual, leverage = self._residual()[rows], self._leverage()[rows]
+        sign = 1.0 if left_out else -1.0
+        if self.units[unit].kind == "control":
+            cofactor = np.eye(len(rows)) + sign * self._cofactor_of_control(unit)
+            if left_out:
+                quantity = float(residual @ np.linalg.solve(cofactor, residual)) / test.sigma0**2
+                size = 1 if test.redundancy is None else len(rows)
+                return _Finding(unit, float(np.sqrt(quantity / size)), test.group_limit(len(rows)))
+            return _Finding(unit, test.group_statistic(residual, cofactor), test.group_limit(len(rows)))
+        variance = 1.0 + sign * leverage
+        testable = variance > _TESTABLE
+        if not testable.any():
+            return _Finding(unit, float("nan"), test.limit())
+        w = np.abs(residual[testable]) / (test.sigma0 * np.sqrt(variance[testable]))
+        return _Finding(unit, float(w.max()), test.limit())
+
+    def _cofactor_of_control(self, unit: int) -> FloatArray:
+        """Return the cofactor (k, k) of the adjusted coordinates of a control point, in units of their errors."""
+        problem = self.solved.problem
+        observations = next(each for each in problem.observations if isinstance(each, ControlPointObservations))
+        start = _first_row(problem.observations, observations)
+        local = np.array(self.units[unit].rows) - start
+        columns = observations.rows.columns[local, 0]
+        cofactor = self.solved.cofactors_of(columns)
+        error = observations.rows.error[local]
+        return cofactor / np.outer(error, error)
+
+    def _worst(self) -> list[_Finding]:
+        """Return the units to leave out next: the worst one, and those that it cannot have spoilt."""
+        scores = [self._score(unit, left_out=False) for unit in self._in_use()]
+        failing = [score for score in scores if score.statistic > score.limit]
+        if not failing:
+            return []
+        failing.sort(key=lambda score: score.statistic / score.limit, reverse=True)
+        worst = failing[0]
+        if self.units[worst.unit].kind == "control":
+            return [worst]
+        chosen: list[_Finding] = []
+        photos: set[int] = set()
+        points: set[int] = set()
+        for score in failing:
+            unit = self.units[score.unit]
+            near = score.statistic / score.limit >= _NEAR_THE_WORST * worst.statistic / worst.limit
+            if near and unit.kind == "photo" and unit.photo not in photos and unit.point not in points:
+                chosen.append(score)
+            # the first of a photo or point stands for it, whether it was taken or not
+            photos.add(unit.photo)
+            points.add(unit.point)
+        return chosen
+
+    def _in_use(self) -> list[int]:
+        active = self.solved.adjusted.linearised.equations.active
+        return [
+            index
+            for index, unit in enumerate(self.units)
+            if index not in self.left_out and active[list(unit.rows)].any()
+        ]
+
+
+def _without_weights(settings: IterationSettings) -> IterationSettings:
+    weights = DanishWeights(settings.weights.max_standard_residual, settings.max_iterations + 1)
+    return replace(settings, weights=weights)
+
+
+def _first_row(observations: tuple[object, ...], wanted: object) -> int:
+    start = 0
+    for each in observations:
+        if each is wanted:
+            return start
+        start += len(each.rows.photo)  # type: ignore[attr-defined]
+    raise KeyError
+
+
+def _units(observations: tuple[object, ...]) -> list[_Unit]:
+    """Return what may be left out: photo points, and control points with their weighted coordinates."""
+    units: list[_Unit] = []
+    start = 0
+    for each in observations:
+        rows = each.rows  # type: ignore[attr-defined]
+        if isinstance(each, PhotoPointObservations):
+            for index in range(len(each.photo)):
+                pair = [2 * index + place for place in range(2) if rows.used[2 * index + place]]
+                if pair:
+                    place = tuple(start + row for row in pair)
+                    units.append(_Unit("photo", place, int(each.photo[index]), int(each.point[index])))
+        elif isinstance(each, ControlPointObservations):
+            for point in np.unique(each.point[rows.used]):
+                mine = np.flatnonzero((each.point == point) & rows.used)
+                units.append(_Unit("control", tuple(start + int(row) for row in mine), -1, int(point)))
+        start += len(rows.photo)
+    return units

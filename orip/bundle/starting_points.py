@@ -1,0 +1,95 @@
+"""Starting coordinates of points: preliminary ones, else control, else the intersection of the rays that see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.errors import ProjectWarning
+from orip.geometry.rays import intersect_rays
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.distortion import correction_with_partials, remove_distortion
+from orip.model.block import Block
+from orip.model.control import PreliminaryPoint
+
+FloatArray = NDArray[np.float64]
+
+
+def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
+    """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given."""
+    start = block.point_start.copy()
+    place = block.point_index()
+    for point in block.control_points:
+        if None not in point.coordinates:
+            start[place[point.name]] = point.coordinates
+    for given in preliminary:
+        if given.name in place:
+            start[place[given.name]] = given.coordinates
+    missing = np.isnan(start).any(axis=1)
+    if missing.any():
+        start[missing] = _intersections(block)[missing]
+    warnings = []
+    single: NDArray[np.bool_] = np.asarray(np.isnan(start).any(axis=1))
+    if single.any():
+        start[single] = _points_on_first_ray(block, start, single)
+        warnings = [
+            ProjectWarning(
+                "one-ray", f"point {block.point_names[index]}",
+                "is seen by one ray and has no preliminary coordinates: its distance from the photo is a guess",
+            )
+            for index in np.flatnonzero(single)
+        ]  # fmt: skip
+    held = block.constant_points
+    start[held] = _held_coordinates(block)[held]
+    return replace(block, point_start=start), warnings
+
+
+def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
+    """Return origins and directions (n, 3) of the rays of all photo points."""
+    points = block.photo_points
+    parameters = np.array([camera.parameters for camera in block.cameras])[block.photo_camera[points.photo]]
+    reduced = points.xy - parameters[:, 1:3]
+    at_measured = np.array([camera.distortion_at == "measured" for camera in block.cameras])
+    measured = at_measured[block.photo_camera[points.photo]][:, None]
+    ideal = np.where(
+        measured,
+        correction_with_partials(reduced, parameters[:, 3:]).value,
+        remove_distortion(reduced, parameters[:, 3:]),
+    )
+    image = np.column_stack([ideal, -parameters[:, 0]])
+    rotation = rotation_from_angles(block.photo_orientation[points.photo, 3:])
+    return block.photo_orientation[points.photo, :3], (rotation @ image[:, :, None])[:, :, 0]
+
+
+def _intersections(block: Block) -> FloatArray:
+    origins, directions = _rays(block)
+    seen = block.photo_points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
+    return intersect_rays(origins[seen], directions[seen], block.photo_points.point[seen], len(block.point_names))
+
+
+def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+    """Return positions on the first ray of points that nothing places, as far away as the other points are."""
+    origins, directions = _rays(block)
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    distances = np.linalg.norm(start[block.photo_points.point] - origins, axis=1)
+    typical = float(np.nanmedian(distances)) if np.isfinite(distances).any() else 1.0
+    indices, first = np.unique(block.photo_points.point, return_index=True)
+    position = np.full_like(start, np.nan)
+    position[indices] = (origins + typical * directions)[first]
+    return np.asarray(position[wanted])
+
+
+def _held_coordinates(block: Block) -> FloatArray:
+    """Return the given coordinates (number of points, 3) of control and observed elements; NaN where there is none."""
+    place = block.point_index()
+    given = np.full((len(block.point_names), 3), np.nan)
+    for point in block.control_points:
+        if not point.rejected:
+            given[place[point.name]] = [np.nan if value is None else value for value in point.coordinates]
+    for element in block.elements:
+        if element.group == "POINT" and element.error == 0.0:
+            given[place[element.name], "XYZ".index(element.kind)] = element.value
+    return given

@@ -1,0 +1,23 @@
+"""How messages name what is known when a name is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+_MOST_NAMES = 20
+"""So many names are listed; a project may have thousands of photos, a reseau hundreds of crosses."""
+
+
+def listed_names(names: Iterable[str]) -> str:
+    """Return names for a message, the first twenty of them and how many more there are."""
+    known = list(names)
+    listed = ", ".join(known[:_MOST_NAMES]) or "none"
+    return f"{listed} and {len(known) - _MOST_NAMES} more" if len(known) > _MOST_NAMES else listed
+
+
+def unknown_record(what: str, name: str, known: Iterable[str]) -> str:
+    """Say that a record is not defined, and which are."""
+    return (
+        f"{what} {name} is not defined; known are: {listed_names(known)}; correct the name, or define it in orip.toml "
+        "and run 'orip init'"
+    )

@@ -1,0 +1,180 @@
+"""The end of a replay: what was measured in any mounting, taken to the coordinates that are stored.
+
+Stored are template coordinates of photos on a template, plate coordinates of the last mounting of photos off a
+template, and pixels of digital frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.interior.findings import Findings
+from orip.interior.measured_points import MeasuredPoints
+from orip.interior.mounting import STORED, MountedFilms, Mounting, Orientation, chosen_marks, joined_marks
+from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
+from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.model.names import record_key
+from orip.model.photo import Photo
+
+
+class StoredCoordinates:
+    """Transformations of all mountings, each found once; a mounting that is not oriented is complained of once."""
+
+    def __init__(
+        self,
+        definitions: Definitions,
+        templates: MountedFilms[TemplateOrientation],
+        photos: MountedFilms[PhotoOrientation],
+        points: MeasuredPoints,
+        findings: Findings,
+    ) -> None:
+        self._definitions = definitions
+        self._templates = templates
+        self._photos = photos
+        self._points = points
+        self._findings = findings
+        self._found: dict[tuple[str, str, int], PlaneTransformation | None] = {}
+
+    def template_orientations(self) -> dict[str, TemplateOrientation]:
+        """Return the orientations in force of all defined templates."""
+        result = {}
+        for key in self._definitions.templates:
+            mountings = self._templates.of(key)
+            in_force = len(mountings) - 1
+            if not mountings or (_all_killed(mountings[-1]) and in_force not in self._mountings_used(key)):
+                continue
+            if self._plate_to_template(key, in_force) is not None:
+                result[key] = mountings[-1].orientation
+        return result
+
+    def photo_orientations(self) -> dict[str, PhotoOrientation]:
+        """Return the orientations in force of all defined photos, marks in stored coordinates."""
+        result = {}
+        for key, photo in self._definitions.photos.items():
+            mountings = self._photos.of(key)
+            if not mountings or (_all_killed(mountings[-1]) and not self._needs_marks(key, photo)):
+                continue
+            marks = self._stored_marks(key, photo) if self._measured_to_photo(key, len(mountings) - 1) else None
+            if marks is not None:
+                result[key] = replace(mountings[-1].orientation, marks=marks)
+        return result
+
+    def of_points(self, photo_key: str, mounting: int) -> PlaneTransformation | None:
+        """Return measured to stored coordinates of points of a photo measured in a mounting; None after a complaint."""
+        photo = self._definitions.photos[photo_key]
+        if photo.template is not None:
+            return self._plate_to_template(record_key(photo.template), mounting)
+        in_force = len(self._photos.of(photo_key)) - 1
+        first = max(mounting, 0)
+        if first >= in_force:
+            return IDENTITY
+        to_photo, to_plate = self._measured_to_photo(photo_key, first), self._measured_to_photo(photo_key, in_force)
+        return to_plate.inverse().after(to_photo) if to_photo and to_plate else None
+
+    def _mountings_used(self, template: str) -> set[int]:
+        """Return the mountings of a template in which anything was measured."""
+        used: set[int] = set()
+        for key, photo in self._definitions.photos.items():
+            if photo.template is not None and record_key(photo.template) == template:
+                used |= self._points.mountings(key)
+                used.update(each.template_mounting for each in self._photos.of(key) if not _all_killed(each))
+        return used
+
+    def _needs_marks(self, key: str, photo: Photo) -> bool:
+        camera = self._definitions.cameras.get(record_key(photo.camera))
+        return bool(self._points.mountings(key)) and (camera is None or transformation_without_marks(camera) is None)
+
+    def _stored_marks(self, key: str, photo: Photo) -> MeasuredMarks | None:
+        mountings = self._photos.of(key)
+        marks = mountings[-1].orientation.marks
+        if photo.template is None:
+            return self._with_earlier_marks(key, mountings)
+        to_stored = self._plate_to_template(record_key(photo.template), mountings[-1].template_mounting)
+        return replace(marks, measured=to_stored.apply(marks.measured)) if to_stored else None
+
+    def _with_earlier_marks(self, key: str, mountings: Sequence[Mounting[PhotoOrientation]]) -> MeasuredMarks:
+        """Return the marks of a photo off a template with those of earlier mountings that were not measured again.
+
+        Their residuals are listed, but they have no say: the new marks alone tell where the photo lies now.
+        """
+        marks = mountings[-1].orientation.marks
+        for number in reversed(range(len(mountings) - 1)):
+            earlier = mountings[number].orientation.marks
+            rows = [row for row, name in enumerate(earlier.names) if name not in marks.names]
+            if not rows or not self._is_oriented(key, number):
+                continue
+            carried = chosen_marks(earlier, rows)
+            moved = self.of_points(key, number)
+            if moved is not None:
+                carried = replace(
+                    carried, measured=moved.apply(carried.measured), disregarded=np.ones(len(rows), dtype=bool)
+                )
+                marks = joined_marks(marks, carried)
+        return marks
+
+    def _is_oriented(self, key: str, number: int) -> bool:
+        """Whether a mounting is oriented, without a complaint: one in which no point was measured need not be."""
+        if number in {max(each, 0) for each in self._points.mountings(key)}:
+            return self._measured_to_photo(key, number) is not None
+        return _is_valid(lambda orientation: self._orient_photo(key, orientation), self._photos.of(key)[number])
+
+    def _plate_to_template(self, key: str, number: int) -> PlaneTransformation | None:
+        if number == STORED:
+            return IDENTITY
+
+        def orient(orientation: TemplateOrientation) -> PlaneTransformation:
+            temtick = self._definitions.temtick_of(self._definitions.templates[key])
+            return orient_template(orientation, temtick.ticks).transformation
+
+        return self._once(("template", key, number), self._templates.of(key)[number], orient)
+
+    def _measured_to_photo(self, key: str, number: int) -> PlaneTransformation | None:
+        mounting = self._photos.of(key)[number]
+        return self._once(("photo", key, number), mounting, lambda orientation: self._orient_photo(key, orientation))
+
+    def _orient_photo(self, key: str, orientation: PhotoOrientation) -> PlaneTransformation:
+        photo = self._definitions.photos[key]
+        camera = self._definitions.camera_of(photo)
+        return orient_photo(orientation, camera, photo.template is not None).transformation
+
+    def _once(
+        self,
+        which: tuple[str, str, int],
+        mounting: Mounting[Orientation],
+        orient: Callable[[Orientation], PlaneTransformation],
+    ) -> PlaneTransformation | None:
+        if which not in self._found:
+            try:
+                self._found[which] = orient(mounting.orientation)
+            except OrientationError as error:
+                self._found[which] = None
+                self._blame(mounting, orient, str(error))
+        return self._found[which]
+
+    def _blame(
+        self, mounting: Mounting[Orientation], orient: Callable[[Orientation], PlaneTransformation], message: str
+    ) -> None:
+        """Complain where a mounting became invalid: at its own record, or at the edit that spoilt it."""
+        place = mounting.history[-1][1]
+        for length in reversed(range(1, len(mounting.history))):
+            if _is_valid(orient, replace(mounting, history=mounting.history[:length])):
+                break
+            place = mounting.history[length - 1][1]
+        self._findings.complain(place, message)
+
+
+def _is_valid(orient: Callable[[Orientation], PlaneTransformation], mounting: Mounting[Orientation]) -> bool:
+    try:
+        orient(mounting.orientation)
+    except OrientationError:
+        return False
+    return True
+
+
+def _all_killed(mounting: Mounting[Orientation]) -> bool:
+    return not mounting.orientation.marks.names
