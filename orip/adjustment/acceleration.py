@@ -2,8 +2,8 @@
 
 Gauss-Newton iterations on large residuals, and reweighted ones, converge linearly: each correction is about the same
 part of the one before. Once corrections are smaller than the standard deviations, the step is taken to where the
-sequence of corrections would end (Anderson 1965). The correction itself, by which convergence is judged, is not touched,
-nor is the solution.
+sequence of corrections would end (Anderson 1965). The correction itself, by which convergence is judged, is not touched
+by it, nor is the solution.
 """
 
 from __future__ import annotations

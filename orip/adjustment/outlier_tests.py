@@ -34,14 +34,15 @@ class OutlierTest:
     sigma0: float
     redundancy: int | None
 
-    def limit(self) -> float:
-        """Return the limit of a normalised residual."""
+    def limit(self, among: int = 1) -> float:
+        """Return the limit of a normalised residual, or of the largest of several (Bonferroni)."""
+        alpha = self.alpha / among
         if self.redundancy is None:
-            return float(-ndtri(self.alpha / 2.0))
+            return float(-ndtri(alpha / 2.0))
         freedom = self.redundancy
         if freedom < 2:
             return float("inf")
-        t = float(stdtrit(freedom - 1, 1.0 - self.alpha / 2.0))
+        t = float(stdtrit(freedom - 1, 1.0 - alpha / 2.0))
         return float(np.sqrt(freedom) * t / np.sqrt(freedom - 1 + t * t))
 
     def group_limit(self, size: int) -> float:

@@ -33,10 +33,20 @@ _NEAR_THE_WORST = 0.5
 _TESTABLE = 1e-4
 """Redundancy number below which a residual hides its error altogether."""
 
+_COMPONENTS_OF_A_PHOTO_POINT = 2
+
 
 @dataclass(frozen=True, slots=True)
 class SnoopingSettings:
-    """How blunders are searched: sigma0 known a priori (1) or estimated, and the error probability of one test."""
+    """How blunders are searched.
+
+    Parameters
+    ----------
+    sigma0 : {"apriori", "posteriori"}
+        Known to be 1, or estimated from the same adjustment.
+    alpha : float
+        Error probability of the test of one photo point (x and y each have half of it) or control point.
+    """
 
     sigma0: Literal["apriori", "posteriori"] = "apriori"
     alpha: float = 0.001
@@ -206,9 +216,9 @@ class _Search:
         variance = 1.0 + sign * leverage
         testable = variance > _TESTABLE
         if not testable.any():
-            return _Finding(unit, float("nan"), test.limit())
+            return _Finding(unit, float("nan"), test.limit(_COMPONENTS_OF_A_PHOTO_POINT))
         w = np.abs(residual[testable]) / (test.sigma0 * np.sqrt(variance[testable]))
-        return _Finding(unit, float(w.max()), test.limit())
+        return _Finding(unit, float(w.max()), test.limit(_COMPONENTS_OF_A_PHOTO_POINT))
 
     def _cofactor_of_control(self, unit: int) -> FloatArray:
         """Return the cofactor (k, k) of the adjusted coordinates of a control point, in units of their errors."""

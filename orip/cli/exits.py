@@ -47,10 +47,10 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
     colors: dict[bool, ColorChoice] = {True: "never", False: "auto"}
     never = "--color=never" in arguments or "never" in arguments
     terminal = Terminal(json="--json" in arguments, color=colors[never])
-    message = " ".join(error.format_message().split())
-    _report(
-        terminal, UsageError(f"{message.rstrip('.')}; 'orip --help' and 'orip COMMAND --help' show what is allowed")
-    )
+    message = " ".join(error.format_message().split()).replace("Value error, ", "").rstrip(".")
+    context = getattr(error, "ctx", None)
+    stop = "" if message.endswith("?") else ";"
+    _report(terminal, UsageError(f"{message}{stop} see '{context.command_path if context else 'orip'} --help'"))
     terminal.flush()
     return UsageError.exit_code
 

@@ -15,19 +15,19 @@ from orip.files.bundle_listing_residuals import (
 from orip.files.listing_title import bundle_title
 from orip.files.number_text import fixed, one_fixed, root_mean_square
 from orip.files.text_table import Column, key_lines, paragraph, section, table_lines
-from orip.model.solution import Solution
+from orip.model.solution import Reliability, Solution
 
 TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 
 STRONG_CORRELATION = 0.95
 
 
-def bundle_listing(solution: Solution) -> str:
+def bundle_listing(solution: Solution, reliability: Reliability) -> str:
     """Return BUNDLE_RESULT.OUT as one text with a newline at its end."""
-    return "".join(f"{line}\n" for line in bundle_listing_lines(solution))
+    return "".join(f"{line}\n" for line in bundle_listing_lines(solution, reliability))
 
 
-def bundle_listing_lines(solution: Solution) -> Iterator[str]:
+def bundle_listing_lines(solution: Solution, reliability: Reliability) -> Iterator[str]:
     """Yield the lines of BUNDLE_RESULT.OUT, without newlines."""
     yield from bundle_title(TITLE, solution)
     yield from section("KEY FIGURES", _key_figures(solution))
@@ -41,7 +41,7 @@ def bundle_listing_lines(solution: Solution) -> Iterator[str]:
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo"))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
-    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution))
+    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability))
 
 
 def _key_figures(solution: Solution) -> list[str]:

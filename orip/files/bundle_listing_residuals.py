@@ -11,7 +11,7 @@ from orip.files.bundle_listing_estimates import CAMERA_UNITS
 from orip.files.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.files.text_table import Column, Table, table_lines
 from orip.model.measurement import IntArray
-from orip.model.solution import FloatArray, Residuals, Solution
+from orip.model.solution import FloatArray, Reliability, Residuals, Solution
 
 LARGEST = 10
 """So many of the largest standard residuals stand at the front of the listing."""
@@ -23,6 +23,7 @@ GROUND_COORDINATES = frozenset({"X0", "Y0", "Z0", "X", "Y", "Z"})
 LEGEND = [
     "",
     "  a = a-priori error, v = residual (adjusted minus observed), SR = standard residual (v against a),",
+    "  SD = standard deviation of the adjusted observation,",
     "  WF = weight factor (below 1: down-weighted, '-': disregarded), r = redundancy number, w = normalised residual",
 ]
 """What the headings of the tables of residuals mean."""
@@ -86,7 +87,7 @@ def ground_residual_lines(solution: Solution, choose: Callable[[str], bool]) -> 
     return table_lines(component_columns(residuals, rows, solution.ground_unit))
 
 
-def photo_residual_lines(solution: Solution) -> list[str]:
+def photo_residual_lines(solution: Solution, reliability: Reliability) -> list[str]:
     """Return a table of photo residuals for each photo; the columns are equally wide in all of them."""
     rows = _photo_rows(solution)
     if not rows:
@@ -95,7 +96,7 @@ def photo_residual_lines(solution: Solution) -> list[str]:
     parts = np.array([row[2:] for row in rows], dtype=np.int64)
     influential = np.where(np.isfinite(residuals.weight_factor), residuals.residual, np.nan)
     influential = np.append(influential, np.nan)[parts]
-    table = Table(_photo_columns(residuals, rows, parts), indent=4)
+    table = Table(_photo_columns(residuals, reliability, rows, parts), indent=4)
     lines = []
     start = 0
     for photo, group in itertools.groupby(rows, key=lambda row: row[0]):
@@ -123,14 +124,17 @@ def _photo_rows(solution: Solution) -> list[PhotoRow]:
     return [(photo, point, pair[0], pair[1]) for photo, points in pairs.items() for point, pair in points]
 
 
-def _photo_columns(residuals: Residuals, rows: Sequence[PhotoRow], parts: IntArray) -> list[Column]:
+def _photo_columns(
+    residuals: Residuals, reliability: Reliability, rows: Sequence[PhotoRow], parts: IntArray
+) -> list[Column]:
     # millimetres: one decimal less for the coordinate than for its residual, as instruments read out
     decimals = decimals_for(np.abs(residuals.a_priori[parts[parts >= 0]]) / 10.0, 5, 6)
 
     def pair(heading: str, values: FloatArray, digits: int, unit: str = "") -> list[Column]:
         padded = np.append(values, np.nan)  # row -1, the missing component, reads NaN
         return [
-            Column(heading.format(axis), fixed(padded[parts[:, k]], digits), unit) for k, axis in enumerate(("X", "Y"))
+            Column(heading.format(axis), fixed(padded[parts[:, k]], digits), unit, gap=2 - k)
+            for k, axis in enumerate(("X", "Y"))
         ]
 
     return [
@@ -138,9 +142,10 @@ def _photo_columns(residuals: Residuals, rows: Sequence[PhotoRow], parts: IntArr
         *pair("{}", residuals.observed, decimals - 1, "mm"),
         *pair("a{}", residuals.a_priori, decimals - 1, "mm"),
         *pair("v{}", residuals.residual, decimals, "mm"),
+        *pair("SD {}", reliability.adjusted_sd, decimals - 1, "mm"),
         *pair("SR {}", residuals.standard_residual, 2),
-        *pair("WF {}", residuals.weight_factor, 3),
-        *pair("r {}", residuals.redundancy_number, 3),
+        *pair("WF {}", residuals.weight_factor, 2),
+        *pair("r {}", residuals.redundancy_number, 2),
         *pair("w {}", residuals.w, 2),
     ]
 

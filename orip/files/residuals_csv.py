@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from orip.model.solution import FloatArray, Residuals
+from orip.model.solution import FloatArray, Reliability, Residuals
 
-HEADER = "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w\n"
+HEADER = (
+    "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w,"
+    "adjusted_sd,minimal_detectable_bias,external_reliability\n"
+)
 
 ROWS_PER_PIECE = 65536
 
 
-def residuals_csv(residuals: Residuals) -> str:
+def residuals_csv(residuals: Residuals, reliability: Reliability) -> str:
     """Return residuals.csv as one text; empty cells stand for NaN."""
-    return "".join(residuals_csv_pieces(residuals))
+    return "".join(residuals_csv_pieces(residuals, reliability))
 
 
-def residuals_csv_pieces(residuals: Residuals) -> Iterator[str]:
+def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[str]:
     """Yield residuals.csv in pieces of whole lines, so that millions of rows need little memory.
 
     The first line is the header; floats are the shortest text that reads back exactly; empty cells stand for NaN.
@@ -33,6 +36,9 @@ def residuals_csv_pieces(residuals: Residuals) -> Iterator[str]:
             residuals.weight_factor,
             residuals.redundancy_number,
             residuals.w,
+            reliability.adjusted_sd,
+            reliability.minimal_detectable_bias,
+            reliability.external,
         )
         columns = [
             *(_name_cells(column[part]) for column in names),

@@ -26,8 +26,9 @@ _ONE_LINE = 1e-3
 """Marks on a line across a film of 230 mm are off it by some 0.01 mm, the error of measuring; no frame is so narrow
 that its width is a thousandth of its length."""
 
-_NO_INVERSE = 1e-6
-"""Smallest scale, as part of the one expected from the extents, that still has a meaning."""
+_NO_INVERSE = 1e-2
+"""Smallest scale, as part of the one expected from the extents; a square turned over leaves a scale of measuring errors
+alone, some 1e-4, to a conform transformation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,7 @@ def fit_plane_transformation(kind: TransformationKind, measured: FloatArray, giv
     centre, target = measured.mean(axis=0), given.mean(axis=0)
     matrix = _FITS[kind](measured - centre, given - target)
     if np.linalg.svd(matrix, compute_uv=False)[1] < _NO_INVERSE * given_size / size:
-        message = "the measured marks are not at all arranged like the given ones (are names interchanged?)"
+        message = "the measured marks are not arranged like the given ones (are names interchanged, or is the film upside down?)"
         raise ValueError(message)
     return PlaneTransformation(matrix, target - matrix @ centre)
 

@@ -147,5 +147,9 @@ def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given:
     if kind == "A" or len(measured) < 3:
         return False
     turned = measured * [-1.0, 1.0]
-    residuals = fit_plane_transformation(kind, turned, given).apply(turned) - given
+    try:
+        residuals = fit_plane_transformation(kind, turned, given).apply(turned) - given
+    except ValueError:
+        # a square that lies right fits no conform transformation when it is turned over
+        return False
     return float(np.sum(residuals**2)) < _MIRROR_GAIN**2 * square_sum

@@ -121,6 +121,25 @@ class Residuals:
 
 
 @dataclass(frozen=True, slots=True)
+class Reliability:
+    """Reliability of n observation components, in the unit of each; NaN where nothing checks it.
+
+    Parameters
+    ----------
+    minimal_detectable_bias : array (n,)
+        Internal reliability: the smallest error found with probability 0.80 by a test with error probability 0.001.
+    external : array (n,)
+        Influence of such an error on the unknowns, in standard deviations.
+    adjusted_sd : array (n,)
+        Standard deviation of the adjusted observation.
+    """
+
+    minimal_detectable_bias: FloatArray
+    external: FloatArray
+    adjusted_sd: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Estimates:
     """Adjusted values of records of one group.
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from orip.adjustment.reliability import reliability
 from orip.errors import OripError
 from orip.files.atomic_text import remove_leftovers, replace_text
 from orip.files.bundle_listing import bundle_listing
@@ -29,8 +32,9 @@ _HEAD = 4096
 def write_solution_outputs(project: Project, solution: Solution) -> tuple[Path, ...]:
     """Write all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv."""
     files = project.outputs(solution.bundle)
-    _write(project, files.residuals, residuals_csv(solution.residuals))
-    _write(project, files.listing, bundle_listing(solution))
+    found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
+    _write(project, files.residuals, residuals_csv(solution.residuals, found))
+    _write(project, files.listing, bundle_listing(solution, found))
     _write(project, files.errors, error_listing(solution))
     _write(project, files.result, result_text(solution))
     return files.all

@@ -13,6 +13,8 @@ from orip.model.names import record_key
 from orip.model.project import ProjectDefinition
 
 PROJECT_FILE = "orip.toml"
+MOST_BUNDLES = 5
+"""SQLite attaches ten databases to a connection: the five record stores, and an .EXO file of each bundle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,4 +177,10 @@ def open_project(folder: Path) -> Project:
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.records is None:
         raise InputError(parsed.complaints)
+    if len(parsed.records.definition.bundles) > MOST_BUNDLES:
+        message = (
+            f"the project has {len(parsed.records.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
+            f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
+        )
+        raise InputError.single(message, PROJECT_FILE)
     return Project(folder, parsed.records.definition, parsed.records.lines, parsed.warnings)

@@ -6,6 +6,7 @@ A text's digest is taken before it is read: whatever is saved meanwhile shows as
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,7 +129,9 @@ def _misspelt(project: Project, path: Path) -> Complaint | None:
     for other in sorted(path.parent.iterdir()):
         if other.name.lower() == path.name.lower():
             shown = project.shown(path)
-            return Complaint(f"is not read, for the project's file is called {shown}; rename it", project.shown(other))
+            return Complaint(
+                f"this file is not read: the project's file is called {shown}; rename it", project.shown(other)
+            )
     return None
 
 
@@ -177,7 +180,12 @@ def log_digests(project: Project) -> Digests:
 
 
 def _digests(project: Project, paths: Iterable[Path]) -> Digests:
-    return tuple((project.shown(path), file_digest(path)) for path in paths if path.is_file())
+    found = []
+    for path in paths:
+        with suppress(OSError):  # a file that cannot be read is complained of by its reader
+            if path.is_file():
+                found.append((project.shown(path), file_digest(path)))
+    return tuple(found)
 
 
 def _faults_in_folder(folder: Path) -> list[Complaint]:

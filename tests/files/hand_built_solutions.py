@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.reliability import reliability
+from orip.files.bundle_listing import bundle_listing
+from orip.files.residuals_csv import residuals_csv, residuals_csv_pieces
 from orip.model.control import PointKind
 from orip.model.interior import MarkAdjustment
 from orip.model.measurement import MeasuredMarks
@@ -234,3 +238,18 @@ def _marks(count: int, disregarded: int) -> MeasuredMarks:
     flags = np.arange(count) >= count - disregarded
     names = tuple(f"{k + 1}" for k in range(count))
     return MeasuredMarks(names, _coordinates(count) + 212.5, flags, np.full((count, 2), NAN))
+
+
+def listing(solution: Solution) -> str:
+    """BUNDLE_RESULT.OUT of a solution."""
+    return bundle_listing(solution, reliability(solution.residuals, 1.0))
+
+
+def csv_text(found: Residuals) -> str:
+    """residuals.csv of residuals."""
+    return residuals_csv(found, reliability(found, 1.0))
+
+
+def csv_pieces(found: Residuals) -> Iterator[str]:
+    """residuals.csv of residuals in its pieces."""
+    return residuals_csv_pieces(found, reliability(found, 1.0))

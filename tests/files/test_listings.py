@@ -9,12 +9,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hand_built_solutions import INF, LONG_NAME, NAN, awkward, empty, estimates, interior, residuals, with_many_points
+from hand_built_solutions import (
+    INF,
+    LONG_NAME,
+    NAN,
+    awkward,
+    empty,
+    estimates,
+    interior,
+    listing,
+    residuals,
+    with_many_points,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
 from orip import __version__
-from orip.files.bundle_listing import bundle_listing
+from orip.adjustment.reliability import reliability
 from orip.files.error_listing import error_listing
 from orip.files.interior_listing import interior_listing
 from orip.files.listing_title import run_of_listing
@@ -56,9 +67,9 @@ def all_agree(texts: list[str], values: object) -> bool:
 
 @pytest.mark.parametrize("solution", [awkward(), empty(), with_many_points(30)], ids=["awkward", "empty", "many"])
 def test_listings_are_plain_text_and_always_the_same(solution: Solution) -> None:
-    for listing in (bundle_listing, error_listing):
-        text = listing(solution)
-        assert text == listing(solution)
+    for text_of in (listing, error_listing):
+        text = text_of(solution)
+        assert text == text_of(solution)
         assert text.endswith("\n")
         assert "\f" not in text
         assert "nan" not in text
@@ -66,13 +77,13 @@ def test_listings_are_plain_text_and_always_the_same(solution: Solution) -> None
 
 
 def test_usual_contents_fit_the_printer() -> None:
-    text = bundle_listing(with_many_points(30))
+    text = listing(with_many_points(30))
     assert max(map(len, text.split("\n"))) <= 132
 
 
 def test_the_title_block_names_program_project_user_bundle_run_and_status() -> None:
-    for listing in (bundle_listing, error_listing):
-        head = listing(awkward()).split("\n")[:8]
+    for text_of in (listing, error_listing):
+        head = text_of(awkward()).split("\n")[:8]
         assert head[0].endswith(f"orip {__version__}")
         assert "Project  ZURICH" in head
         assert "User     K. Dueholm" in head
@@ -82,14 +93,14 @@ def test_the_title_block_names_program_project_user_bundle_run_and_status() -> N
 
 
 def test_a_status_that_is_not_converged_is_explained() -> None:
-    assert "DOUBTFUL" in bundle_listing(awkward())
+    assert "DOUBTFUL" in listing(awkward())
     assert "Do not use them" in error_listing(replace(awkward(), status="not_converged"))
-    assert "STOPPED" in bundle_listing(empty())
-    assert "DOUBTFUL" not in bundle_listing(replace(awkward(), status="converged"))
+    assert "STOPPED" in listing(empty())
+    assert "DOUBTFUL" not in listing(replace(awkward(), status="converged"))
 
 
 def test_the_run_id_is_read_back() -> None:
-    for text in (bundle_listing(awkward()), error_listing(awkward())):
+    for text in (listing(awkward()), error_listing(awkward())):
         assert run_of_listing(text) == awkward().run
         assert run_of_listing(text[:600]) == awkward().run
         assert run_of_listing(text.replace("\n", "\r\n")) == awkward().run
@@ -98,7 +109,7 @@ def test_the_run_id_is_read_back() -> None:
 
 def test_a_project_name_cannot_pose_as_a_run_id() -> None:
     solution = replace(awkward(), project="A\nRun id   false")
-    assert run_of_listing(bundle_listing(solution)) == awkward().run
+    assert run_of_listing(listing(solution)) == awkward().run
 
 
 @given(st.text())
@@ -107,7 +118,7 @@ def test_any_text_is_searched_for_a_run_id(text: str) -> None:
 
 
 def test_key_figures() -> None:
-    body = section(bundle_listing(awkward()), "KEY FIGURES")
+    body = section(listing(awkward()), "KEY FIGURES")
     figures = dict(re.split(" {2,}", line.strip())[:2] for line in body if line)
     assert figures == {
         "Standard error of unit weight (sigma0)": "1.0342",
@@ -129,16 +140,16 @@ def test_key_figures() -> None:
 def test_with_different_a_priori_errors_there_is_no_standard_error_of_an_image_coordinate() -> None:
     solution = awkward()
     solution.residuals.a_priori[0] = 0.004
-    assert "of an image coordinate" not in bundle_listing(solution)
+    assert "of an image coordinate" not in listing(solution)
 
 
 def test_no_redundancy_is_said() -> None:
-    assert "no redundancy" in bundle_listing(empty())
-    assert "no redundancy" not in bundle_listing(awkward())
+    assert "no redundancy" in listing(empty())
+    assert "no redundancy" not in listing(awkward())
 
 
 def test_the_largest_standard_residuals_come_first_and_leave_out_the_disregarded() -> None:
-    rows = cells(section(bundle_listing(awkward()), "LARGEST STANDARD RESIDUALS"))
+    rows = cells(section(listing(awkward()), "LARGEST STANDARD RESIDUALS"))
     assert len(rows) == 10
     assert rows[0][:4] == ["photo", "P102", "7", "y"]
     assert rows[1][:4] == ["photo", "P102", "1001", "x"]
@@ -147,7 +158,7 @@ def test_the_largest_standard_residuals_come_first_and_leave_out_the_disregarded
 
 
 def test_iterations() -> None:
-    text = bundle_listing(awkward())
+    text = listing(awkward())
     rows = cells(section(text, "ITERATIONS"))
     assert rows == [
         ["1*", "-0.52", "210.2500", "0", "0"],
@@ -159,7 +170,7 @@ def test_iterations() -> None:
 
 def test_cameras() -> None:
     solution = awkward()
-    body = section(bundle_listing(solution), "CAMERAS")
+    body = section(listing(solution), "CAMERAS")
     for i, name in enumerate(solution.cameras.names):
         rows = cells(["-", *body[body.index(f"  Camera {name}") + 4 :]])
         assert [row[0] for row in rows] == list(CAMERA_PARAMETERS)
@@ -170,7 +181,7 @@ def test_cameras() -> None:
 
 def test_photos_with_standard_deviations_beneath_and_a_mark_near_phi_90() -> None:
     solution = awkward()
-    body = section(bundle_listing(solution), "PHOTOS")
+    body = section(listing(solution), "PHOTOS")
     rows = cells(body)
     assert [row[0] for row in rows] == ["P101", "sd", "P102", "sd*"]
     for i in range(2):
@@ -181,12 +192,12 @@ def test_photos_with_standard_deviations_beneath_and_a_mark_near_phi_90() -> Non
 
 def test_without_a_mark_there_is_no_footnote() -> None:
     solution = replace(awkward(), photo_rotation_sd_about_axes=(False, False))
-    assert "so near to 90" not in bundle_listing(solution)
+    assert "so near to 90" not in listing(solution)
 
 
 def test_points() -> None:
     for solution in (awkward(), with_many_points(120)):
-        rows = cells(section(bundle_listing(solution), "POINTS"))
+        rows = cells(section(listing(solution), "POINTS"))
         assert [row[0] for row in rows] == list(solution.points.names)
         assert [row[1] for row in rows] == list(solution.point_kinds)
         assert [row[2] for row in rows] == [str(rays) for rays in solution.point_rays]
@@ -198,7 +209,7 @@ def test_points() -> None:
 def test_the_smallest_standard_deviation_shows_two_digits() -> None:
     points = estimates(("1",), [[1000482.579395, 1.0, 2.0]], [[0.00041, 0.3, 0.2]], 3)
     solution = replace(awkward(), points=points, point_rays=(2,), point_kinds=("tie",))
-    (row,) = cells(section(bundle_listing(solution), "POINTS"))
+    (row,) = cells(section(listing(solution), "POINTS"))
     assert row[3] == "1000482.57940"
     assert row[6] == "0.00041"
 
@@ -206,7 +217,7 @@ def test_the_smallest_standard_deviation_shows_two_digits() -> None:
 def test_coordinates_of_constant_points_are_printed_in_full() -> None:
     points = estimates(("1",), [[1000482.579395, 1.0, 2.0]], [[NAN] * 3], 3)
     solution = replace(awkward(), points=points, point_rays=(2,), point_kinds=("control",))
-    (row,) = cells(section(bundle_listing(solution), "POINTS"))
+    (row,) = cells(section(listing(solution), "POINTS"))
     assert row[3:] == ["1000482.579395", "1.000000", "2.000000", "constant", "constant", "constant"]
 
 
@@ -222,7 +233,7 @@ def component_row_agrees(row: list[str], solution: Solution, i: int) -> bool:
 
 def test_control_and_other_ground_residuals() -> None:
     solution = awkward()
-    text = bundle_listing(solution)
+    text = listing(solution)
     control = cells(section(text, "CONTROL POINT RESIDUALS"))
     others = cells(section(text, "RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS"))
     assert [row[2] for row in control] == ["X", "Y", "Z"]
@@ -234,7 +245,7 @@ def test_control_and_other_ground_residuals() -> None:
 
 def test_without_control_the_section_says_none() -> None:
     solution = replace(awkward(), residuals=residuals(()), check_points=())
-    text = bundle_listing(solution)
+    text = listing(solution)
     assert section(text, "CONTROL POINT RESIDUALS")[0] == "  none"
     assert section(text, "CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES")[0] == "  none"
     assert section(text, "PHOTO RESIDUALS")[0] == "  none"
@@ -242,9 +253,7 @@ def test_without_control_the_section_says_none() -> None:
 
 def test_check_points_with_the_root_mean_square_of_one_coordinate() -> None:
     points = (CheckPoint("K1", 0.012, -0.016, NAN), CheckPoint("K2", -0.03, 0.04, 0.1))
-    body = section(
-        bundle_listing(replace(awkward(), check_points=points)), "CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES"
-    )
+    body = section(listing(replace(awkward(), check_points=points)), "CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES")
     assert cells(body) == [["K1", "0.0120", "-0.0160", "-"], ["K2", "-0.0300", "0.0400", "0.1000"]]
     means = cells(body[6:])
     # sqrt((0.02² + 0.05²) / 4)
@@ -252,16 +261,16 @@ def test_check_points_with_the_root_mean_square_of_one_coordinate() -> None:
 
 
 def test_correlations() -> None:
-    assert cells(section(bundle_listing(awkward()), "CORRELATIONS OF CAMERA UNKNOWNS")) == [
+    assert cells(section(listing(awkward()), "CORRELATIONS OF CAMERA UNKNOWNS")) == [
         ["OLYMPUS.C", "OLYMPUS.A3", "-0.973", "strong"],
         ["OLYMPUS.DX", "OLYMPUS.P2", "-"],
     ]
 
 
 def photo_tables(solution: Solution) -> dict[str, list[list[str]]]:
-    body = section(bundle_listing(solution), "PHOTO RESIDUALS")
+    body = section(listing(solution), "PHOTO RESIDUALS")
     heads = [i for i, line in enumerate(body) if line.startswith("  Photo ")]
-    return {body[i].split()[1].rstrip(":"): cells(body[i:]) for i in heads}
+    return {body[i].split()[1].rstrip(":"): [" ".join(row).split() for row in cells(body[i:])] for i in heads}
 
 
 @pytest.mark.parametrize("solution", [awkward(), with_many_points(25)], ids=["awkward", "many"])
@@ -274,6 +283,7 @@ def test_photo_residuals(solution: Solution) -> None:
         found.observed,
         found.a_priori,
         found.residual,
+        reliability(found, 1.0).adjusted_sd,
         found.standard_residual,
         found.weight_factor,
         found.redundancy_number,
@@ -291,11 +301,11 @@ def test_a_component_that_is_missing_is_a_dash_and_a_repeated_point_has_its_own_
     rows = tuple(("photo", "P101", "1", axis, *numbers) for axis in ("x", "y", "x"))
     first, second = photo_tables(replace(awkward(), residuals=residuals(rows)))["P101"]
     assert "-" not in first
-    assert second[2::2] == ["-"] * 7
+    assert second[2::2] == ["-"] * 8
 
 
 def test_root_mean_squares_of_a_photo_leave_out_the_disregarded() -> None:
-    text = bundle_listing(awkward())
+    text = listing(awkward())
     assert "  Photo P101:  2 points,  RMS of vX 0.00266 and vY 0.00092 mm" in text
     assert "  Photo P102:  2 points,  RMS of vX 0.03110 and vY 0.08844 mm" in text
 
@@ -308,7 +318,7 @@ def test_nothing_is_cut() -> None:
         project=name,
         check_points=(CheckPoint(name, *[1.0] * 3),),
     )
-    text = bundle_listing(solution)
+    text = listing(solution)
     assert text.count(name) == 3
     assert text.count(LONG_NAME) == 3
     assert "1000482.5794" in text
@@ -317,7 +327,7 @@ def test_nothing_is_cut() -> None:
 def test_numbers_of_a_diverged_adjustment_are_printed_whatever_they_are() -> None:
     photos = estimates(("P101", "P102"), [[1e200, NAN, -INF, 1e13, 5.0, 6.0]] * 2, [[INF] * 6] * 2, 6)
     rows = (("photo", "P101", "1", "x", 1.0, 1e200, 0.005, 2e202, 1e-30, 0.5, INF),)
-    text = bundle_listing(replace(awkward(), photos=photos, residuals=residuals(rows)))
+    text = listing(replace(awkward(), photos=photos, residuals=residuals(rows)))
     assert "1.000000e+200" in text
     assert all_agree(cells(section(text, "PHOTOS"))[0][1:], photos.values[0])
 

@@ -1,0 +1,91 @@
+"""Ellipsoidal and geocentric coordinates of places.
+
+Geographic coordinates are longitude and latitude (radians) and height above the ellipsoid (metres); geocentric ones are
+metres from the centre of the ellipsoid, the third along its axis. An ellipsoid is given by its two half axes, metres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_ROUNDS = 3
+"""Of Bowring's iteration: one leaves 0.3 micrometres at 5 km of height, two are exact to rounding, the third is spare."""
+
+
+def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
+    """Return geocentric coordinates.
+
+    Parameters
+    ----------
+    geographic : array (n, 3)
+    semi_axes : (float, float)
+
+    Returns
+    -------
+    array (n, 3)
+    """
+    major, minor = semi_axes
+    longitude, latitude, height = geographic.T
+    sine, cosine = np.sin(latitude), np.cos(latitude)
+    normal = major**2 / np.hypot(major * cosine, minor * sine)
+    from_axis = (normal + height) * cosine
+    along_axis = ((minor / major) ** 2 * normal + height) * sine
+    return np.stack([from_axis * np.cos(longitude), from_axis * np.sin(longitude), along_axis], axis=1)
+
+
+def geographic_from_geocentric(geocentric: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
+    """Return longitude, latitude and height: the inverse of `geocentric_from_geographic`.
+
+    Parameters
+    ----------
+    geocentric : array (n, 3)
+        Not near the centre of the earth.
+    semi_axes : (float, float)
+
+    Returns
+    -------
+    array (n, 3)
+
+    Notes
+    -----
+    Bowring (1976), Transformation from spatial to geographical coordinates, Survey Review 23 (181), 323-327, iterated;
+    the height by a formula that holds at the poles too.
+    """
+    major, minor = semi_axes
+    from_axis, along_axis = np.hypot(geocentric[:, 0], geocentric[:, 1]), geocentric[:, 2]
+    linear = major**2 - minor**2
+    reduced = np.arctan2(major * along_axis, minor * from_axis)
+    latitude = reduced
+    for _ in range(_ROUNDS):
+        latitude = np.arctan2(
+            along_axis + linear / minor * np.sin(reduced) ** 3, from_axis - linear / major * np.cos(reduced) ** 3
+        )
+        reduced = np.arctan2(minor * np.sin(latitude), major * np.cos(latitude))
+    sine, cosine = np.sin(latitude), np.cos(latitude)
+    height = from_axis * cosine + along_axis * sine - np.hypot(major * cosine, minor * sine)
+    return np.stack([np.arctan2(geocentric[:, 1], geocentric[:, 0]), latitude, height], axis=1)
+
+
+def place_axes(geographic: FloatArray) -> FloatArray:
+    """Return the directions of east, north and up (along the ellipsoid's normal) at places, geocentric.
+
+    Parameters
+    ----------
+    geographic : array (n, 3)
+
+    Returns
+    -------
+    array (n, 3, 3)
+        In rows.
+    """
+    sine_of_longitude, cosine_of_longitude = np.sin(geographic[:, 0]), np.cos(geographic[:, 0])
+    sine, cosine, zero = np.sin(geographic[:, 1]), np.cos(geographic[:, 1]), np.zeros(len(geographic))
+    rows = [
+        [-sine_of_longitude, cosine_of_longitude, zero],
+        [-sine * cosine_of_longitude, -sine * sine_of_longitude, cosine],
+        [cosine * cosine_of_longitude, cosine * sine_of_longitude, sine],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

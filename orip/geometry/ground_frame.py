@@ -1,0 +1,301 @@
+"""The frame a block is adjusted in: local topocentric, where the project's coordinates are curved.
+
+With a coordinate reference system the project's X, Y, Z are eastings, northings and heights: the grid has its own scale
+and north, and heights follow the earth's curvature. Collinearity wants a Cartesian system. The local frame is one: east,
+north and up at an origin in the middle of the block, in the project's unit. The place of everything in it is exact, so
+nothing is approximated; the project's coordinates are functions of local ones, with partials.
+
+"Place" below means east, north and up (along the ellipsoid's normal) at a point itself, not at the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.errors import InputError, ProjectWarning
+from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
+from orip.geometry.ground_crs import GroundCrs, degrees_at, ground_crs
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 100.0
+"""Metres to each side in the differences of a map projection.
+
+The third derivatives of a projection are of the order of 1/R², so that a central difference is off by some
+(100 m / R)² / 6 = 4e-11; the 1e-9 m to which coordinates are held add 1e-11. Both are far below 1e-9 rad.
+"""
+
+_CONFORMAL = 1e-6
+"""Angular distortion (radians) below which the axes of the grid count as perpendicular: 0.2 seconds of arc."""
+
+
+class ProjectCoordinates(NamedTuple):
+    """The project's coordinates (n, 3) of n points, and their partials (n, 3, 3) by the points' local ones."""
+
+    value: FloatArray
+    by_local: FloatArray
+
+
+class LocalCoordinates(NamedTuple):
+    """Local coordinates (n, 3) of n points, and their partials (n, 3, 3) by the points' coordinates in the project."""
+
+    value: FloatArray
+    by_project: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class GroundFrame:
+    """A local topocentric frame: x east, y north, z up at its origin, in the project's ground unit.
+
+    Parameters
+    ----------
+    crs : GroundCrs
+    origin : array (3,)
+        In the project's coordinates; (0, 0, 0) in the local frame.
+    geocentric_origin : array (3,)
+        Metres.
+    axes : array (3, 3)
+        Rows are the local axes, geocentric.
+    convergence : float
+        Meridian convergence at the origin, radians: from true north to grid north, positive to the east.
+    scale : float
+        Lengths on the grid over lengths on the ground at the origin: scale of the map, and of its height.
+    warnings : tuple of ProjectWarning
+    """
+
+    crs: GroundCrs
+    origin: FloatArray
+    geocentric_origin: FloatArray
+    axes: FloatArray
+    convergence: float
+    scale: float
+    warnings: tuple[ProjectWarning, ...]
+
+    def to_local(self, xyz: FloatArray) -> FloatArray:
+        """Return local coordinates of coordinates in the project.
+
+        Parameters
+        ----------
+        xyz : array (n, 3)
+
+        Returns
+        -------
+        array (n, 3)
+            NaN throughout for a point with an unknown coordinate, or outside the system.
+        """
+        return self._local_of(self._geocentric_of(self.crs.to_geographic(xyz)))
+
+    def to_project(self, local: FloatArray) -> FloatArray:
+        """Return coordinates in the project of local coordinates; the inverse of `to_local`.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+
+        Returns
+        -------
+        array (n, 3)
+            NaN throughout for a point outside the system.
+        """
+        return self._project_of(self._geocentric(local))
+
+    def axes_at(self, xyz: FloatArray) -> FloatArray:
+        """Return the rotations from the local axes to the project's axes at places.
+
+        With R_local from photo to local axes, the rotation in the project is ``axes_at(X0) @ R_local``, X0 the
+        projection centre in the project. It has the meridian convergence and the tilt of the vertical against that of
+        the origin; the latter is of the ellipsoid, not the plumb line's.
+
+        Parameters
+        ----------
+        xyz : array (n, 3)
+            In the project's coordinates.
+
+        Returns
+        -------
+        array (n, 3, 3)
+            Rows are the directions of grid east, grid north and up in the local frame; orthonormal to rounding.
+
+        Notes
+        -----
+        Place axes follow from longitude and latitude in closed form. The turn from there to the grid is the rotation
+        next to the derivative of the projection (its polar decomposition, closed in two dimensions): scale drops out,
+        and for a conformal projection the grid's own right angle is left as it is. Where a projection is not conformal,
+        its angular distortion is shared evenly between the two axes.
+        """
+        geographic = self.crs.to_geographic(xyz)
+        angle = _turn(self._by_place(geographic)[:, :2, :2])
+        sine, cosine, zero, one = np.sin(angle), np.cos(angle), np.zeros_like(angle), np.ones_like(angle)
+        rows = [[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]
+        to_grid = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        return np.asarray(to_grid @ self._place_of_local(geographic))
+
+    def jacobian_at(self, xyz: FloatArray) -> FloatArray:
+        """Return the partials of the project's coordinates by local ones at places.
+
+        A cofactor block Q of local coordinates is ``J @ Q @ J.T`` in the project.
+
+        Parameters
+        ----------
+        xyz : array (n, 3)
+            In the project's coordinates.
+
+        Returns
+        -------
+        array (n, 3, 3)
+        """
+        return self._partials(self.crs.to_geographic(xyz))
+
+    def project_with_partials(self, local: FloatArray) -> ProjectCoordinates:
+        """Return the project's coordinates and their partials by local ones.
+
+        What is observed, or held, in the project's coordinates stays there: with it any of X, Y, Z alone is a function
+        of a point's three local unknowns.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+
+        Returns
+        -------
+        ProjectCoordinates
+        """
+        geocentric = self._geocentric(local)
+        return ProjectCoordinates(self._project_of(geocentric), self._partials(self._geographic_of(geocentric)))
+
+    def local_with_partials(self, xyz: FloatArray) -> LocalCoordinates:
+        """Return local coordinates and their partials by those in the project: `project_with_partials` inverted.
+
+        Parameters
+        ----------
+        xyz : array (n, 3)
+
+        Returns
+        -------
+        LocalCoordinates
+        """
+        by_local = self.jacobian_at(xyz)
+        by_project = np.full_like(by_local, np.nan)
+        known = np.isfinite(by_local).all(axis=(1, 2))
+        by_project[known] = np.linalg.inv(by_local[known])
+        return LocalCoordinates(self.to_local(xyz), by_project)
+
+    def description(self) -> tuple[str, ...]:
+        """Return lines for a listing: the frame, and what coordinates and rotations refer to."""
+        longitude, latitude = degrees_at(self.crs, self.crs.to_geographic(self.origin[None])[0])
+        east, north = "EW"[longitude < 0.0], "NS"[latitude < 0.0]
+        return (
+            f"Adjusted in a local topocentric frame at {abs(latitude):.6f}° {north} {abs(longitude):.6f}° {east} "
+            f"({self.crs.ellipsoid})",
+            f"Coordinates are in crs {self.crs.shown} ({self.crs.name}): X easting, Y northing, Z {self.crs.heights}",
+            "Rotations refer to grid east, grid north and the ellipsoid's normal at each projection centre",
+            f"At the origin: meridian convergence {round(self.convergence * DEGREES_PER_RADIAN, 5) + 0.0:.5f}°, "
+            f"grid over ground length {self.scale:.7f}",
+        )
+
+    def _project_of(self, geocentric: FloatArray) -> FloatArray:
+        return self.crs.from_geographic(self._geographic_of(geocentric))
+
+    def _geocentric_of(self, geographic: FloatArray) -> FloatArray:
+        return geocentric_from_geographic(geographic, self.crs.semi_axes)
+
+    def _geographic_of(self, geocentric: FloatArray) -> FloatArray:
+        return geographic_from_geocentric(geocentric, self.crs.semi_axes)
+
+    def _geocentric(self, local: FloatArray) -> FloatArray:
+        return np.asarray(self.geocentric_origin + self.crs.metres_per_unit * local @ self.axes)
+
+    def _local_of(self, geocentric: FloatArray) -> FloatArray:
+        return np.asarray((geocentric - self.geocentric_origin) @ self.axes.T / self.crs.metres_per_unit)
+
+    def _place_of_local(self, geographic: FloatArray) -> FloatArray:
+        """Return the rotations (n, 3, 3) from local to place axes."""
+        return np.asarray(place_axes(geographic) @ self.axes.T)
+
+    def _partials(self, geographic: FloatArray) -> FloatArray:
+        return np.asarray(self._by_place(geographic) @ self._place_of_local(geographic))
+
+    def _by_place(self, geographic: FloatArray) -> FloatArray:
+        """Return the partials (n, 3, 3) of the project's coordinates by lengths along place axes, ground units both.
+
+        Differences to the east and north; upwards only Z changes, since projections and geoids do not know of height.
+        """
+        geocentric = self._geocentric_of(geographic)
+        axes = place_axes(geographic)
+        result = np.zeros((len(geographic), 3, 3))
+        for column in (0, 1):
+            step = _STEP * axes[:, column]
+            difference = self._project_of(geocentric + step) - self._project_of(geocentric - step)
+            result[:, :, column] = difference * (self.crs.metres_per_unit / (2.0 * _STEP))
+        result[:, 2, 2] = 1.0
+        return result
+
+
+def ground_frame(crs: str, ground_unit: str, origin: FloatArray) -> GroundFrame:
+    """Return the local frame of a project with a coordinate reference system.
+
+    Parameters
+    ----------
+    crs : str
+        A projected system, alone or with heights: ``EPSG:25832``, ``EPSG:25832+7837``.
+    ground_unit : str
+        Must be the unit of the system.
+    origin : array (3,)
+        X, Y, Z of a place in the middle of the block, in the system.
+
+    Returns
+    -------
+    GroundFrame
+        Its warnings say what was taken for granted.
+
+    Raises
+    ------
+    InputError
+        If the system does not fit (see `ground_crs`), is left-handed, or lacks a grid.
+    """
+    system = ground_crs(crs, ground_unit, origin)
+    geographic = system.to_geographic(origin[None])
+    at_origin = GroundFrame(
+        crs=system,
+        origin=origin,
+        geocentric_origin=geocentric_from_geographic(geographic, system.semi_axes)[0],
+        axes=place_axes(geographic)[0],
+        convergence=0.0,
+        scale=1.0,
+        warnings=system.warnings,
+    )
+    return _with_grid(at_origin, geographic)
+
+
+def _with_grid(frame: GroundFrame, geographic: FloatArray) -> GroundFrame:
+    """Return the frame with what the grid is like at its origin; refuse one that is mirrored."""
+    grid = frame._by_place(geographic)[:, :2, :2]
+    stretch = np.linalg.svd(grid[0], compute_uv=False)
+    if not np.isfinite(grid).all() or np.linalg.det(grid[0]) <= 0.0:
+        message = (
+            f"crs {frame.crs.shown} ({frame.crs.name}) has no right-handed grid in the middle of the block; X must grow "
+            "to the east and Y to the north. Check the coordinates, or name another crs"
+        )
+        raise InputError.single(message)
+    warnings = frame.warnings
+    distortion = 2.0 * float(np.arcsin((stretch[0] - stretch[1]) / (stretch[0] + stretch[1])))
+    if distortion > _CONFORMAL:
+        text = (
+            f"is not conformal: in the middle of the block its grid changes angles by up to "
+            f"{distortion * DEGREES_PER_RADIAN:.4f}°. Coordinates are right all the same; rotations refer to the "
+            "rectangular axes nearest to the grid's"
+        )
+        warnings = (*warnings, ProjectWarning("crs-not-conformal", f"crs {frame.crs.shown}", text))
+    return replace(
+        frame, convergence=float(_turn(grid)[0]), scale=float(np.sqrt(stretch[0] * stretch[1])), warnings=warnings
+    )
+
+
+def _turn(grid: FloatArray) -> FloatArray:
+    """Return the angles (n,) of the rotations next to matrices (n, 2, 2), counterclockwise."""
+    return np.arctan2(grid[:, 1, 0] - grid[:, 0, 1], grid[:, 0, 0] + grid[:, 1, 1])

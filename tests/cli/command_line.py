@@ -1,0 +1,45 @@
+"""The program `orip` run in this process, from the words of the command line to the exit code."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from orip.cli.main import main
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command said, and its exit code."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def document(self) -> Any:
+        """Return stdout as one JSON document, strictly."""
+
+        def refuse(constant: str) -> None:
+            raise ValueError(constant)
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+def orip(folder: Path, *arguments: str) -> Said:
+    """Run ``orip -C folder arguments``."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    words = ["orip", "-C", str(folder), *arguments]
+    with patch.multiple(sys, argv=words, stdout=out, stderr=err):
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code
+    texts = [stream.buffer.getvalue().decode("utf-8") for stream in (out, err)]  # type: ignore[attr-defined]
+    assert "Traceback" not in texts[1]
+    return Said(int(code or 0), *texts)

@@ -1,0 +1,103 @@
+"""Options of every command, help, streams, and what importing the command line does not import."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from cli.command_line import orip
+from workflow.small_projects import first_project
+
+from orip.cli.main import app
+from orip.cli.options import SharedOptions
+
+COMMANDS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return first_project(tmp_path / "first")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "merged"),
+    [
+        ({}, {}, ("auto", 1)),
+        ({"color": "never"}, {"threads": 2}, ("never", 2)),
+        ({"color": "never"}, {"color": "always"}, ("always", 1)),
+        ({"color": "always"}, {"color": "auto"}, ("auto", 1)),
+        ({"threads": 2}, {"threads": 1}, ("auto", 1)),
+        ({"threads": 2}, {}, ("auto", 2)),
+    ],
+)
+def test_options_of_both_places_combine(before: dict, after: dict, merged: tuple) -> None:  # type: ignore[type-arg]
+    terminal = SharedOptions(**before).then(SharedOptions(**after)).terminal()
+    assert (terminal.color, terminal.threads) == merged
+
+
+@pytest.mark.parametrize("option", ["--json", "--quiet", "--verbose", "--color=always", "--threads=2"])
+def test_shared_options_before_and_after_mean_the_same(project: Path, option: str) -> None:
+    before, after = orip(project, option, "init"), orip(project, "init", option)
+    assert before.code == after.code == 0
+    again = orip(project, option, "init")
+    assert (again.out, again.err) == (after.out, after.err)
+
+
+def test_quiet_verbose_and_color(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert orip(project, "run", "-q").err == ""
+    assert "read FIRST.MEA" in orip(project, "-v", "measure").err
+    assert "\x1b[" not in orip(project, "run").err
+    assert "\x1b[32mstatus" in orip(project, "--color", "always", "run").err
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b[32mstatus" in orip(project, "run", "--color", "always").err, "asked for on the command line"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(project: Path, command: str) -> None:
+    said = orip(project, command, "--help")
+    assert said.code == 0
+    assert "Example: orip " in said.out
+
+
+def test_program_help_names_every_command(project: Path) -> None:
+    said = orip(project, "--help")
+    assert said.code == 0
+    for command in COMMANDS:
+        assert f" {command} " in said.out
+
+
+def test_version(project: Path) -> None:
+    assert orip(project, "--version").out.startswith("orip ")
+
+
+def test_the_command_line_imports_nothing_slow() -> None:
+    # 'orip --help' has to answer at once; benchmarks/startup.py measures it
+    slow = {"numpy", "scipy", "pyproj", "pydantic", "sqlite3", "threadpoolctl"}
+    program = "import sys, json, orip.cli.main; print(json.dumps(sorted(sys.modules)))"
+    modules = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout
+    assert not slow & set(json.loads(modules))
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:
+    orip(project, "run")
+    command = f"'{sys.executable}' -m orip.cli.main -C '{project}'"
+    script = f"{command} dump FIRST.EXT | head -1; echo ${{PIPESTATUS[0]}}; {command} run 2>&1 >&- | head -1; echo ${{PIPESTATUS[0]}}"
+    said = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert said.stdout.splitlines()[1] == "0"
+    assert said.stdout.splitlines()[3] == "0"
+    assert said.stderr == ""
+
+
+def test_closed_and_full_stdout(project: Path) -> None:
+    command = f"'{sys.executable}' -m orip.cli.main -C '{project}'"
+    script = f"{command} status >&-; echo $?; {command} status > /dev/full; echo $?"
+    if not Path("/dev/full").exists():
+        pytest.skip("this system has no /dev/full")
+    said = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["0", "1"]
+    assert "error: the system refused: [Errno 28]" in said.stderr
+    assert "Traceback" not in said.stderr

@@ -1,0 +1,186 @@
+"""The camera's distortion: by hand at a point, backwards, in both arguments, and from other forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orip.interior.distortion import (
+    DISTORTION_PARAMETERS,
+    correction_with_partials,
+    distortion_with_partials,
+    remove_distortion,
+)
+from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
+from orip.model.camera import CAMERA_PARAMETERS
+
+SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
+"""Some 0.3 mm of distortion in the corner of a 24 x 36 mm frame: A1 A3 A5 A7 P1 P2 B1 B2."""
+
+FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 9), np.linspace(-12.0, 12.0, 7)), axis=-1).reshape(-1, 2)
+
+
+def coefficients(**values):
+    return np.array([values.get(name, 0.0) for name in DISTORTION_PARAMETERS])
+
+
+def test_order_of_the_coefficients_is_that_of_the_camera():
+    assert CAMERA_PARAMETERS[3:] == DISTORTION_PARAMETERS
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        # at (3, 4): r² = 25
+        ("A1", (3.0, 4.0)),
+        ("A3", (75.0, 100.0)),
+        ("A5", (1875.0, 2500.0)),
+        ("A7", (46875.0, 62500.0)),
+        ("P1", (25.0 + 18.0, 24.0)),
+        ("P2", (24.0, 25.0 + 32.0)),
+        ("B1", (3.0, 0.0)),
+        ("B2", (4.0, 0.0)),
+    ],
+)
+def test_each_term_at_a_point_by_hand(name, expected):
+    value = distortion_with_partials(np.array([[3.0, 4.0]]), coefficients(**{name: 1e-3})).value
+    assert np.allclose(value, 1e-3 * np.array([expected]), rtol=1e-15)
+
+
+def test_positive_radial_distortion_moves_the_image_outwards():
+    value = distortion_with_partials(FRAME, coefficients(A3=1e-5)).value
+    radius = np.hypot(*FRAME.T)
+    assert np.allclose(np.hypot(*(FRAME + value).T), radius + 1e-5 * radius**3, atol=1e-13)
+
+
+def test_terms_add_up():
+    one_by_one = sum(
+        distortion_with_partials(FRAME, coefficients(**{name: value})).value
+        for name, value in zip(DISTORTION_PARAMETERS, SMALL_FORMAT, strict=True)
+    )
+    assert np.allclose(distortion_with_partials(FRAME, SMALL_FORMAT).value, one_by_one, atol=1e-15)
+
+
+def test_coefficients_of_each_point_are_its_own():
+    own = SMALL_FORMAT * np.linspace(0.0, 2.0, len(FRAME))[:, None]
+    together = distortion_with_partials(FRAME, own)
+    for row in (0, 7, 40):
+        alone = distortion_with_partials(FRAME[row : row + 1], own[row])
+        assert np.array_equal(together.value[row], alone.value[0])
+
+
+def test_distortion_is_removed_to_a_picometre():
+    measured = FRAME + distortion_with_partials(FRAME, SMALL_FORMAT).value
+    # Newton's steps end below 1e-12 mm, and rounding of 18 mm is 4e-15
+    assert np.allclose(remove_distortion(measured, SMALL_FORMAT), FRAME, atol=2e-12)
+
+
+@given(
+    st.tuples(st.floats(-18.0, 18.0), st.floats(-12.0, 12.0)), st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8)
+)
+def test_removing_and_adding_distortion_cancel(xy, share):
+    given_coefficients = SMALL_FORMAT * share
+    xy = np.array([xy])
+    ideal = remove_distortion(xy, given_coefficients)
+    assert np.allclose(ideal + distortion_with_partials(ideal, given_coefficients).value, xy, atol=2e-12)
+
+
+def test_where_the_polynomial_is_not_monotone_there_is_no_ideal_point_and_no_crash():
+    # r - 1e-3 r³ has its maximum of 12.2 mm at r = 18.3 mm: nothing is imaged at 15 mm
+    found = remove_distortion(np.array([[15.0, 0.0], [5.0, 0.0], [0.0, 0.0]]), coefficients(A3=-1e-3))
+    assert np.isnan(found[0]).all()
+    assert np.isfinite(found[1:]).all()
+
+
+def test_no_points_have_no_distortion():
+    none = np.empty((0, 2))
+    assert remove_distortion(none, SMALL_FORMAT).shape == (0, 2)
+    assert correction_with_partials(none, SMALL_FORMAT).value.shape == (0, 2)
+
+
+def test_correction_at_measured_coordinates_by_hand():
+    # first the affinity: x' = 3 - 0.01 * 3 - 0.02 * 4 = 2.89; then the radial part at (2.89, 4)
+    corrected = correction_with_partials(np.array([[3.0, 4.0]]), coefficients(A3=1e-3, B1=0.01, B2=0.02)).value
+    square = 2.89**2 + 16.0
+    assert np.allclose(corrected, [[2.89 - 1e-3 * square * 2.89, 4.0 - 1e-3 * square * 4.0]], atol=1e-15)
+
+
+def test_both_arguments_agree_on_a_camera_with_an_affinity_alone():
+    # 'measured' takes B off the measured coordinate, 'ideal' adds it to the ideal one: inverse of each other up to B²
+    shear = coefficients(B1=4e-4, B2=-3e-4)
+    ideal = correction_with_partials(FRAME, shear).value
+    back = ideal + distortion_with_partials(ideal, shear).value
+    assert np.allclose(back, FRAME, atol=1.1 * (4e-4 * 18.0 + 3e-4 * 12.0) * 4e-4)
+
+
+def test_both_arguments_describe_one_camera_when_each_has_its_own_polynomial():
+    # one mapping: measured = ideal (1 + 1e-5 r²); the series of its inverse in the measured radius s is
+    # ideal = measured (1 - k s² + 3 k² s⁴ - 12 k³ s⁶ ...), the inverse of a cubic
+    k = 1e-5
+    measured = FRAME + distortion_with_partials(FRAME, coefficients(A3=k)).value
+    inverse = coefficients(A3=k, A5=-3.0 * k**2, A7=12.0 * k**3)
+    found = correction_with_partials(measured, inverse).value
+    # the next term is 55 k⁴ s⁹ = 55e-20 * 21.7⁹ mm
+    assert np.allclose(found, FRAME, atol=55e-20 * 21.8**9)
+
+
+def test_mixing_the_two_arguments_is_an_error_of_the_size_that_the_conventions_name():
+    # 0.3 mm at 21.6 mm: some 15 µm
+    k = 0.3 / 21.6**3
+    corner = np.array([[18.0, 12.0]])
+    measured = corner + distortion_with_partials(corner, coefficients(A3=k)).value
+    mixed = correction_with_partials(measured, coefficients(A3=k)).value
+    assert 0.010 < np.hypot(*(mixed - corner)[0]) < 0.020
+
+
+@pytest.mark.parametrize(
+    "parameters", [(10.0, 1e-5, -2e-8, 3e-11), (148.0, -3e-8, 2e-13, 5e-18), (0.0, 1e-5, 0.0, 0.0)]
+)
+def test_isp_form_is_the_same_curve(parameters):
+    r0, a1, a2, a3 = parameters
+    polynomial = polynomial_from_isp(parameters)
+    for radius in np.linspace(0.0, 1.5 * max(r0, 10.0), 31):
+        isp = radius * (a1 * (radius**2 - r0**2) + a2 * (radius**4 - r0**4) + a3 * (radius**6 - r0**6))
+        terms = polynomial * radius ** np.array([1, 3, 5, 7])
+        # to the last digit of the largest term: near R0 the terms cancel
+        assert abs(terms.sum() - isp) <= 4e-15 * np.abs(terms).max()
+
+
+@given(st.floats(1.0, 200.0), st.floats(-1e-5, 1e-5), st.floats(-1e-9, 1e-9), st.floats(-1e-13, 1e-13))
+def test_isp_coefficients_are_exact(r0, a1, a2, a3):
+    found = polynomial_from_isp((r0, a1, a2, a3))
+    assert found[1:].tolist() == [a1, a2, a3]
+    terms = np.array([a1 * r0**2, a2 * r0**4, a3 * r0**6])
+    assert abs(found[0] + terms.sum()) <= 1e-15 * np.abs(terms).sum()
+
+
+@pytest.mark.parametrize("largest", [15.0, 150.0])
+def test_curve_of_16_points_gives_its_polynomial_back(largest):
+    radius = np.linspace(largest / 16.0, largest, 16)
+    truth = np.array([2e-4, -3e-2 / largest**2, 1e-2 / largest**4, -4e-3 / largest**6])
+    distortion = radius[:, None] ** np.array([1, 3, 5, 7]) @ truth
+    found, residuals = polynomial_from_curve(list(zip(radius, distortion, strict=True)))
+    assert np.allclose(found, truth, rtol=1e-10, atol=0.0)
+    assert np.abs(residuals).max() < 1e-14  # rounding of distortions of up to 4 mm
+
+
+def test_points_off_the_curve_show_in_the_residuals():
+    radius = np.linspace(1.0, 16.0, 16)
+    distortion = 1e-4 * radius
+    distortion[7] += 0.010
+    _, residuals = polynomial_from_curve(list(zip(radius, distortion, strict=True)))
+    assert np.argmax(np.abs(residuals)) == 7
+    assert residuals[7] == pytest.approx(-0.010, abs=0.004)
+
+
+def test_curve_with_the_centre_and_a_radius_twice_counts_different_radii():
+    points = [(0.0, 0.0), (5.0, 0.001), (5.0, 0.001), (10.0, 0.002), (15.0, 0.003)]
+    with pytest.raises(ValueError, match="3 different radii greater than zero, 4 are needed"):
+        polynomial_from_curve(points)
+    found, residuals = polynomial_from_curve([*points, (20.0, 0.004)])
+    assert found[0] == pytest.approx(2e-4, rel=1e-9)
+    assert len(residuals) == 6
+    with pytest.raises(ValueError, match="0 different radii"):
+        polynomial_from_curve([])
