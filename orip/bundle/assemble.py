@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.additional_parameter import base_of_camera
 from orip.bundle.name_warnings import name_warnings
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, ProjectWarning
@@ -79,6 +80,7 @@ def assemble(ingredients: Ingredients) -> Assembled:
                 f"(POINTS {ingredients.definition.name} photo ... in a .MEA file, then orip measure)"
             )
         )
+    complaints += _set_complaints(keys, ingredients)
     if complaints:
         return Assembled(None, tuple(complaints), ())
     photos, cameras = _with_constant_elements(keys, ingredients)
@@ -143,6 +145,20 @@ def _photo_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Com
             text = f"measurement_precision is in px, but photo {photo.name} has neither sensor nor scan; give it in mm"
             complaints.append(Complaint(text))
     return complaints
+
+
+def _set_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Complaint]:
+    """Return a complaint for each camera whose parameter set has no frame to be scaled to."""
+    photos = [ingredients.photos[key] for key in keys if key in ingredients.photos]
+    cameras = (ingredients.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
+    return [
+        Complaint(
+            f"camera {camera.name} has set = {camera.additional_set} but no frame that it could be scaled to; "
+            "give frame = [x, y] (mm) in its [[camera]]"
+        )
+        for camera in cameras
+        if camera.additional_set is not None and base_of_camera(camera) <= 0.0
+    ]
 
 
 def _with_constant_elements(

@@ -7,6 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
+from orip.bundle.calibration import calibration_diagnosis
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import UnknownName
 from orip.model.solution import Diagnosis
@@ -16,7 +17,13 @@ _SIGMA0_TOO_LARGE = 2.0
 
 def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     """Return every weakness found in a solved block."""
-    return (*_undetermined(solved), *_principal_distance_and_scale(solved), *_behind(solved), *_precision(solved))
+    return (
+        *_undetermined(solved),
+        *_principal_distance_and_scale(solved),
+        *calibration_diagnosis(solved),
+        *_behind(solved),
+        *_precision(solved),
+    )
 
 
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from orip.bundle.additional_parameter import observe_additional_parameters
 from orip.bundle.control_point import observe_control_points
 from orip.bundle.direction import observe_directions, tied_by_directions
 from orip.bundle.distance import observe_constant_distances, observe_distances, tied_by_distances
@@ -38,6 +39,7 @@ class Kind:
 KINDS = (
     Kind(observe_photo_points),
     Kind(observe_control_points),
+    Kind(observe_additional_parameters),
     Kind(observe_elements),
     Kind(observe_distances, tied_by_distances),
     Kind(observe_constant_distances, tied_by_distances),

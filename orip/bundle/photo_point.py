@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.additional_parameter import base_of_camera
 from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.perspective import Perspective, perspective_with_partials
+from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
 from orip.model.block import Block
+from orip.model.camera import AdditionalSet
 
 FloatArray = NDArray[np.float64]
 
@@ -31,6 +34,8 @@ class PhotoPointObservations(Observations):
         Measured photo coordinates, mm.
     at_measured : array (n,) of bool
         The camera's polynomial is given at measured coordinates.
+    sets : tuple of (camera, set, base)
+        Cameras with additional parameters.
     """
 
     rows: Rows
@@ -39,9 +44,10 @@ class PhotoPointObservations(Observations):
     camera: NDArray[np.int64]
     xy: FloatArray
     at_measured: NDArray[np.bool_]
+    sets: tuple[tuple[int, AdditionalSet, float], ...]
 
     def linearise_with_partials(self, state: State) -> Linearisation:
-        """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns.
+        """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
 
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
         """
@@ -50,14 +56,34 @@ class PhotoPointObservations(Observations):
             state.points[self.point] - state.centres[self.photo], state.rotations[self.photo], parameters[:, 0]
         )
         residual = np.empty_like(self.xy)
-        partials = np.empty((len(self.xy), 2, 20))
+        partials = np.zeros((len(self.xy), 2, 20 + state.additional.shape[1]))
         for rows, linearise in ((~self.at_measured, _at_ideal), (self.at_measured, _at_measured)):
             if rows.any():
-                residual[rows], partials[rows] = linearise(image.of(rows), self.xy[rows], parameters[rows])
+                residual[rows], partials[rows, :, :20] = linearise(image.of(rows), self.xy[rows], parameters[rows])
+        for camera, name, base in self.sets:
+            self._deform(camera, name, base, state, image, residual, partials)
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0
-        return Linearisation(residual.ravel(), partials.reshape(-1, 20), np.repeat(image.in_front, 2))
+        return Linearisation(
+            residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
+        )
+
+    def _deform(
+        self, camera: int, name: AdditionalSet, base: float, state: State, image: Perspective, residual: FloatArray,
+        partials: FloatArray,
+    ) -> None:  # fmt: skip
+        """Add the deformation of a camera's parameter set, at the ideal or measured place in the fiducial system."""
+        rows = self.camera == camera
+        count = len(PARAMETER_SETS[name].parameter_names)
+        at_measured = self.at_measured[rows]
+        principal_point = state.cameras[camera, 1:3]
+        place = np.where(at_measured[:, None], self.xy[rows], principal_point + image.xy[rows])
+        found = additional_with_partials(name, place, base, state.additional[camera, :count])
+        residual[rows] += found.value
+        by_place = np.where(at_measured[:, None, None], 0.0, found.by_xy)
+        partials[rows, :, :20] += _partials(image.of(rows), by_place, by_place, np.zeros((1, 2, 8)))
+        partials[rows, :, 20 : 20 + count] = found.by_values
 
 
 def _at_ideal(image: Perspective, xy: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +117,18 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     points = block.photo_points
     camera = block.photo_camera[points.photo]
     columns = np.concatenate(
-        [unknowns.cameras[camera], unknowns.photos[points.photo], unknowns.points[points.point]], axis=1
+        [
+            unknowns.cameras[camera],
+            unknowns.photos[points.photo],
+            unknowns.points[points.point],
+            unknowns.additional[camera],
+        ],
+        axis=1,
+    )
+    sets = tuple(
+        (row, each.additional_set, base_of_camera(each))
+        for row, each in enumerate(block.cameras)
+        if each.additional_set is not None
     )
     photo_names = [photo.name for photo in block.photos]
     rows = Rows(
@@ -105,4 +142,4 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         columns=np.repeat(columns, 2, axis=0),
     )
     at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
-    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured)
+    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets)

@@ -13,7 +13,7 @@ from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
 from orip.bundle.state import State, rotation_limit
-from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
+from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 
@@ -113,6 +113,7 @@ def starting_state(block: Block) -> State:
     """Return the state that the block's preliminary values give."""
     return State(
         cameras=np.array([camera.parameters for camera in block.cameras], dtype=np.float64).reshape(-1, 11),
+        additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         centres=block.photo_orientation[:, :3].copy(),
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
         points=block.point_start.copy(),

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.unknowns import CONSTANT
+from orip.bundle.unknowns import CONSTANT, set_names
 from orip.geometry.rotation import angle_rates_from_axes_rotation
 from orip.model.block import Block
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import PointKind
 from orip.model.solution import (
+    AdditionalEstimate,
     CheckPoint,
     Correlation,
     Estimates,
@@ -77,6 +78,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         point_kinds=_point_kinds(block),
         residuals=_residuals(solved),
         photo_rotation_sd_about_axes=tuple(bool(each) for each in about_axes),
+        additional=_additional(solved),
         singular=_singular(solved),
         correlations=_camera_correlations(solved),
         check_points=_check_points(block, points),
@@ -175,6 +177,16 @@ def _residuals(solved: SolvedBlock) -> Residuals:
 
 def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     return tuple(name for part in parts for name in part)
+
+
+def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
+    deviations = _deviations(solved, solved.problem.unknowns.additional)
+    values = solved.adjusted.linearised.state.additional
+    return tuple(
+        AdditionalEstimate(camera.name, name, float(values[row, place]), float(deviations[row, place]))
+        for row, camera in enumerate(solved.block.cameras)
+        for place, name in enumerate(set_names(camera))
+    )
 
 
 def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:

@@ -30,6 +30,8 @@ class State:
     ----------
     cameras : array (number of cameras, 11)
         In the order of `CAMERA_PARAMETERS`.
+    additional : array (number of cameras, k)
+        Values of the parameter sets; k that of the largest set, zero where a camera has fewer or none.
     centres : array (number of photos, 3)
     rotations : array (number of photos, 3, 3)
         Photo to ground.
@@ -44,6 +46,7 @@ class State:
     """
 
     cameras: FloatArray
+    additional: FloatArray
     centres: FloatArray
     rotations: FloatArray
     points: FloatArray
@@ -72,6 +75,7 @@ class State:
         return replace(
             self,
             cameras=self.cameras + _take(correction, unknowns.cameras),
+            additional=self.additional + _take(correction, unknowns.additional),
             centres=self.centres + _take(correction, unknowns.photos[:, :3]),
             rotations=rotations,
             points=self.points + _take(correction, unknowns.points),

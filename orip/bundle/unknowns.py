@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Layout
+from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.camera import CAMERA_PARAMETERS, Camera
 from orip.model.photo import PHOTO_PARAMETERS
 
 IntArray = NDArray[np.int64]
@@ -40,6 +41,8 @@ class Unknowns:
     Parameters
     ----------
     cameras : array (number of cameras, 11)
+    additional : array (number of cameras, k)
+        Parameters of the cameras' sets; k that of the largest set.
     theodolites : array (number of theodolite sets,)
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`.
@@ -50,6 +53,7 @@ class Unknowns:
     """
 
     cameras: IntArray
+    additional: IntArray
     theodolites: IntArray
     photos: IntArray
     points: IntArray
@@ -71,9 +75,13 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     Unknowns
     """
     names: list[UnknownName | None] = []
-    cameras = np.array(
-        [_number("CAMERA", camera.name, CAMERA_PARAMETERS, camera.unknown, names) for camera in block.cameras]
-    )
+    sets = [set_names(camera) for camera in block.cameras]
+    cameras = np.full((len(sets), len(CAMERA_PARAMETERS)), CONSTANT)
+    additional = np.full((len(sets), max(map(len, sets))), CONSTANT)
+    for row, (camera, set_) in enumerate(zip(block.cameras, sets, strict=True)):
+        cameras[row] = _number("CAMERA", camera.name, CAMERA_PARAMETERS, camera.unknown, names)
+        unheld = {name for name in set_ if (camera.name, name) not in block.held_additional}
+        additional[row, : len(set_)] = _number("CAMERA", camera.name, set_, unheld, names)
     theodolites = np.array(
         [
             _number("THEODOLITE", set_.name, ("R",), () if set_.constant else ("R",), names)[0]
@@ -104,7 +112,14 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         for hold, kind in zip(holds, POINT_COORDINATES, strict=True)
     ]
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])
-    return Unknowns(cameras, theodolites, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names))
+    return Unknowns(
+        cameras, additional, theodolites, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names)
+    )
+
+
+def set_names(camera: Camera) -> tuple[str, ...]:
+    """Return the names of a camera's additional parameters; none for a camera without a set."""
+    return PARAMETER_SETS[camera.additional_set].parameter_names if camera.additional_set else ()
 
 
 def _number(

@@ -47,7 +47,7 @@ def result_document(solution: Solution) -> dict[str, object]:
             }
             for row in solution.iterations
         ],
-        "cameras": _estimates(solution.cameras, CAMERA_PARAMETERS),
+        "cameras": _cameras(solution),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": _points(solution),
         "down_weighted": _down_weighted(solution.residuals),
@@ -124,6 +124,13 @@ def _estimates(estimates: Estimates, parameters: Sequence[str]) -> dict[str, dic
         name: {parameter: _estimate(*pair) for parameter, *pair in zip(parameters, values, sds, strict=True)}
         for name, values, sds in zip(estimates.names, estimates.values.tolist(), estimates.sd.tolist(), strict=True)
     }
+
+
+def _cameras(solution: Solution) -> dict[str, dict[str, object]]:
+    cameras = _estimates(solution.cameras, CAMERA_PARAMETERS)
+    for each in solution.additional:
+        cameras[each.camera][each.name] = _estimate(each.value, each.sd)
+    return cameras
 
 
 def _points(solution: Solution) -> dict[str, dict[str, object]]:

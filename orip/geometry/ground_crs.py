@@ -7,7 +7,6 @@ coordinates are longitude and latitude (radians, from the system's own prime mer
 
 from __future__ import annotations
 
-import warnings as python_warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,19 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import Complaint, InputError, ProjectWarning
+from orip.geometry.ground_heights import WITHOUT_HEIGHTS, heights_to_ellipsoid
 from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
 
 if TYPE_CHECKING:
     import pyproj
-    from pyproj.transformer import TransformerGroup
 
 FloatArray = NDArray[np.float64]
 
 _SAME_UNIT = 1e-9
 """Relative difference of two units that are the same; foot and US survey foot differ by 2e-6."""
-
-_AROUND_ORIGIN = 0.1
-"""Degrees around the origin in which a transformation of heights must be valid: a block's size."""
 
 _OUTSIDE = 1.0
 """Degrees outside a system's area of use at which a warning is due; neighbouring zones are used across their edge."""
@@ -93,7 +89,7 @@ class GroundCrs:
         PROJ inverts some projections by a short series (LAEA: 0.5 mm). What the result misses is put right once.
         """
         angles = _finite(self.horizontal.transform(x, y))
-        back = _finite(self.horizontal.transform(*angles, direction="INVERSE"))
+        back = _finite(self.horizontal.transform(angles[0], angles[1], direction="INVERSE"))
         return _finite(self.horizontal.transform(2.0 * x - back[0], 2.0 * y - back[1]))
 
     def from_geographic(self, geographic: FloatArray) -> FloatArray:
@@ -130,36 +126,19 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
     if whole.is_bound and whole.source_crs is not None:
         whole = whole.source_crs
     shown = crs if len(crs) <= _LONGEST_SHOWN else whole.name
-    horizontal = _horizontal(whole, shown)
+    horizontal, geodetic = _horizontal(whole, shown)
     complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
     if complaints:
         raise InputError(complaints)
-    from pyproj import Transformer
-
-    geodetic = horizontal.geodetic_crs
-    meridian = geodetic.prime_meridian
-    result = GroundCrs(
-        shown=shown,
-        name=whole.name,
-        heights="height above the ellipsoid",
-        ellipsoid=geodetic.ellipsoid.name,
-        semi_axes=(geodetic.ellipsoid.semi_major_metre, geodetic.ellipsoid.semi_minor_metre),
-        metres_per_unit=whole.axis_info[0].unit_conversion_factor,
-        radians_per_angle=geodetic.axis_info[0].unit_conversion_factor,
-        prime_meridian=meridian.longitude * meridian.unit_conversion_factor,
-        horizontal=Transformer.from_crs(horizontal.to_2d(), geodetic.to_2d(), always_xy=True),
-        vertical=None,
-        metres_per_height=1.0,
-        warnings=(),
-    )
+    result = _of_ellipsoid(whole, horizontal, geodetic, shown)
     place = result.to_geographic(origin[None])[0]
     if not np.isfinite(place).all():
         raise InputError.single(_no_place(result, origin))
     warnings = _area_warnings(result, whole, place)
     if whole.is_compound:
-        return _with_vertical(result, whole, horizontal, origin, place, warnings)
-    if len(whole.axis_info) == 2:
-        warnings = [*warnings, _heights_warning(shown)]
+        result = _with_heights(result, whole, geodetic, origin)
+    elif len(whole.axis_info) == 2:
+        warnings.append(_heights_warning(shown))
     return replace(result, warnings=tuple(warnings))
 
 
@@ -197,20 +176,50 @@ def _known(crs: str) -> pyproj.CRS:
         raise InputError.single(message) from error
 
 
-def _horizontal(whole: pyproj.CRS, shown: str) -> pyproj.CRS:
-    """Return the projected part, bare of a transformation to another datum that may be bound to it."""
+def _horizontal(whole: pyproj.CRS, shown: str) -> tuple[pyproj.CRS, pyproj.CRS]:
+    """Return the projected part, bare of a transformation to another datum bound to it, and what it is projected from.
+
+    Raises
+    ------
+    InputError
+    """
     part = whole.sub_crs_list[0] if whole.is_compound else whole
     if part.is_bound and part.source_crs is not None:
         part = part.source_crs
     geodetic = part.geodetic_crs
     if part.is_projected and geodetic is not None and geodetic.is_geographic:
-        return part
+        return part, geodetic
     message = (
         f"crs {shown} ({whole.name}) is no projected system but: {part.type_name}; X and Y must be metres or feet on "
         "a map grid. Name a projected crs and give the coordinates in it, or leave crs out where X, Y, Z are a plain "
         "right-handed system"
     )
     raise InputError.single(message)
+
+
+def _of_ellipsoid(whole: pyproj.CRS, horizontal: pyproj.CRS, geodetic: pyproj.CRS, shown: str) -> GroundCrs:
+    """Return the system with Z above the ellipsoid."""
+    from pyproj import Transformer
+
+    ellipsoid, meridian = geodetic.ellipsoid, geodetic.prime_meridian
+    if ellipsoid is None or meridian is None:
+        message = f"crs {shown} ({whole.name}) has no ellipsoid; name a projected crs with one"
+        raise InputError.single(message)
+    return GroundCrs(
+        shown=shown,
+        name=whole.name,
+        heights="height above the ellipsoid",
+        ellipsoid=ellipsoid.name,
+        semi_axes=(float(ellipsoid.semi_major_metre), float(ellipsoid.semi_minor_metre)),
+        metres_per_unit=whole.axis_info[0].unit_conversion_factor,
+        radians_per_angle=geodetic.axis_info[0].unit_conversion_factor,
+        prime_meridian=float(meridian.longitude) * float(meridian.unit_conversion_factor),
+        # without heights: a conversion on one datum, exact and without a grid
+        horizontal=Transformer.from_crs(horizontal.to_2d(), geodetic.to_2d(), always_xy=True),
+        vertical=None,
+        metres_per_height=1.0,
+        warnings=(),
+    )
 
 
 def _axis_complaints(horizontal: pyproj.CRS, shown: str) -> list[Complaint]:
@@ -295,70 +304,21 @@ def _area_warnings(crs: GroundCrs, whole: pyproj.CRS, place: FloatArray) -> list
     ]  # fmt: skip
 
 
-def _with_vertical(
-    crs: GroundCrs, whole: pyproj.CRS, horizontal: pyproj.CRS, origin: FloatArray, place: FloatArray,
-    warnings: list[ProjectWarning],
-) -> GroundCrs:  # fmt: skip
-    """Return the system with its heights, or refuse.
-
-    PROJ goes on without a missing grid and leaves heights as they are; only the group of transformations, ballpark ones
-    excluded, tells.
-    """
-    from pyproj.transformer import AreaOfInterest, TransformerGroup
-
-    heights = whole.sub_crs_list[1].name
-    spatial = horizontal.geodetic_crs.to_3d()
-    longitude, latitude = degrees_at(crs, place)
-    area = AreaOfInterest(
-        max(longitude - _AROUND_ORIGIN, -180.0), max(latitude - _AROUND_ORIGIN, -90.0),
-        min(longitude + _AROUND_ORIGIN, 180.0), min(latitude + _AROUND_ORIGIN, 90.0),
-    )  # fmt: skip
-    with python_warnings.catch_warnings():
-        # said below as an error
-        python_warnings.filterwarnings("ignore", message="Best transformation is not available")
-        group = TransformerGroup(whole, spatial, always_xy=True, allow_ballpark=False, area_of_interest=area)
-    if not group.best_available or not group.transformers:
-        raise InputError.single(_heights_refused(group, crs.shown, heights))
+def _with_heights(crs: GroundCrs, whole: pyproj.CRS, geodetic: pyproj.CRS, origin: FloatArray) -> GroundCrs:
+    """Return the system with the heights of its vertical part, or refuse."""
+    longitude, latitude = degrees_at(crs, crs.to_geographic(origin[None])[0])
+    spatial = geodetic.to_3d()
+    vertical = heights_to_ellipsoid(whole, spatial, crs.shown, longitude, latitude)
     result = replace(
         crs,
-        heights=heights,
-        vertical=group.transformers[0],
+        heights=whole.sub_crs_list[1].name,
+        vertical=vertical,
         metres_per_height=spatial.axis_info[2].unit_conversion_factor,
-        warnings=tuple(warnings),
     )
     if not np.isfinite(result.to_geographic(origin[None])).all():
         message = (
-            f"crs {crs.shown}: {group.transformers[0].description} does not reach the middle of the block, "
-            f"{longitude:.3f}° E {latitude:.3f}° N; the heights must be of a system that does. {_WITHOUT_HEIGHTS}"
+            f"crs {crs.shown}: {vertical.description} does not reach the middle of the block, {longitude:.3f}° E "
+            f"{latitude:.3f}° N; the heights must be of a system that does. {WITHOUT_HEIGHTS}"
         )
         raise InputError.single(message)
     return result
-
-
-_WITHOUT_HEIGHTS = (
-    "Name other heights, or the projected crs alone if Z may be taken as height above the ellipsoid "
-    "(10 m of geoid height then change lengths by 1.6 mm per km)"
-)
-
-
-def _heights_refused(group: TransformerGroup, shown: str, heights: str) -> str:
-    """Return what to install, from the best transformation that PROJ knows of."""
-    import pyproj
-
-    start = f"crs {shown}: Z in {heights} cannot be taken to the ellipsoid:"
-    # a better one that is missing some grid comes first
-    missing = [[grid for grid in operation.grids if not grid.available] for operation in group.unavailable_operations]
-    if not missing or not missing[0]:
-        return f"{start} PROJ knows no transformation for it at this place. {_WITHOUT_HEIGHTS}"
-    steps = []
-    for grid in missing[0]:
-        if grid.url and grid.direct_download:
-            steps.append(f"run 'pyproj sync --file {grid.short_name}' (or 'projsync --file {grid.short_name}')")
-        else:
-            folder = pyproj.datadir.get_user_data_dir()
-            steps.append(f"get {grid.short_name} from its publisher and copy it into {folder}")
-    names = ", ".join(grid.short_name for grid in missing[0])
-    return (
-        f"{start} the grid {names} is not installed, and without it PROJ would leave heights unchanged. "
-        f"To have it, {'; '.join(steps)}. {_WITHOUT_HEIGHTS}"
-    )

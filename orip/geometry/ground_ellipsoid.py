@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 3
-"""Of Bowring's iteration: one leaves 0.3 micrometres at 5 km of height, two are exact to rounding, the third is spare."""
+"""Of Bowring's iteration: one leaves 0.3 micrometres at 5 km of height, two are exact to rounding, one is to spare."""
 
 
 def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:

@@ -1,9 +1,9 @@
 """The frame a block is adjusted in: local topocentric, where the project's coordinates are curved.
 
-With a coordinate reference system the project's X, Y, Z are eastings, northings and heights: the grid has its own scale
-and north, and heights follow the earth's curvature. Collinearity wants a Cartesian system. The local frame is one: east,
-north and up at an origin in the middle of the block, in the project's unit. The place of everything in it is exact, so
-nothing is approximated; the project's coordinates are functions of local ones, with partials.
+With a coordinate reference system the project's X, Y, Z are eastings, northings and heights: the grid has its own
+scale and north, and heights follow the earth's curvature. Collinearity wants a Cartesian system. The local frame is
+one: east, north and up at an origin in the middle of the block, in the project's unit. Nothing is approximated: the
+project's coordinates are functions of the local ones, with partials.
 
 "Place" below means east, north and up (along the ellipsoid's normal) at a point itself, not at the origin.
 """
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import InputError, ProjectWarning
-from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.ground_crs import GroundCrs, degrees_at, ground_crs
+from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
@@ -125,8 +125,8 @@ class GroundFrame:
         -----
         Place axes follow from longitude and latitude in closed form. The turn from there to the grid is the rotation
         next to the derivative of the projection (its polar decomposition, closed in two dimensions): scale drops out,
-        and for a conformal projection the grid's own right angle is left as it is. Where a projection is not conformal,
-        its angular distortion is shared evenly between the two axes.
+        and for a conformal projection the grid's own right angle is left as it is, at any height. Where a projection is
+        not conformal, its angular distortion is shared evenly between the two axes.
         """
         geographic = self.crs.to_geographic(xyz)
         angle = _turn(self._by_place(geographic)[:, :2, :2])
@@ -188,15 +188,46 @@ class GroundFrame:
     def description(self) -> tuple[str, ...]:
         """Return lines for a listing: the frame, and what coordinates and rotations refer to."""
         longitude, latitude = degrees_at(self.crs, self.crs.to_geographic(self.origin[None])[0])
-        east, north = "EW"[longitude < 0.0], "NS"[latitude < 0.0]
+        at = f"{abs(latitude):.6f}° {'NS'[latitude < 0.0]} {abs(longitude):.6f}° {'EW'[longitude < 0.0]}"
+        # adding zero takes the sign from a rounded -0
+        convergence = round(self.convergence * DEGREES_PER_RADIAN, 5) + 0.0
         return (
-            f"Adjusted in a local topocentric frame at {abs(latitude):.6f}° {north} {abs(longitude):.6f}° {east} "
-            f"({self.crs.ellipsoid})",
+            f"Adjusted in a local topocentric frame at {at} ({self.crs.ellipsoid})",
             f"Coordinates are in crs {self.crs.shown} ({self.crs.name}): X easting, Y northing, Z {self.crs.heights}",
             "Rotations refer to grid east, grid north and the ellipsoid's normal at each projection centre",
-            f"At the origin: meridian convergence {round(self.convergence * DEGREES_PER_RADIAN, 5) + 0.0:.5f}°, "
-            f"grid over ground length {self.scale:.7f}",
+            f"At the origin: meridian convergence {convergence:.5f}°, grid over ground length {self.scale:.7f}",
         )
+
+    def with_grid_of_origin(self) -> GroundFrame:
+        """Return the frame with what the grid is like at its origin.
+
+        Raises
+        ------
+        InputError
+            If the grid is mirrored there.
+        """
+        place = self.crs.to_geographic(self.origin[None])
+        grid = self._by_place(place)[:, :2, :2]
+        if not np.isfinite(grid).all() or np.linalg.det(grid[0]) <= 0.0:
+            message = (
+                f"crs {self.crs.shown} ({self.crs.name}) has no right-handed grid in the middle of the block; X must "
+                "grow to the east and Y to the north. Check the coordinates, or name another crs"
+            )
+            raise InputError.single(message)
+        # on the ellipsoid: at a height, lengths to the east and to the north shrink by a little more and a little less
+        on_ellipsoid = self._by_place(place * [1.0, 1.0, 0.0])[0, :2, :2]
+        stretch = np.linalg.svd(on_ellipsoid, compute_uv=False)
+        warnings = self.warnings
+        distortion = 2.0 * float(np.arcsin((stretch[0] - stretch[1]) / (stretch[0] + stretch[1])))
+        if distortion > _CONFORMAL:
+            text = (
+                f"is not conformal: in the middle of the block its grid changes angles by up to "
+                f"{distortion * DEGREES_PER_RADIAN:.4f}°. Coordinates are right all the same; rotations refer to the "
+                "rectangular axes nearest to the grid's"
+            )
+            warnings = (*warnings, ProjectWarning("crs-not-conformal", f"crs {self.crs.shown}", text))
+        scale = float(np.sqrt(np.linalg.det(grid[0])))
+        return replace(self, convergence=float(_turn(grid)[0]), scale=scale, warnings=warnings)
 
     def _project_of(self, geocentric: FloatArray) -> FloatArray:
         return self.crs.from_geographic(self._geographic_of(geocentric))
@@ -269,31 +300,7 @@ def ground_frame(crs: str, ground_unit: str, origin: FloatArray) -> GroundFrame:
         scale=1.0,
         warnings=system.warnings,
     )
-    return _with_grid(at_origin, geographic)
-
-
-def _with_grid(frame: GroundFrame, geographic: FloatArray) -> GroundFrame:
-    """Return the frame with what the grid is like at its origin; refuse one that is mirrored."""
-    grid = frame._by_place(geographic)[:, :2, :2]
-    stretch = np.linalg.svd(grid[0], compute_uv=False)
-    if not np.isfinite(grid).all() or np.linalg.det(grid[0]) <= 0.0:
-        message = (
-            f"crs {frame.crs.shown} ({frame.crs.name}) has no right-handed grid in the middle of the block; X must grow "
-            "to the east and Y to the north. Check the coordinates, or name another crs"
-        )
-        raise InputError.single(message)
-    warnings = frame.warnings
-    distortion = 2.0 * float(np.arcsin((stretch[0] - stretch[1]) / (stretch[0] + stretch[1])))
-    if distortion > _CONFORMAL:
-        text = (
-            f"is not conformal: in the middle of the block its grid changes angles by up to "
-            f"{distortion * DEGREES_PER_RADIAN:.4f}°. Coordinates are right all the same; rotations refer to the "
-            "rectangular axes nearest to the grid's"
-        )
-        warnings = (*warnings, ProjectWarning("crs-not-conformal", f"crs {frame.crs.shown}", text))
-    return replace(
-        frame, convergence=float(_turn(grid)[0]), scale=float(np.sqrt(stretch[0] * stretch[1])), warnings=warnings
-    )
+    return at_origin.with_grid_of_origin()
 
 
 def _turn(grid: FloatArray) -> FloatArray:

@@ -110,7 +110,10 @@ def fit_plane_transformation(kind: TransformationKind, measured: FloatArray, giv
     centre, target = measured.mean(axis=0), given.mean(axis=0)
     matrix = _FITS[kind](measured - centre, given - target)
     if np.linalg.svd(matrix, compute_uv=False)[1] < _NO_INVERSE * given_size / size:
-        message = "the measured marks are not arranged like the given ones (are names interchanged, or is the film upside down?)"
+        message = (
+            "the measured marks are not arranged like the given ones "
+            "(are names interchanged, or is the film upside down?)"
+        )
         raise ValueError(message)
     return PlaneTransformation(matrix, target - matrix @ centre)
 

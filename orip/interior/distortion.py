@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 DISTORTION_PARAMETERS = ("A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_MM = 1e-12
+_FOUND_MM = 1e-9
+"""A thousandth of a thousandth of what can be measured; rounding may keep Newton's steps above their tolerance."""
 
 
 class Distorted(NamedTuple):
@@ -117,24 +119,31 @@ def remove_distortion(xy: FloatArray, coefficients: FloatArray) -> FloatArray:
     Returns
     -------
     array (n, 2)
-        NaN where Newton's method finds none (the polynomial is not monotone there).
+        NaN where there is none: the polynomial is not monotone up to there.
     """
     ideal = xy.copy()
-    misfit = np.zeros_like(xy)
-    for _ in range(_NEWTON_STEPS):
-        distorted = distortion_with_partials(ideal, coefficients)
-        misfit = ideal + distorted.value - xy
-        if not np.isfinite(misfit).all() or np.abs(misfit).max(initial=0.0) < _NEWTON_TOLERANCE_MM:
-            break
-        ideal = ideal - _solve_2x2(np.eye(2) + distorted.by_xy, misfit)
-    bad = ~np.isfinite(misfit).all(axis=1) | (np.abs(misfit).max(axis=1) > 1e-9)
-    ideal[bad] = np.nan
+    misfit, by_ideal = np.zeros_like(xy), np.broadcast_to(np.eye(2), (len(xy), 2, 2))
+    # a point that runs away must not stop the others, nor warn
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        for _ in range(_NEWTON_STEPS):
+            distorted = distortion_with_partials(ideal, coefficients)
+            misfit, by_ideal = ideal + distorted.value - xy, np.eye(2) + distorted.by_xy
+            if not (np.abs(misfit) >= _NEWTON_TOLERANCE_MM).any():
+                break
+            ideal = ideal - _solve_2x2(by_ideal, misfit)
+        found = np.abs(misfit).max(axis=1, initial=0.0) < _FOUND_MM
+        # beyond the maximum of the polynomial, or mirrored at the centre, an image would be shown twice
+        found &= (_determinant(by_ideal) > 0.0) & (np.sum(ideal * xy, axis=1) >= 0.0)
+    ideal[~found] = np.nan
     return ideal
 
 
+def _determinant(matrix: FloatArray) -> FloatArray:
+    return np.asarray(matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0])
+
+
 def _solve_2x2(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    determinant = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = (matrix[:, 1, 1] * right[:, 0] - matrix[:, 0, 1] * right[:, 1]) / determinant
-        y = (matrix[:, 0, 0] * right[:, 1] - matrix[:, 1, 0] * right[:, 0]) / determinant
+    determinant = _determinant(matrix)
+    x = (matrix[:, 1, 1] * right[:, 0] - matrix[:, 0, 1] * right[:, 1]) / determinant
+    y = (matrix[:, 0, 0] * right[:, 1] - matrix[:, 1, 0] * right[:, 0]) / determinant
     return np.stack([x, y], axis=1)

@@ -72,6 +72,8 @@ class Block:
     elements, distances, directions : tuples
         Those whose names are in the block.
     theodolites : tuple of TheodoliteSet
+    held_additional : set of (camera, parameter)
+        Additional parameters that are held at zero.
     """
 
     definition: BundleDefinition
@@ -88,6 +90,7 @@ class Block:
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
+    held_additional: frozenset[tuple[str, str]] = frozenset()
 
     def point_index(self) -> dict[str, int]:
         """Return the place of each point by its name."""

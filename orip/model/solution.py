@@ -157,6 +157,16 @@ class Estimates:
 
 
 @dataclass(frozen=True, slots=True)
+class AdditionalEstimate:
+    """An additional parameter of a camera's set; the standard deviation is infinite for one that was removed."""
+
+    camera: str
+    name: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures."""
 
@@ -189,3 +199,4 @@ class Solution:
     interior: tuple[InteriorSummary, ...] = ()
     inputs: tuple[tuple[str, str], ...] = ()
     warnings: tuple[tuple[str, str, str], ...] = ()
+    additional: tuple[AdditionalEstimate, ...] = ()

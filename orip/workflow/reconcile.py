@@ -39,7 +39,7 @@ class Conflict:
 
 @dataclass(frozen=True, slots=True)
 class Reconciled(Generic[T]):
-    """The records that the store should hold, what that changes, and what stands against it."""
+    """The records that the store should hold (unchanged where there is a conflict), the changes, and the conflicts."""
 
     records: tuple[StoredRecord[T], ...]
     changes: tuple[Change, ...]
@@ -88,6 +88,7 @@ def reconcile(
         verdict = _verdict(text, old, project, prefer)
         if isinstance(verdict, str):
             conflicts.append(Conflict(kind, text.name, verdict))
+            records += [old] if old is not None else []
             continue
         records.append(verdict)
         if old is None or verdict.record != old.record:
@@ -102,6 +103,7 @@ def reconcile(
             changes.append(Change(kind, old.record.name, "detached"))
         elif edited and prefer is None:
             conflicts.append(Conflict(kind, old.record.name, "is gone from the text but was changed in the store"))
+            records.append(old)
         else:
             changes.append(Change(kind, old.record.name, "removed"))
     return Reconciled(tuple(records), tuple(changes), tuple(conflicts))

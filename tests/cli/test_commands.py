@@ -148,14 +148,18 @@ def test_outputs_of_the_time_with_one_bundle_are_named(tmp_path: Path) -> None:
 
 def test_carriage_returns_and_names_beyond_ascii(tmp_path: Path) -> None:
     folder = first_project(tmp_path / "Fjällräven ü")
-    for name, old, new in (("orip.toml", '"left"', '"sté"'), ("FIRST.MEA", "MAIN left", "MAIN sté"), ("FIRST.MEA", "P1", "Ä1")):
+    for name, old, new in (
+        ("orip.toml", '"left"', '"sté"'),
+        ("FIRST.MEA", "MAIN left", "MAIN sté"),
+        ("FIRST.MEA", "P1", "Ä1"),
+    ):
         replace_in(folder / name, old, new)
     for name in ("orip.toml", "FIRST.MEA", "FIRST.PNT"):
         path = folder / name
         path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     assert orip(folder, "run").code == 0
     assert "Ä1" in orip(folder, "results", "points").out
-    assert "STÉ" not in orip(folder, "results", "photos", "STÉ").out
+    assert "sté" in orip(folder, "results", "photos", "STÉ").out
 
 
 def test_two_runs_in_different_folders_are_equal_to_the_byte(tmp_path: Path) -> None:

@@ -85,7 +85,8 @@ def test_the_command_line_imports_nothing_slow() -> None:
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:
     orip(project, "run")
     command = f"'{sys.executable}' -m orip.cli.main -C '{project}'"
-    script = f"{command} dump FIRST.EXT | head -1; echo ${{PIPESTATUS[0]}}; {command} run 2>&1 >&- | head -1; echo ${{PIPESTATUS[0]}}"
+    code = "echo ${PIPESTATUS[0]}"
+    script = f"{command} dump FIRST.EXT | head -1; {code}; {command} run 2>&1 >&- | head -1; {code}"
     said = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert said.stdout.splitlines()[1] == "0"
     assert said.stdout.splitlines()[3] == "0"

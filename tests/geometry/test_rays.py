@@ -74,7 +74,7 @@ def test_least_squares_of_many_rays_is_scipys():
     from scipy.optimize import least_squares
 
     generator = np.random.default_rng(7)
-    origins = generator.uniform(-50.0, 50.0, (6, 3)) + [0.0, 0.0, 100.0]
+    origins = generator.uniform([-50.0, -50.0, 50.0], [50.0, 50.0, 150.0], (6, 3))
     directions = generator.normal(0.0, 2.0, (6, 3)) - origins
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
 

@@ -94,6 +94,16 @@ def test_where_the_polynomial_is_not_monotone_there_is_no_ideal_point_and_no_cra
     assert np.isfinite(found[1:]).all()
 
 
+@pytest.mark.parametrize("radius", [12.5, 13.0, 15.0, 17.0, 19.0, 25.0, 31.0, 40.0, 100.0, 1e3, 1e60])
+def test_one_point_outside_the_image_circle_does_not_take_the_others_along(radius):
+    strong = coefficients(A3=-1e-3)
+    inside = np.array([[3.0, 4.0], [-6.0, 6.0], [8.0, 0.0]])
+    measured = inside + distortion_with_partials(inside, strong).value
+    found = remove_distortion(np.vstack([[[radius, 0.0]], measured]), strong)
+    assert np.isnan(found[0]).all()
+    assert np.allclose(found[1:], inside, atol=1e-11)
+
+
 def test_no_points_have_no_distortion():
     none = np.empty((0, 2))
     assert remove_distortion(none, SMALL_FORMAT).shape == (0, 2)

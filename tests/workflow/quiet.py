@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from orip.workflow.reconcile import Prefer
 from orip.workflow.run import RunWatcher, run
 from orip.workflow.solve import SolveOutcome, SolveWatcher, solve
@@ -16,14 +18,20 @@ def never_stopped() -> Iterator[Callable[[], bool]]:
     yield lambda: False
 
 
-NOBODY = SolveWatcher(started=lambda block: None, passed=lambda each: None, stoppable=never_stopped)
+def hear_nothing(_told: object) -> None:
+    """Be told of something and ignore it."""
+
+
+NOBODY = SolveWatcher(started=hear_nothing, passed=hear_nothing, stoppable=never_stopped)
 
 
 def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcome, ...]:
     """Do what `orip run` does."""
-    return run(folder, prefer, RunWatcher(lambda done: None, lambda done: None, NOBODY, lambda done: None))
+    with threadpool_limits(1):  # as the command line does: with more threads the last digits vary
+        return run(folder, prefer, RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing))
 
 
 def solve_quietly(folder: Path, bundle: str | None = None) -> SolveOutcome:
     """Do what `orip solve` does."""
-    return solve(folder, bundle, NOBODY)
+    with threadpool_limits(1):
+        return solve(folder, bundle, NOBODY)

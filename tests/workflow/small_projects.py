@@ -23,7 +23,9 @@ def first_project(folder: Path) -> Path:
 def two_bundles(folder: Path) -> Path:
     """Write the first project with its measurements in two bundles, MAIN and AGAIN."""
     first_project(folder)
-    replace_in(folder / "orip.toml", '[[bundle]]\nname = "MAIN"', '[[bundle]]\nname = "AGAIN"\n[[bundle]]\nname = "MAIN"')
+    replace_in(
+        folder / "orip.toml", '[[bundle]]\nname = "MAIN"', '[[bundle]]\nname = "AGAIN"\n[[bundle]]\nname = "MAIN"'
+    )
     log = (folder / "FIRST.MEA").read_text()
     (folder / "SECOND.MEA").write_text(log.replace("POINTS MAIN", "POINTS AGAIN"))
     return folder

@@ -14,6 +14,7 @@ from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import PointKind
 from orip.model.photo import PHOTO_PARAMETERS
 from orip.model.solution import (
+    AdditionalEstimate,
     Blunder,
     CheckPoint,
     Correlation,
@@ -86,6 +87,10 @@ ITEM_LISTS: dict[str, tuple[type[Any], Table]] = {
             integer("singular"),
             flag("step_limited"),
         ),
+    ),
+    "additional": (
+        AdditionalEstimate,
+        _list_of_solution("additional_estimate", *_texts("camera", "name"), *_reals("value", "sd")),
     ),
     "singular": (
         SingularUnknown,

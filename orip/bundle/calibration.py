@@ -1,0 +1,220 @@
+"""Self-calibration judged: which camera parameters are significant, which can be determined at all.
+
+Distortion parameters are tested against zero, alone and in groups (Fisher's F on k and f degrees of freedom): A3, A5
+and A7 from the highest order down, P1 and P2 together. C, DX and DY are never tested: zero means nothing there. The
+additional parameters of a set are orthogonal by construction and are tested one by one; there, one that the other
+unknowns explain by more than nine tenths, or that spoils the points, is not determinable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtri
+
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT, set_names
+from orip.model.block import Block
+from orip.model.camera import CAMERA_PARAMETERS, Camera
+from orip.model.solution import Diagnosis
+
+FloatArray = NDArray[np.float64]
+
+ALPHA = 0.05
+MOST_LOST_DIGITS = 5.0
+"""Digits that a parameter may lose to the other unknowns before it is not determinable in practice."""
+
+MOST_CORRELATION = 0.90
+"""Square of the multiple correlation above which an additional parameter is not determinable."""
+
+MOST_OF_TRACE = 0.10
+"""Part of the trace of the points' cofactors that one additional parameter may bring."""
+
+Verdict = Literal["significant", "not significant", "not determinable"]
+
+_GROUPS = (("A7",), ("A5", "A7"), ("A3", "A5", "A7"), ("A1",), ("P1", "P2"), ("B1",), ("B2",))
+"""Parameters tested together; of the radial ones a higher order goes before a lower one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTest:
+    """The test of one group of a camera's distortion parameters.
+
+    Parameters
+    ----------
+    camera : str
+    parameters : tuple of str
+        Those of the group that are unknown.
+    statistic, limit : float
+        Roots of F and of its quantile: for one parameter |a| / sd and the two-sided limit of Student's t.
+    lost_digits : float
+        Of the parameter that the other unknowns determine worst.
+    verdict : str
+    """
+
+    camera: str
+    parameters: tuple[str, ...]
+    statistic: float
+    limit: float
+    lost_digits: float
+    verdict: Verdict
+
+
+def parameter_tests(solved: SolvedBlock) -> tuple[ParameterTest, ...]:
+    """Return the tests of all unknown distortion parameters; none without redundancy."""
+    if solved.variance.redundancy <= 0:
+        return ()
+    found = []
+    for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
+        for group in _GROUPS:
+            unknown = [kind for kind in group if columns[CAMERA_PARAMETERS.index(kind)] != CONSTANT]
+            # a group whose first member is constant is the same as a smaller one
+            if unknown and unknown[0] == group[0]:
+                found.append(_test(solved, camera, unknown, columns))
+    return (*found, *_additional_tests(solved))
+
+
+def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
+    """Return the tests of the additional parameters of all cameras, one by one."""
+    unknowns = solved.problem.unknowns.additional
+    places = np.argwhere(unknowns != CONSTANT)
+    if not len(places):
+        return
+    columns = unknowns[unknowns != CONSTANT]
+    cofactor = np.diag(solved.cofactors.reduced)[columns]
+    from_photos = solved.adjusted.normals.scale[columns] ** 2 - 1.0 / _a_priori_errors(solved) ** 2
+    unexplained = 1.0 / np.maximum(from_photos * cofactor, 1.0)
+    spoiling = _share_of_trace(solved, columns, cofactor) > MOST_OF_TRACE
+    limit = float(np.sqrt(fdtri(1, solved.variance.redundancy, 1.0 - ALPHA)))
+    for index, (row, place) in enumerate(places):
+        camera = solved.block.cameras[row]
+        value = solved.adjusted.linearised.state.additional[row, place]
+        statistic = float(abs(value) / np.sqrt(cofactor[index]) / solved.deviation_scale)
+        verdict: Verdict = "significant" if statistic > limit else "not significant"
+        if 1.0 - unexplained[index] > MOST_CORRELATION or spoiling[index]:
+            verdict = "not determinable"
+        name = set_names(camera)[place]
+        yield ParameterTest(camera.name, (name,), statistic, limit, float(-np.log10(unexplained[index])), verdict)
+
+
+def _a_priori_errors(solved: SolvedBlock) -> FloatArray:
+    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == "additional")
+    return rows.error
+
+
+def _share_of_trace(solved: SolvedBlock, columns: NDArray[np.int64], cofactor: FloatArray) -> FloatArray:
+    """Return the part (k,) of the trace of the points' cofactors that each parameter brings (trace test)."""
+    unit = np.zeros((solved.problem.layout.size, len(columns)))
+    unit[columns, np.arange(len(columns))] = 1.0
+    spread = solved.adjusted.normals.solve(unit)[solved.problem.layout.reduced :]
+    trace = float(np.einsum("bii->", solved.cofactors.blocks))
+    return np.asarray(np.sum(spread**2, axis=0) / cofactor / trace) if trace > 0.0 else np.zeros(len(columns))
+
+
+def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: NDArray[np.int64]) -> ParameterTest:
+    places = [CAMERA_PARAMETERS.index(kind) for kind in parameters]
+    unknowns = columns[places]
+    cofactor = solved.cofactors.reduced[np.ix_(unknowns, unknowns)]
+    row = [each.name for each in solved.block.cameras].index(camera.name)
+    values = solved.adjusted.linearised.state.cameras[row, places]
+    normals = solved.adjusted.normals
+    lost = float(max(_digits_lost(normals.scale[each], solved.cofactors.reduced[each, each]) for each in unknowns))
+    limit = float(np.sqrt(fdtri(len(unknowns), solved.variance.redundancy, 1.0 - ALPHA)))
+    if normals.removed[unknowns].any() or lost > MOST_LOST_DIGITS:
+        return ParameterTest(camera.name, tuple(parameters), float("nan"), limit, lost, "not determinable")
+    # scaled to unit diagonal: coefficients of different orders differ by many decades
+    scale = np.sqrt(np.diag(cofactor))
+    scaled = values / scale
+    quantity = float(scaled @ np.linalg.solve(cofactor / np.outer(scale, scale), scaled))
+    statistic = float(np.sqrt(quantity / len(unknowns))) / solved.deviation_scale
+    verdict: Verdict = "significant" if statistic > limit else "not significant"
+    return ParameterTest(camera.name, tuple(parameters), statistic, limit, lost, verdict)
+
+
+def _digits_lost(root_of_normal: float, cofactor: float) -> float:
+    """Return log10(N_jj Q_jj), with 1 / (N_jj Q_jj) = 1 - multiple correlation squared with all other unknowns."""
+    product = root_of_normal**2 * cofactor
+    return float(np.log10(product)) if product > 0.0 else 0.0
+
+
+def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Return what to do about each parameter that is not significant or not determinable."""
+    for test in removable(parameter_tests(solved)):
+        names = ", ".join(test.parameters)
+        where = f"camera {test.camera}"
+        if test.verdict == "not determinable":
+            text = f"{names} of {where} can hardly be told from the other unknowns ({test.lost_digits:.1f} digits lost)"
+        else:
+            text = f"{names} of {where} is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
+        yield Diagnosis("not-significant", where, text, "hold it at zero, or let 'orip solve --prune' do so")
+
+
+def removable(tests: tuple[ParameterTest, ...]) -> list[ParameterTest]:
+    """Return the tests whose group should go, single parameters where they stand alone, the worst first."""
+    failed = [test for test in tests if test.verdict != "significant"]
+    largest = [test for test in failed if not any(_contains(other, test) for other in failed)]
+    return sorted(largest, key=_worth)
+
+
+def _contains(other: ParameterTest, test: ParameterTest) -> bool:
+    return other.camera == test.camera and set(test.parameters) < set(other.parameters)
+
+
+def _worth(test: ParameterTest) -> float:
+    return -test.lost_digits if test.verdict == "not determinable" else test.statistic / test.limit
+
+
+@dataclass(frozen=True, slots=True)
+class Pruned:
+    """A block freed of parameters that are not significant, and the tests that each failed, in order."""
+
+    solved: SolvedBlock
+    removed: tuple[ParameterTest, ...]
+
+
+def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> Pruned:
+    """Hold the worst parameter at zero and adjust again, until every parameter left is significant.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    solve_again : callable
+        Adjusts a block whose cameras have fewer unknowns.
+
+    Returns
+    -------
+    Pruned
+    """
+    removed: list[ParameterTest] = []
+    while worst := removable(parameter_tests(solved)):
+        # of a group only the highest order goes at a time: the others may become significant without it
+        gone = replace(worst[0], parameters=worst[0].parameters[-1:]) if len(worst[0].parameters) > 1 else worst[0]
+        if set(worst[0].parameters) <= {"P1", "P2"}:
+            gone = worst[0]
+        removed.append(gone)
+        solved = solve_again(_without(solved, gone))
+    return Pruned(solved, tuple(removed))
+
+
+def _without(solved: SolvedBlock, test: ParameterTest) -> Block:
+    """Return the block with parameters constant at zero, starting from the adjusted values."""
+    state, block = solved.adjusted.linearised.state, solved.block
+    cameras = []
+    for camera, values in zip(block.cameras, state.cameras.tolist(), strict=True):
+        gone = test.parameters if camera.name == test.camera else ()
+        parameters = tuple(
+            0.0 if kind in gone else value for kind, value in zip(CAMERA_PARAMETERS, values, strict=True)
+        )
+        unknown = tuple(kind for kind in camera.unknown if kind not in gone)
+        cameras.append(replace(camera, parameters=parameters, unknown=unknown))
+    return replace(
+        block,
+        cameras=tuple(cameras),
+        photo_orientation=np.hstack([state.centres, state.angles()]),
+        point_start=state.points,
+        held_additional=block.held_additional | {(test.camera, name) for name in test.parameters},
+    )

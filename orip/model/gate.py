@@ -1,0 +1,103 @@
+"""Gates: conditions that the figures of a solution have to meet, such as ``sigma0 <= 1.5``."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+GateOperator = Literal["<=", ">=", "==", "!=", "<", ">"]
+
+OPERATORS: Mapping[GateOperator, Callable[[float, float], bool]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+
+GATE_FIGURES: Mapping[str, str] = {
+    "sigma0": "standard error of unit weight",
+    "sigma0_all": "the same over all observations, down-weighted ones with their full residual",
+    "redundancy": "observations minus unknowns",
+    "redundancy_used": "share of the redundancy that sigma0 stands on",
+    "observations": "observation equations",
+    "unknowns": "unknowns, removed ones included",
+    "enp": "exponent of numerical precision of the last iteration",
+    "iterations": "iterations",
+    "down_weighted": "observation components with a weight factor below 1",
+    "singular": "unknowns that nothing determines",
+    "blunders": "observations found to be wrong",
+    "diagnosis": "weaknesses that were diagnosed",
+    "warnings": "warnings",
+    "max_standard_residual": "largest residual over its a-priori error",
+    "max_abs_w": "largest normalised residual",
+    "min_redundancy_number": "smallest redundancy number of an observation component",
+    "max_correlation": "largest correlation, without sign, of two parameters of a camera",
+    "check_points.count": "check points that were compared",
+    "check_points.rms_xy": "root of the mean square of their dX and dY: of n points, the divisor is 2n",
+    "check_points.rms_z": "root of the mean square of their dZ",
+    "check_points.max": "largest dX, dY or dZ, without sign",
+    "control.count": "control coordinates that are observations",
+    "control.rms_xy": "root mean square of their residuals in X and Y",
+    "control.rms_z": "root mean square of their residuals in Z",
+    "control.max": "largest of their residuals, without sign",
+    "cameras.count": "cameras",
+    "photos.count": "photos",
+    "photos.max_sd": "largest standard deviation of a projection centre's coordinate",
+    "photos.max_angle_sd": "largest standard deviation of an angle, degrees",
+    "points.count": "ground points",
+    "points.single_ray": "points seen by one ray",
+    "points.max_sd": "largest standard deviation of a point's coordinate",
+    "points.rms_sd": "root mean square of the standard deviations of all point coordinates",
+}
+"""Names and meanings of the figures that a gate may be about; lengths on the ground are in the project's unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """A condition: the figure called `name` stands to `limit` as `operator` says."""
+
+    name: str
+    operator: GateOperator
+    limit: float
+
+    def __str__(self) -> str:
+        """Return it as it is written, with blanks."""
+        return f"{self.name} {self.operator} {self.limit:.15g}"
+
+    def holds(self, value: float) -> bool:
+        """Tell whether a value meets the condition; one that is not finite meets none."""
+        return math.isfinite(value) and OPERATORS[self.operator](value, self.limit)
+
+
+@dataclass(frozen=True, slots=True)
+class GateResult:
+    """A gate held against a solution.
+
+    Parameters
+    ----------
+    gate : Gate
+    value : float
+        NaN where the solution has no such figure, infinite where an unknown is not determined.
+    passed : bool
+    reason : str
+        Why there is no value to compare; empty where there is one.
+    """
+
+    gate: Gate
+    value: float
+    passed: bool
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """Return ``pass sigma0 <= 1.5 (0.98)``, or the same with ``FAIL``."""
+        return f"{'pass' if self.passed else 'FAIL'} {self.gate} ({self.reason or self._shown_value()})"
+
+    def _shown_value(self) -> str:
+        # as few digits as will not contradict the verdict
+        texts = (f"{self.value:.{digits}g}" for digits in range(4, 18))
+        return next((text for text in texts if self.gate.holds(float(text)) == self.passed), repr(self.value))

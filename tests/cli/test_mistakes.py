@@ -1,0 +1,268 @@
+"""Users' mistakes: one clear sentence each, the right exit code, no traceback, nothing half-written."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from cli.command_line import Said, orip
+from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
+
+from orip.files.stores.transaction import writing
+
+COMMANDS = ("status", "init", "measure", "solve", "run")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    return first_project(tmp_path / "first")
+
+
+def refused(said: Said, code: int, *sentences: str) -> None:
+    """Check an exit code, and that every sentence is an error of its own."""
+    assert said.code == code
+    errors = [line for line in said.err.splitlines() if line.startswith("error: ")]
+    assert len(errors) == len(sentences), said.err
+    for error, sentence in zip(errors, sentences, strict=True):
+        assert sentence in error
+    assert said.out == ""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
+    refused(orip(tmp_path / "nowhere", command), 2, "does not exist; name a project's folder with -C DIR")
+    (tmp_path / "file").touch()
+    refused(orip(tmp_path / "file", command), 2, "is a file, not a folder")
+    refused(orip(tmp_path, command), 3, "there is no orip.toml in")
+    assert set(contents(tmp_path)) == {"file"}
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("frobnicate",), "No such command 'frobnicate'; see 'orip --help'"),
+        (("solv",), "No such command 'solv'. Did you mean 'solve'? see 'orip --help'"),
+        (("solve", "--bogus"), "No such option: --bogus"),
+        (("--threads", "0", "status"), "Invalid value for '--threads'"),
+        (("--color", "purple", "status"), "'purple' is not one of 'auto', 'always', 'never'"),
+        (("init", "--prefer", "both"), "'both' is not one of 'text', 'store'; see 'orip init --help'"),
+        (("results",), "Missing argument 'WHAT'"),
+        (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'residuals'"),
+        (("solve", "NIX"), "there is no bundle 'NIX' in orip.toml; its bundles are: MAIN"),
+        (("dump", "orip.toml"), "is no record store: stores end in .CAM"),
+    ],
+)
+def test_wrong_usage_is_2_also_as_json(project: Path, words: tuple[str, ...], sentence: str) -> None:
+    said = orip(project, *words)
+    refused(said, 2, sentence)
+    said = orip(project, "--json", *words)
+    assert said.code == said.document["exit_code"] == 2
+    assert sentence in said.document["errors"][0]["message"]
+
+
+def test_commands_out_of_order_say_which_comes_first(project: Path) -> None:
+    before = contents(project)
+    refused(orip(project, "measure"), 3, "no record stores yet; run 'orip init' first")
+    refused(orip(project, "solve"), 3, "no record stores yet; run 'orip init' first")
+    refused(orip(project, "results", "points"), 3, "bundle MAIN has not been adjusted yet; run 'orip solve' first")
+    refused(orip(project, "dump", "FIRST.CAM"), 3, "there is no such store; 'orip init' and 'orip measure' make")
+    assert contents(project) == before
+    orip(project, "init")
+    refused(orip(project, "solve"), 3, "has no photo observations yet; run 'orip measure' first")
+
+
+def test_unknown_names_of_results(project: Path) -> None:
+    orip(project, "run")
+    refused(orip(project, "results", "points", "999"), 2, "the solution has no point 999; 'orip results points' shows")
+    refused(orip(project, "results", "points", "p1"), 2, "no point p1")  # names of points are compared exactly
+    refused(orip(project, "results", "residuals", "x"), 2, "no residual belongs to x")
+
+
+def test_all_texts_are_checked_at_once_before_any_store_is_made(project: Path) -> None:
+    replace_in(project / "FIRST.PNT", "1012.40", "1012,40")
+    replace_in(project / "FIRST.MEA", "1436.4", "1436.4.1")
+    replace_in(project / "FIRST.MEA", "MAIN right", "OTHER rihgt")
+    (project / "MAIN.PRE").write_text("P1 1 2\n")
+    before = contents(project)
+    for command in ("run", "init"):
+        refused(
+            orip(project, command), 3,
+            "FIRST.MEA:2:7: ", "FIRST.PNT:1:5: ", "MAIN.PRE:1", "FIRST.MEA:7: photo rihgt",
+            "FIRST.MEA:7: bundle OTHER",
+        )  # fmt: skip
+    rows = orip(project, "run", "--json").document["errors"]
+    assert {(row["file"], row["line"]) for row in rows} == {
+        ("FIRST.MEA", 2), ("FIRST.PNT", 1), ("MAIN.PRE", 1), ("FIRST.MEA", 7)
+    }  # fmt: skip
+    assert contents(project) == before
+
+
+def test_a_wrong_project_file_does_not_hide_the_other_faults(project: Path) -> None:
+    replace_in(project / "orip.toml", "[[bundle]]", "[[bundel]]")
+    replace_in(project / "FIRST.PNT", "1012.40", "east")
+    replace_in(project / "FIRST.MEA", "1436.4", "left")
+    said = orip(project, "run")
+    assert said.code == 3
+    for place in ("error: orip.toml:", "error: FIRST.PNT:1:", "error: FIRST.MEA:2:"):
+        assert place in said.err
+    assert "did you mean 'bundle'" in said.err
+    assert set(contents(project)) == {"orip.toml", "FIRST.PNT", "FIRST.MEA"}
+
+
+def test_marks_that_cannot_orient_a_photo_are_found_before_any_store_is_made(tmp_path: Path) -> None:
+    folder = film_project(tmp_path / "film")
+    log = (folder / "FIRST.MEA").read_text().splitlines()
+    (folder / "FIRST.MEA").write_text("\n".join([log[0], *log[3:]]) + "\n")  # two marks for an affine transformation
+    before = contents(folder)
+    said = orip(folder, "run")
+    assert said.code == 3
+    assert "photo left" in said.err
+    assert contents(folder) == before
+
+
+def test_names_in_other_letters(project: Path) -> None:
+    (project / "FIRST.PNT").rename(project / "first.pnt")
+    refused(orip(project, "run"), 3, "first.pnt: this file is not read: the project's file is called FIRST.PNT")
+
+
+def test_folders_in_place_of_files(project: Path) -> None:
+    for name in ("FIRST.PNT", "FIRST.MEA", "orip.toml"):
+        text = (project / name).read_bytes()
+        (project / name).unlink()
+        (project / name).mkdir()
+        refused(orip(project, "run"), 3, f"{name}: this is a folder, not a file")
+        (project / name).rmdir()
+        (project / name).write_bytes(text)
+    (project / "FIRST.PHO").mkdir()
+    refused(orip(project, "run"), 3, "FIRST.PHO: this is no file; a record store is one file")
+
+
+def test_an_output_that_cannot_be_written_is_made_up_for(project: Path) -> None:
+    (project / "result.json").mkdir()
+    refused(orip(project, "run"), 1, "result.json cannot be written: Is a directory; the results are safe in the")
+    assert "missing or not of the last adjustment: result.json" in orip(project, "status").out
+    (project / "result.json").rmdir()
+    assert orip(project, "init").code == 0
+    assert "everything is up to date" in orip(project, "status").out
+    assert not [name for name in contents(project) if name.startswith(".orip")]
+
+
+def test_nothing_measured(project: Path) -> None:
+    (project / "FIRST.MEA").write_text("")
+    refused(orip(project, "run"), 3, "bundle MAIN has no photo points; measure some")
+    (project / "FIRST.MEA").unlink()
+    assert "nothing is measured yet: no file is called *.MEA" in orip(project, "measure").err
+    replace_in(project / "orip.toml", '"FIRST" }', '"FIRST", measurement_files = ["A.MEA"] }')
+    refused(orip(project, "run"), 3, "measurement file 'A.MEA' does not exist")
+
+
+def test_text_that_is_no_utf8(project: Path) -> None:
+    (project / "FIRST.MEA").write_bytes("POINTS MAIN left\n".encode("utf-16"))
+    refused(orip(project, "run"), 3, "FIRST.MEA:1: the file is UTF-16; save it as UTF-8")
+
+
+@pytest.mark.parametrize("damage", [b"garbage", b"SQLite format 3\0 and then nothing of the kind" * 100])
+def test_damaged_stores(project: Path, damage: bytes) -> None:
+    orip(project, "run")
+    (project / "FIRST.EXT").write_bytes(damage)
+    before = contents(project)
+    for command in (*COMMANDS, "results points", "dump FIRST.EXT"):
+        said = orip(project, *command.split())
+        assert said.code == 3
+        assert f"error: {project}/FIRST.EXT: " in said.err
+    assert contents(project) == before
+
+
+def test_a_store_of_another_program(project: Path) -> None:
+    connection = sqlite3.connect(project / "CAMERAS.CAM")
+    connection.execute("CREATE TABLE mine (a)")
+    connection.close()
+    refused(orip(project, "run"), 3, "CAMERAS.CAM: this SQLite file belongs to another program")
+
+
+@pytest.mark.parametrize("name", ["CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO", "FIRST.TEM"])
+def test_a_lost_or_emptied_store_is_noticed_and_made_anew(project: Path, name: str) -> None:
+    orip(project, "run")
+    after = {each: orip(project, "dump", each).out for each in ("CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO")}
+    for lose in (Path.unlink, lambda path: path.write_bytes(b"")):
+        lose(project / name)
+        assert "next     nothing" not in orip(project, "status").out
+        said = orip(project, "solve")
+        assert said.code in (0, 3)
+        assert "internal" not in said.err
+        assert orip(project, "run").code == 0
+        assert after == {each: orip(project, "dump", each).out for each in after}
+
+
+def test_text_and_store_changed_both(project: Path) -> None:
+    orip(project, "run")
+    dumped = orip(project, "dump", "CAMERAS.CAM").out
+    (project / "dump.txt").write_text(dumped.replace("35.0", "35.7"))
+    orip(project, "load", "CAMERAS.CAM", "dump.txt")
+    assert orip(project, "run").code == 0
+    assert "35.7" in orip(project, "dump", "CAMERAS.CAM").out, "the text has not changed: it undoes nothing"
+    replace_in(project / "orip.toml", "c = 35.0", "c = 35.2")
+    before = contents(project)
+    for command in ("init", "run"):
+        refused(
+            orip(project, command),
+            3,
+            "orip.toml:2: camera C35 was changed both in the text and in the store: C is 35.2",
+        )
+    assert contents(project) == before
+    assert "1 records were changed both" in orip(project, "status").out
+    assert orip(project, "run", "--prefer", "store").code == 0
+    assert "35.7" in orip(project, "dump", "CAMERAS.CAM").out
+    replace_in(project / "orip.toml", "c = 35.2", "c = 35.3")
+    assert orip(project, "init", "--prefer", "text").code == 0
+    assert "35.3" in orip(project, "dump", "CAMERAS.CAM").out
+
+
+def test_too_many_bundles(tmp_path: Path) -> None:
+    folder = two_bundles(tmp_path / "p")
+    text = (folder / "orip.toml").read_text()
+    (folder / "orip.toml").write_text(text + "".join(f'\n[[bundle]]\nname = "B{n}"\n' for n in range(3)))
+    assert orip(folder, "init").code == 0
+    assert orip(folder, "status").code == 0
+    assert orip(folder, "measure").code == 0
+    (folder / "orip.toml").write_text(text + "".join(f'\n[[bundle]]\nname = "B{n}"\n' for n in range(4)))
+    refused(orip(folder, "init"), 3, "the project has 6 bundles, at most 5 are possible")
+
+
+@pytest.mark.parametrize("command", ["init", "measure", "solve", "run", "load MAIN.EXO dump.txt"])
+def test_locked_by_another_run(project: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    orip(project, "run")
+    (project / "dump.txt").write_text(orip(project, "dump", "MAIN.EXO").out)
+    replace_in(project / "FIRST.MEA", "1436.4", "1436.5")
+    before = contents(project)
+    with writing([project / "FIRST.EXT", project / "MAIN.EXO"]):
+        # orip waits ten seconds for the other run; the test does not
+        monkeypatch.setitem(writing.__wrapped__.__kwdefaults__, "timeout", 0.01)
+        monkeypatch.setattr("orip.files.stores.load.load.__kwdefaults__", {"source": "dump", "timeout": 0.01})
+        refused(orip(project, *command.split()), 6, "locked by another run of orip; wait for it, or end it, and repeat")
+        assert orip(project, "--json", *command.split()).document["exit_code"] == 6
+        assert orip(project, "status").code == 0
+        assert orip(project, "results", "points").code == 0
+    assert contents(project) == before
+
+
+def test_a_faulty_dump_changes_nothing(project: Path) -> None:
+    orip(project, "run")
+    (project / "dump.txt").write_text(orip(project, "dump", "MAIN.EXO").out.replace("1436.4", '"east"'))
+    before = contents(project)
+    said = orip(project, "load", "MAIN.EXO", "dump.txt")
+    assert said.code == 3
+    assert "error: dump.txt:" in said.err
+    refused(orip(project, "load", "MAIN.EXO", "nix.txt"), 3, "nix.txt: there is no such file")
+    assert contents(project) == before
+
+
+def test_an_internal_error_is_a_sentence_and_a_document(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_folder: Path) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("orip.workflow.status.project_status", fail)
+    said = orip(project, "status", "--json")
+    assert said.code == said.document["exit_code"] == 1
+    assert "this is a fault of orip, please report it" in said.err

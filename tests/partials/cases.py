@@ -1,0 +1,280 @@
+"""One or more cases for every function whose name ends in `_with_partials`.
+
+A case is a vector of variables, the values of a function there and after a change of the variables, and the partials
+that the function itself returns. Kinds of observation are changed through `State.moved`, so that the parametrisation of
+the rotations is tested with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from support.synthetic_block import DISTORTED, synthetic_block
+
+from orip.bundle.additional_parameter import base_of_camera
+from orip.bundle.kinds import KINDS
+from orip.bundle.observation import Observations
+from orip.bundle.problem import starting_state
+from orip.bundle.state import State
+from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
+from orip.geometry.perspective import perspective_with_partials
+from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
+from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
+from orip.interior.distortion import correction_with_partials, distortion_with_partials
+from orip.model.block import Block, TheodoliteSet
+from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.control import ControlDirection, ControlDistance, ControlElement
+
+SUFFIX = "_with_partials"
+FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
+SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A function at one place.
+
+    Attributes
+    ----------
+    of : str
+        Full name of the function or method.
+    label : str
+    at : array (k,)
+    value : callable
+        Variables (k,) to values (m,).
+    partials : array (m, k)
+        As the function returns them.
+    move : float
+        How far the values are moved for a numerical derivative: a thousandth or less of what bends the function, and
+        a million times what the values are rounded to.
+    """
+
+    of: str
+    label: str
+    at: np.ndarray
+    value: Callable[[np.ndarray], np.ndarray]
+    partials: np.ndarray
+    move: float = 1e-3
+
+    def __str__(self) -> str:
+        return f"{self.of.removeprefix('orip.')}: {self.label}"
+
+
+def all_cases() -> list[Case]:
+    return [*_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_kinds()]
+
+
+def full_name(function: object) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def _block_diagonal(by_row: np.ndarray) -> np.ndarray:
+    """Spread partials (n, m, k) of n points by k variables of each point to (n m, n k)."""
+    n, m, k = by_row.shape
+    result = np.zeros((n, m, n, k))
+    result[np.arange(n), :, np.arange(n)] = by_row
+    return result.reshape(n * m, n * k)
+
+
+# geometry
+
+
+def _perspective() -> Iterator[Case]:
+    generator = np.random.default_rng(3)
+    views = [(0.1, -0.2, 0.7), (0.0, np.pi / 2.0, 0.0), (0.4, -np.pi / 2.0, 0.3), (2.0, 1.0, -3.0)]
+    rotation = rotation_from_angles(np.array(views))
+    in_photo = generator.uniform([-3.0, -3.0, -12.0], [3.0, 3.0, -8.0], (len(views), 3))
+    offset = (rotation @ in_photo[:, :, None])[:, :, 0]
+    at = np.hstack([offset, np.zeros((len(views), 3)), np.full((len(views), 1), 50.0)])
+
+    def image(x: np.ndarray):
+        rows = x.reshape(len(views), 7)
+        return perspective_with_partials(rows[:, :3], rotation_about_axes(rows[:, 3:6]) @ rotation, rows[:, 6])
+
+    found = image(at)
+    by_row = np.concatenate([found.by_point, found.by_rotation, found.by_principal_distance[:, :, None]], axis=2)
+    assert found.in_front.all()
+    yield Case(
+        full_name(perspective_with_partials), "point, turn, principal distance", at.ravel(),
+        lambda x: image(x).xy.ravel(), _block_diagonal(by_row),
+    )  # fmt: skip
+
+
+def _ground_frame() -> Iterator[Case]:
+    from orip.geometry.ground_frame import ground_frame
+
+    frame = ground_frame("EPSG:32633", "m", np.array([410_000.0, 5_320_000.0, 600.0]))
+    local = np.array([[0.0, 0.0, 0.0], [2500.0, -1800.0, 400.0], [-30_000.0, 20_000.0, 1000.0]])
+    project = frame.to_project(local)
+    forward, back = frame.project_with_partials(local), frame.local_with_partials(project)
+    yield Case(
+        full_name(type(frame).project_with_partials), "UTM", local.ravel(),
+        lambda x: (frame.to_project(x.reshape(-1, 3)) - project).ravel(), _block_diagonal(forward.by_local), 10.0,
+    )  # fmt: skip
+    yield Case(
+        full_name(type(frame).local_with_partials), "UTM", project.ravel(),
+        lambda x: (frame.to_local(x.reshape(-1, 3)) - local).ravel(), _block_diagonal(back.by_project), 10.0,
+    )  # fmt: skip
+
+
+# interior
+
+
+def _distortion() -> Iterator[Case]:
+    for function in (distortion_with_partials, correction_with_partials):
+        found = function(FRAME, SMALL_FORMAT)
+        yield Case(
+            full_name(function), "coordinates", FRAME.ravel(),
+            lambda x, function=function: function(x.reshape(-1, 2), SMALL_FORMAT).value.ravel(),
+            _block_diagonal(found.by_xy),
+        )  # fmt: skip
+        yield Case(
+            full_name(function), "coefficients", SMALL_FORMAT,
+            lambda x, function=function: function(FRAME, x).value.ravel(), found.by_coefficients.reshape(-1, 8),
+        )  # fmt: skip
+
+
+def _additional() -> Iterator[Case]:
+    base = 9.6
+    for name, parameters in PARAMETER_SETS.items():
+        count = len(parameters.parameter_names)
+        errors = np.array([default_error(name, index, base, 0.005) for index in range(count)])
+        values = errors * np.random.default_rng(6).normal(size=count)
+        found = additional_with_partials(name, FRAME, base, values)
+        yield Case(
+            full_name(additional_with_partials), f"{name} coordinates", FRAME.ravel(),
+            lambda x, name=name, values=values: additional_with_partials(
+                name, x.reshape(-1, 2), base, values
+            ).value.ravel(),
+            _block_diagonal(found.by_xy),
+        )  # fmt: skip
+        yield Case(
+            full_name(additional_with_partials), f"{name} parameters", values,
+            lambda x, name=name: additional_with_partials(name, FRAME, base, x).value.ravel(),
+            found.by_values.reshape(-1, count),
+        )  # fmt: skip
+
+
+# kinds of observation
+
+
+def blocks() -> dict[str, Block]:
+    """Return blocks in which every kind of observation occurs, all 11 camera parameters unknown."""
+    plain = {
+        f"{scene}, {argument}": _with_everything(
+            synthetic_block(
+                scene, "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS,
+                constant=_CONSTANT[scene], noise_mm=0.01, start_error=_START_ERROR[scene],
+            ).block
+        )
+        for scene in ("strip", "convergent", "terrestrial")
+        for argument in ("ideal", "measured")
+    }  # fmt: skip
+    with_set = {
+        f"{label}, {name}": _with_set(plain[label], name)
+        for label, name in (
+            ("convergent, ideal", "EBNER"),
+            ("terrestrial, measured", "EBNER"),
+            ("strip, ideal", "GRUEN"),
+        )
+    }
+    return plain | with_set
+
+
+def _with_set(block: Block, name: str) -> Block:
+    largest = np.abs(block.photo_points.xy).max(axis=0)
+    camera = replace(block.cameras[0], additional_set=name, frame=tuple(2.0 * largest))
+    held = (camera.name, PARAMETER_SETS[name].parameter_names[2])
+    return replace(block, cameras=(camera,), held_additional=frozenset([held]))
+
+
+def state_of(block: Block) -> State:
+    """Return the starting state, with additional parameters that are not zero."""
+    state = starting_state(block)
+    values = np.zeros_like(state.additional)
+    for row, camera in enumerate(block.cameras):
+        names = PARAMETER_SETS[camera.additional_set].parameter_names if camera.additional_set else ()
+        errors = [
+            default_error(camera.additional_set, index, base_of_camera(camera), 0.005) for index in range(len(names))
+        ]
+        values[row, : len(names)] = np.random.default_rng(row).normal(size=len(names)) * errors
+    return replace(state, additional=values)
+
+
+# at phi = ±90 no angle can be held, and the photos stay exactly there
+_CONSTANT = {
+    "strip": [("OMEGA",), ("PHI", "X0"), ("KAPPA",), ("OMEGA", "PHI", "KAPPA")],
+    "convergent": [("KAPPA", "Z0"), (), ("OMEGA", "KAPPA")],
+    "terrestrial": [("X0",)],
+}
+_START_ERROR = {"strip": 0.01, "convergent": 0.01, "terrestrial": 0.0}
+
+
+def _with_everything(block: Block) -> Block:
+    a, b, c, d = block.point_names[1], block.point_names[6], block.point_names[11], block.point_names[14]
+    codes = ("X", "Y", "Z", "XY", "YZ", "ZX", "XYZ")
+    looking_along_x = bool(np.isclose(np.abs(np.cos(block.photo_orientation[-1, 4])), 0.0))
+    elements = [
+        ControlElement("CAM", "CAMERA", "C", block.cameras[0].parameters[0], 0.01),
+        ControlElement("CAM", "CAMERA", "A3", 0.0, 1e-6),
+        ControlElement("P2", "PHOTO", "Y0", 3.0, 0.1),
+        ControlElement(c, "POINT", "Z", 1.0, 0.1),
+        ControlElement("S1", "THEODOLITE", "R", 30.0, 0.01),
+    ]
+    if not looking_along_x:
+        elements += [ControlElement("P5", "PHOTO", kind, 1.0, 0.01) for kind in ("OMEGA", "PHI", "KAPPA")]
+        # of a photo with a constant angle the other unknowns are angles themselves
+        elements += [ControlElement("P1", "PHOTO", "PHI", 1.0, 0.01)]
+    return replace(
+        block,
+        elements=tuple(elements),
+        distances=tuple(
+            ControlDistance(f"{code}{error}", start, end, code, 1.0, error)
+            for code in codes
+            for start, end, error in ((a, b, 0.01), (b, c, 0.0))
+        ),
+        directions=(
+            ControlDirection("S1", a, b, 10.0, 0.01, 80.0, 0.01),
+            ControlDirection("S1", a, d, 350.0, 0.01),
+            ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
+        ),
+        theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
+    )
+
+
+def observations_of(block: Block) -> tuple[Unknowns, list[Observations]]:
+    """Return the unknowns of a block and its observations of every kind."""
+    tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
+    unknowns = number_unknowns(block, tied)
+    return unknowns, [kind.observe(block, unknowns) for kind in KINDS]
+
+
+def method_of(observations: Observations) -> str:
+    """Return the full name of the method that linearises a kind of observation, wherever it is inherited from."""
+    return full_name(type(observations).linearise_with_partials)
+
+
+def _kinds() -> Iterator[Case]:
+    for label, block in blocks().items():
+        state = state_of(block)
+        unknowns, kinds = observations_of(block)
+        size = unknowns.layout.size
+        for observations in kinds:
+            found = observations.linearise_with_partials(state)
+            if not len(found.residual):
+                continue
+            columns = observations.rows.columns
+            rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+            partials = np.zeros((len(columns), size))
+            free = columns != CONSTANT
+            np.add.at(partials, (rows[free], columns[free]), found.partials[free])
+            assert found.computable.all()
+            yield Case(
+                method_of(observations), f"{observations.rows.kind}, {label}", np.zeros(size),
+                lambda x, of=observations, state=state, unknowns=unknowns: of.linearise_with_partials(
+                    state.moved(x, unknowns)
+                ).residual,
+                partials,
+            )  # fmt: skip
