@@ -122,7 +122,7 @@ def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: N
     row = [each.name for each in solved.block.cameras].index(camera.name)
     values = solved.adjusted.linearised.state.cameras[row, places]
     normals = solved.adjusted.normals
-    lost = float(max(_digits_lost(normals.scale[each], solved.cofactors.reduced[each, each]) for each in unknowns))
+    lost = max(digits_lost(solved, int(each)) for each in unknowns)
     limit = float(np.sqrt(fdtri(len(unknowns), solved.variance.redundancy, 1.0 - ALPHA)))
     if normals.removed[unknowns].any() or lost > MOST_LOST_DIGITS:
         return ParameterTest(camera.name, tuple(parameters), float("nan"), limit, lost, "not determinable")
@@ -135,9 +135,12 @@ def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: N
     return ParameterTest(camera.name, tuple(parameters), statistic, limit, lost, verdict)
 
 
-def _digits_lost(root_of_normal: float, cofactor: float) -> float:
+def digits_lost(solved: SolvedBlock, column: int) -> float:
     """Return log10(N_jj Q_jj), with 1 / (N_jj Q_jj) = 1 - multiple correlation squared with all other unknowns."""
-    product = root_of_normal**2 * cofactor
+    normals = solved.adjusted.normals
+    if normals.removed[column]:
+        return float(normals.lost_digits[column])
+    product = normals.scale[column] ** 2 * solved.cofactors.reduced[column, column]
     return float(np.log10(product)) if product > 0.0 else 0.0
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
+from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
@@ -149,13 +150,7 @@ def free_datum(
         If a datum point is not in the block, or the datum points do not suffice.
     """
     generator = movement_generator(state, unknowns)
-    rows = equations.design[on_the_ground & equations.active]
-    allowed = abs(rows) @ np.abs(generator).max(axis=1)
-    determined = [(rows @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]]
-    determined.append(_held_by_constants(state, unknowns))
-    _, values, movements = np.linalg.svd(np.vstack([*determined, np.zeros((1, 7))]))
-    rank = int(np.count_nonzero(values > _DETERMINED))
-    free = movements[rank:].T
+    free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
     size = _size(state)
     length = np.isin(photo_columns, unknowns.photos[:, :3])
@@ -166,19 +161,41 @@ def free_datum(
     return datum
 
 
+def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> FloatArray:
+    """Return the combinations (7, d) of movements that neither observations nor constants determine.
+
+    Parameters
+    ----------
+    state : State
+    unknowns : Unknowns
+    design : sparse array (n, m + 3 b)
+        Of the observations that may determine them.
+    """
+    generator = movement_generator(state, unknowns)
+    allowed = abs(design) @ np.abs(generator).max(axis=1)
+    by_observations = (design @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]
+    determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
+    # only the square matters: n rows would make a needlessly large decomposition
+    triangle = np.linalg.qr(determined, mode="r")
+    _, values, movements = np.linalg.svd(np.vstack([triangle, np.zeros((7, 7))]))
+    return np.asarray(movements[int(np.count_nonzero(values > _DETERMINED)) :].T)
+
+
 def _held_by_constants(state: State, unknowns: Unknowns) -> FloatArray:
-    """Return how the movements would change constant photo elements: they are not free to."""
-    everything = np.arange(6 * len(state.centres)).reshape(-1, 6)
-    layout = replace(unknowns.layout, reduced=everything.size, blocks=0, fixed=np.zeros(everything.size, dtype=bool))
+    """Return how the movements would change constant photo elements and points: they are not free to."""
+    photos = np.arange(6 * len(state.centres)).reshape(-1, 6)
+    points = photos.size + np.arange(3 * len(state.points)).reshape(-1, 3)
+    size = photos.size + points.size
     as_unknown = replace(
         unknowns,
-        photos=everything,
-        points=np.full_like(unknowns.points, CONSTANT),
+        photos=photos,
+        points=points,
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
-        layout=layout,
+        layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )
-    rows = movement_generator(state, as_unknown)[(unknowns.photos == CONSTANT).ravel()]
-    return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300))
+    constant = np.concatenate([unknowns.photos.ravel(), unknowns.points.ravel()]) == CONSTANT
+    rows = movement_generator(state, as_unknown)[constant]
+    return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300))
 
 
 def _datum_points(block: Block) -> IntArray:

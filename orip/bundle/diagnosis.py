@@ -1,68 +1,214 @@
-"""Diagnosis in the user's names: what is not determined, what is weak, and what to do about it."""
+"""Diagnosis in the user's names: what is not determined and why, what is weak, and what to do about it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
-from orip.bundle.calibration import calibration_diagnosis
+from orip.bundle.calibration import calibration_diagnosis, digits_lost
+from orip.bundle.datum import free_movements
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.unknowns import UnknownName
+from orip.bundle.unknowns import CONSTANT
+from orip.errors import ProjectWarning
+from orip.model.block import Block
+from orip.model.camera import CAMERA_PARAMETERS, Camera
+from orip.model.photo import PHOTO_PARAMETERS
 from orip.model.solution import Diagnosis
 
+STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
+_POINTS_FOR_A_PHOTO = 3
+
+
+def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
+    """Return what is known to go wrong before anything is computed."""
+    text = "has C and A1 both unknown: they are the same unknown but for the higher distortion terms; hold A1 constant"
+    return tuple(
+        ProjectWarning("same-unknown", f"camera {camera.name}", text)
+        for camera in block.cameras
+        if _same_unknown(block, camera)
+    )
 
 
 def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
-    """Return every weakness found in a solved block."""
+    """Return every weakness found in a solved block, the gravest kind first."""
     return (
+        *_ground_system(solved),
         *_undetermined(solved),
         *_principal_distance_and_scale(solved),
         *calibration_diagnosis(solved),
         *_behind(solved),
-        *_precision(solved),
+        *_as_a_whole(solved),
+        *_correlated(solved),
     )
 
 
+def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name the movements of the whole block that no control stops."""
+    if solved.problem.datum is not None:
+        return
+    equations, state = solved.adjusted.linearised.equations, solved.adjusted.linearised.state
+    movements = free_movements(state, solved.problem.unknowns, equations.design[equations.active])
+    free = movements.shape[1]
+    if not free:
+        return
+    where = f"bundle {solved.block.definition.name}"
+    count = _control_count(solved.block)
+    because = f"{count or 'no'} control point{'' if count == 1 else 's'}"
+    turns = int(np.linalg.matrix_rank(movements[3:6], tol=1e-6))
+    parts = []
+    if (shifts := free - turns - int(_scale_is_free(movements))) > 0:
+        parts.append(f"{shifts} shift{'s' * (shifts > 1)}")
+    if turns:
+        parts.append(f"{turns} rotation{'s' * (turns > 1)}")
+    if _scale_is_free(movements):
+        parts.append("scale")
+    listed = " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else parts[0]
+    if listed == "scale":
+        yield Diagnosis("datum", where, "scale is free", "add a distance or a second control point")
+    else:
+        remedy = 'add control points, three at least and not on one line, or set datum = "free"'
+        yield Diagnosis("datum", where, f"the ground system is not fixed ({because}); free: {listed}", remedy)
+
+
+def _scale_is_free(movements: NDArray[np.float64]) -> bool:
+    return bool(np.abs(movements[6]).max() > 1e-6)
+
+
+def _control_count(block: Block) -> int:
+    return sum(point.kind == "control" for point in block.control_points)
+
+
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name every unknown that was removed, record by record, with the cause that can be seen."""
     names = solved.problem.unknowns.names
-    removed = [name for column in np.flatnonzero(solved.adjusted.normals.removed) if (name := names[column])]
-    for (group, record), members in groupby(removed, key=lambda name: (name.group, name.name)):
-        kinds = ", ".join(name.kind for name in members)
-        where = f"{group.lower()} {record}"
-        yield Diagnosis("undetermined", where, f"{kinds} of {where} cannot be determined", _remedy(group))
+    normals = solved.adjusted.normals
+    columns = [int(column) for column in np.flatnonzero(normals.removed) if names[column] is not None]
+
+    def record(column: int) -> tuple[str, str]:
+        name = names[column]
+        assert name is not None
+        return name.group, name.name
+
+    for (group, name), members in groupby(columns, key=record):
+        listed = list(members)
+        kinds = ", ".join(found.kind for column in listed if (found := names[column]) is not None)
+        digits = max(float(normals.lost_digits[column]) for column in listed)
+        cause, remedy = _cause(solved, group, name)
+        text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
+        yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
 
 
-def _remedy(group: str) -> str:
-    return {
-        "CAMERA": "hold it constant, or add photos that differ in height, tilt and turn, or control with depth",
-        "PHOTO": "add control points or tie points, or hold the element constant",
-        "POINT": "measure the point in a second photo, give it control, or take it out",
-    }[group]
+def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
+    """Return why an unknown is not determined, and what to do."""
+    block = solved.block
+    if group == "POINT":
+        rays = _rays(block, name)
+        if rays < 2:
+            cause = "it has one ray" if rays == 1 else "no photo point of it is in use"
+            return cause, "measure the point in another photo, give it control, or take it out"
+        return "its rays are nearly parallel", "measure the point in a photo taken from elsewhere"
+    if group == "PHOTO":
+        points = _points_in_photo(block, name)
+        if points < _POINTS_FOR_A_PHOTO:
+            return f"it has {points} points, {_POINTS_FOR_A_PHOTO} are needed", "measure more points in this photo"
+        count = _control_count(block)
+        if count < _POINTS_FOR_A_PHOTO:
+            cause = (
+                f"only {_IN_WORDS[count]} control point{'' if count == 1 else 's'}" if count else "no control points"
+            )
+            return cause, "add control points, three at least and not on one line"
+        return "its points do not fix it", "measure points that are spread over the photo, in depth too"
+    if group == "THEODOLITE":
+        return "no direction of the set is in use", "observe a direction, or give R"
+    return "the photos do not show it", "hold it constant, or add photos that differ in turn, tilt and distance"
+
+
+_IN_WORDS = ("no", "one", "two")
+
+
+def _rays(block: Block, name: str) -> int:
+    points = block.photo_points
+    used = points.used.any(axis=1) & (points.point == block.point_index()[name])
+    return len(np.unique(points.photo[used]))
+
+
+def _points_in_photo(block: Block, name: str) -> int:
+    points = block.photo_points
+    place = [photo.name for photo in block.photos].index(name)
+    return len(np.unique(points.point[points.used.any(axis=1) & (points.photo == place)]))
+
+
+def _same_unknown(block: Block, camera: Camera) -> bool:
+    observed = {
+        each.kind for each in block.elements if each.group == "CAMERA" and each.name.upper() == camera.name.upper()
+    }
+    return {"C", "A1"} <= set(camera.unknown) and not observed & {"C", "A1"}
 
 
 def _principal_distance_and_scale(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    unknown = {name for name in solved.problem.unknowns.names if name is not None}
-    for camera in solved.block.cameras:
-        if {UnknownName("CAMERA", camera.name, kind) for kind in ("C", "A1")} <= unknown:
-            yield Diagnosis(
-                "same-unknown",
-                f"camera {camera.name}",
-                f"C and A1 of camera {camera.name} are the same unknown but for the higher distortion terms",
-                "hold A1 constant, or observe one of them",
-            )
+    for row, camera in enumerate(solved.block.cameras):
+        if not _same_unknown(solved.block, camera):
+            continue
+        column = solved.problem.unknowns.cameras[row, CAMERA_PARAMETERS.index("A1")]
+        lost = digits_lost(solved, int(column))
+        yield Diagnosis(
+            "same-unknown",
+            f"camera {camera.name}",
+            f"C and A1 of camera {camera.name} are the same unknown here ({lost:.0f} digits lost)",
+            "hold A1 constant, or observe one of them",
+        )
+
+
+def _correlated(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name the pairs of camera unknowns, and the photos, whose unknowns can hardly be told apart."""
+    unknowns = solved.problem.unknowns
+    for camera, columns in zip(solved.block.cameras, unknowns.cameras, strict=True):
+        for a, b, r in _strong_pairs(solved, CAMERA_PARAMETERS, columns.tolist()):
+            text = f"{a} and {b} of camera {camera.name} correlate by {r:.3f}"
+            yield Diagnosis("correlation", f"camera {camera.name}", text, "judge them together, or hold one constant")
+    found: dict[tuple[str, str], list[tuple[float, str]]] = {}
+    for photo, columns in zip(solved.block.photos, unknowns.photos, strict=True):
+        for a, b, r in _strong_pairs(solved, PHOTO_PARAMETERS, columns.tolist()):
+            found.setdefault((a, b), []).append((abs(r), photo.name))
+    for (a, b), photos in found.items():
+        largest, name = max(photos)
+        text = f"{a} and {b} correlate above {STRONG_CORRELATION} in {_photos(len(photos))}, by {largest:.4f} in {name}"
+        remedy = "their standard deviations go together; points that differ in depth, or convergent photos, part them"
+        yield Diagnosis("correlation", f"photo {name}", text, remedy)
+
+
+def _photos(count: int) -> str:
+    return f"{count} photo{'s' * (count > 1)}"
+
+
+def _strong_pairs(
+    solved: SolvedBlock, kinds: Sequence[str], columns: Sequence[int]
+) -> Iterator[tuple[str, str, float]]:
+    removed, cofactor = solved.adjusted.normals.removed, solved.cofactors.reduced
+    used = [
+        (kind, column)
+        for kind, column in zip(kinds, columns, strict=True)
+        if column != CONSTANT and not removed[column] and cofactor[column, column] > 0.0
+    ]
+    for place, (b, column_b) in enumerate(used):
+        for a, column_a in used[:place]:
+            r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
+            if abs(r) > STRONG_CORRELATION:
+                yield a, b, float(r)
 
 
 def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo points that the solution puts behind their camera."""
-    equations = solved.adjusted.linearised.equations
-    start = 0
+    state = solved.adjusted.linearised.state
     for observations in solved.problem.observations:
         rows = observations.rows
-        end = start + len(rows.photo)
-        behind = rows.used & ~equations.active[start:end]
+        if rows.kind != "photo":
+            continue
+        behind = rows.used & ~observations.linearise_with_partials(state).computable
         for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
             yield Diagnosis(
                 "behind",
@@ -70,22 +216,23 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
                 f"point {point} came to lie behind photo {photo}; its observation was left out",
                 "check the point's name and the photo's preliminary values",
             )
-        start = end
 
 
-def _precision(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    sigma0 = solved.variance.sigma0
+def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    where = f"bundle {solved.block.definition.name}"
+    sigma0, active = solved.variance.sigma0, solved.adjusted.linearised.equations.active
     if np.isfinite(sigma0) and sigma0 > _SIGMA0_TOO_LARGE:
-        yield Diagnosis(
-            "sigma0",
-            f"bundle {solved.block.definition.name}",
-            f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors promise",
-            "look for blunders among the largest residuals, check control, then the a-priori errors",
+        text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors promise"
+        remedy = (
+            "search for blunders with 'orip solve --snoop' (control needs errors above 0), then check a-priori errors"
         )
+        yield Diagnosis("sigma0", where, text, remedy)
     if solved.variance.redundancy <= 0:
-        yield Diagnosis(
-            "no-redundancy",
-            f"bundle {solved.block.definition.name}",
-            "there is no redundancy: nothing checks the observations, and sigma0 cannot be computed",
-            "measure more points or add control",
+        text = "there is no redundancy: nothing checks the observations, and sigma0 cannot be computed"
+        yield Diagnosis("no-redundancy", where, text, "measure more points or add control")
+    if np.mean(solved.adjusted.weight_factors[active] < 1.0) > 0.5:
+        text = (
+            "more than half of the observations are down-weighted: the adjustment is diverging, or starts too far off"
         )
+        remedy = "check preliminary values and a-priori errors; solve without down-weighting first, then 'orip update'"
+        yield Diagnosis("diverging", where, text, remedy)

@@ -41,6 +41,10 @@ def _known(values: ArrayLike) -> FloatArray:
     return array[~np.isnan(array)]
 
 
+def _count(chosen: NDArray[np.bool_]) -> float:
+    return float(np.count_nonzero(chosen))
+
+
 def _taking_part(solution: Solution) -> NDArray[np.bool_]:
     """Return which components are observations; disregarded ones have no weight factor."""
     return ~np.isnan(solution.residuals.weight_factor)
@@ -76,7 +80,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "unknowns": lambda solution: solution.unknowns,
     "enp": lambda solution: solution.enp,
     "iterations": lambda solution: len(solution.iterations),
-    "down_weighted": lambda solution: np.count_nonzero(solution.residuals.weight_factor < 1.0),
+    "down_weighted": lambda solution: _count(solution.residuals.weight_factor < 1.0),
     "singular": lambda solution: len(solution.singular),
     "blunders": lambda solution: len(solution.blunders),
     "diagnosis": lambda solution: len(solution.diagnosis),

@@ -7,21 +7,21 @@ is adjusted again; at the end, whatever would fit after all is taken back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.iteration import IterationSettings, PassRecord
+from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
-from orip.adjustment.weights import DanishWeights
 from orip.bundle.control_point import ControlPointObservations
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.model.block import Block
+from orip.model.control import ControlPoint
 from orip.model.solution import Blunder
 
 FloatArray = NDArray[np.float64]
@@ -103,6 +103,24 @@ def snoop(
     return Snooped(search.solved, tuple(search.blunders()))
 
 
+def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
+    """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
+    photos = [photo.name for photo in block.photos]
+    place = block.point_index()
+    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == "photo"}
+    points = block.photo_points
+    keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
+    used = points.used & np.array(keep, dtype=bool)[:, None]
+    contradicting = {each.point for each in blunders if each.kind == "control"}
+    control = tuple(_disregarded(each) if each.name in contradicting else each for each in block.control_points)
+    return replace(block, photo_points=replace(points, used=used), control_points=control)
+
+
+def _disregarded(point: ControlPoint) -> ControlPoint:
+    x, y, z = (None if error is None else -abs(error) for error in point.errors)
+    return replace(point, errors=(x, y, z))
+
+
 class _Search:
     """The search in hand: the units, those left out, and the last adjustment."""
 
@@ -115,13 +133,13 @@ class _Search:
     ) -> None:
         self.settings = settings
         self.stop_asked = stop_asked
-        self.passes = 0
         self.on_pass = on_pass
-        self.iterations = _without_weights(iteration_settings(block.definition))
+        block = _without_weights(block)
+        self.iterations = iteration_settings(block.definition)
         problem = pose_problem(block)
         self.units = _units(problem.observations)
         self.left_out: dict[int, _Finding] = {}
-        self.solved = solve_problem(block, problem, starting_state(block), self.iterations, self._numbered, stop_asked)
+        self.solved = solve_problem(block, problem, starting_state(block), self.iterations, on_pass, stop_asked)
 
     def leave_out(self) -> None:
         """Leave out the worst units, round by round, until none fails its test."""
@@ -167,10 +185,6 @@ class _Search:
                     limit=finding.limit,
                 )  # fmt: skip
 
-    def _numbered(self, record: PassRecord) -> None:
-        self.passes += 1
-        self.on_pass(replace(record, iteration=self.passes))
-
     def _adjust_again(self) -> None:
         excluded = np.zeros(len(self._residual()), dtype=bool)
         for unit in self.left_out:
@@ -181,7 +195,7 @@ class _Search:
             replace(before.problem, excluded=excluded),
             before.adjusted.linearised.state,
             self.iterations,
-            self._numbered,
+            self.on_pass,
             self.stop_asked,
         )
 
@@ -263,9 +277,10 @@ class _Search:
         ]
 
 
-def _without_weights(settings: IterationSettings) -> IterationSettings:
-    weights = DanishWeights(settings.weights.max_standard_residual, settings.max_iterations + 1)
-    return replace(settings, weights=weights)
+def _without_weights(block: Block) -> Block:
+    """Return the block with down-weighting off: a soft weight would hide what a test is to find."""
+    definition = replace(block.definition, start_down_weight=block.definition.max_iterations)
+    return replace(block, definition=definition)
 
 
 def _first_row(observations: tuple[object, ...], wanted: object) -> int:

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from orip.cli.options import Session, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.errors import UsageError
 
 BundleArgument = Annotated[
     str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+
+Snoop = Annotated[
+    bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")
+]
+Sigma0 = Annotated[
+    Literal["apriori", "posteriori"] | None,
+    typer.Option("--sigma0", help="With --snoop: sigma0 is 1 (apriori, default), or estimated (posteriori)."),
+]
+Alpha = Annotated[
+    float | None,
+    typer.Option("--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default 0.001)."),
+]
+Prune = Annotated[
+    bool, typer.Option("--prune", help="Hold camera parameters at zero that are not significant, one after the other.")
 ]
 
 
@@ -18,19 +34,32 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "solve")
-    def solve_command(session: Session, bundle: BundleArgument = None) -> None:
+    def solve_command(
+        session: Session,
+        bundle: BundleArgument = None,
+        snoop: Snoop = False,
+        sigma0: Sigma0 = None,
+        alpha: Alpha = None,
+        prune: Prune = False,
+    ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT and BUNDLE_ERROR.OUT.
 
         Ctrl-C stops after the iteration in hand and keeps its result, marked as stopped.
 
-        Example: orip solve --json > result.json
+        Example: orip solve --snoop --sigma0 posteriori
         """
+        from orip.bundle.methods import Method
+        from orip.bundle.snooping import SnoopingSettings
         from orip.files.result_json import result_text
         from orip.workflow.solve import solve
 
+        if not snoop and (sigma0 is not None or alpha is not None):
+            message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
+            raise UsageError(message)
+        method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
         terminal = session.terminal
         with limited_threads(terminal):
-            outcome = solve(session.folder, bundle, solve_watcher(terminal))
+            outcome = solve(session.folder, bundle, solve_watcher(terminal), method)
         tell_solution(terminal, outcome)
         if terminal.json:
             terminal.data(result_text(outcome.solution))

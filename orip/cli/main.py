@@ -10,7 +10,18 @@ from typing import Annotated
 import typer
 
 from orip import __version__
-from orip.cli import cmd_init, cmd_measure, cmd_results, cmd_run, cmd_solve, cmd_status, cmd_stores
+from orip.cli import (
+    cmd_check,
+    cmd_compare,
+    cmd_init,
+    cmd_measure,
+    cmd_results,
+    cmd_run,
+    cmd_solve,
+    cmd_status,
+    cmd_stores,
+    cmd_update,
+)
 from orip.cli.exits import INTERRUPTED, exit_on_error, report_usage
 from orip.cli.options import Color, Json, Quiet, Session, SharedOptions, Threads, Verbose
 
@@ -23,7 +34,18 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for module in (cmd_init, cmd_measure, cmd_solve, cmd_run, cmd_status, cmd_results, cmd_stores):
+for module in (
+    cmd_init,
+    cmd_measure,
+    cmd_solve,
+    cmd_run,
+    cmd_status,
+    cmd_results,
+    cmd_update,
+    cmd_check,
+    cmd_compare,
+    cmd_stores,
+):
     module.register(app)
 
 

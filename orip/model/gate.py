@@ -21,40 +21,43 @@ OPERATORS: Mapping[GateOperator, Callable[[float, float], bool]] = {
 
 GATE_FIGURES: Mapping[str, str] = {
     "sigma0": "standard error of unit weight",
-    "sigma0_all": "the same over all observations, down-weighted ones with their full residual",
+    "sigma0_all": "the same over all observations, none down-weighted",
     "redundancy": "observations minus unknowns",
     "redundancy_used": "share of the redundancy that sigma0 stands on",
     "observations": "observation equations",
     "unknowns": "unknowns, removed ones included",
-    "enp": "exponent of numerical precision of the last iteration",
+    "enp": "exponent of numerical precision at the end",
     "iterations": "iterations",
-    "down_weighted": "observation components with a weight factor below 1",
+    "down_weighted": "observation components with a weight factor < 1",
     "singular": "unknowns that nothing determines",
     "blunders": "observations found to be wrong",
     "diagnosis": "weaknesses that were diagnosed",
     "warnings": "warnings",
     "max_standard_residual": "largest residual over its a-priori error",
     "max_abs_w": "largest normalised residual",
-    "min_redundancy_number": "smallest redundancy number of an observation component",
-    "max_correlation": "largest correlation, without sign, of two parameters of a camera",
+    "min_redundancy_number": "smallest redundancy number of an observation",
+    "max_correlation": "largest |correlation| of two camera parameters",
     "check_points.count": "check points that were compared",
-    "check_points.rms_xy": "root of the mean square of their dX and dY: of n points, the divisor is 2n",
-    "check_points.rms_z": "root of the mean square of their dZ",
-    "check_points.max": "largest dX, dY or dZ, without sign",
+    "check_points.rms_xy": "RMS of their dX and dY (of n points: divisor 2n)",
+    "check_points.rms_z": "RMS of their dZ",
+    "check_points.max": "largest |dX|, |dY| or |dZ|",
     "control.count": "control coordinates that are observations",
-    "control.rms_xy": "root mean square of their residuals in X and Y",
-    "control.rms_z": "root mean square of their residuals in Z",
-    "control.max": "largest of their residuals, without sign",
+    "control.rms_xy": "RMS of their residuals in X and Y",
+    "control.rms_z": "RMS of their residuals in Z",
+    "control.max": "largest |residual| of them",
     "cameras.count": "cameras",
     "photos.count": "photos",
-    "photos.max_sd": "largest standard deviation of a projection centre's coordinate",
-    "photos.max_angle_sd": "largest standard deviation of an angle, degrees",
+    "photos.max_sd": "largest sd of X0, Y0 or Z0",
+    "photos.max_angle_sd": "largest sd of an angle, degrees",
     "points.count": "ground points",
     "points.single_ray": "points seen by one ray",
-    "points.max_sd": "largest standard deviation of a point's coordinate",
-    "points.rms_sd": "root mean square of the standard deviations of all point coordinates",
+    "points.max_sd": "largest sd of X, Y or Z",
+    "points.rms_sd": "RMS of the sd of X, Y and Z of all points",
 }
-"""Names and meanings of the figures that a gate may be about; lengths on the ground are in the project's unit."""
+"""Names and meanings of the figures that a gate may be about.
+
+Lengths on the ground are in the project's unit; sd is a standard deviation, RMS a root mean square.
+"""
 
 
 @dataclass(frozen=True, slots=True)

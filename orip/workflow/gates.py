@@ -104,7 +104,8 @@ def project_gates(project: Project, expressions: Sequence[str] = ()) -> tuple[Ga
         try:
             gates.append(parse_gate(text))
         except ValueError as error:
-            complaints.append(Complaint(f"gates of [check]: {error}", project.shown(project.text), _line(project, index)))
+            message = f"gates of [check]: {error}"
+            complaints.append(Complaint(message, project.shown(project.text), _line(project, index)))
     raise_complaints(complaints)
     return tuple(dict.fromkeys((*gates, *given)))
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.bundle.assemble import Ingredients, assemble
-from orip.bundle.diagnosis import diagnose
-from orip.bundle.results import iteration_pass, solution_of
-from orip.bundle.solve import solve_block
+from orip.bundle.diagnosis import forewarnings
+from orip.bundle.methods import Method, adjust_block
+from orip.bundle.results import iteration_pass
 from orip.errors import InputError, ProjectWarning
 from orip.files.parsed import Parsed
 from orip.files.stores import solutions
@@ -28,6 +28,9 @@ from orip.workflow.records import StoredDefinitions, read_definitions, require_i
 from orip.workflow.run_id import digest_of_observations, digest_of_records, run_id
 from orip.workflow.stored_measurements import read_measured
 from orip.workflow.texts import Digests, GroundTexts, raise_complaints, read_ground
+
+PLAIN = Method()
+"""All observations, weights by the Danish method as the bundle's definition says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +73,7 @@ class _Stored:
     digests: Digests
 
 
-def solve(folder: Path, bundle: str | None, watcher: SolveWatcher) -> SolveOutcome:
+def solve(folder: Path, bundle: str | None, watcher: SolveWatcher, method: Method = PLAIN) -> SolveOutcome:
     """Adjust one bundle and keep its solution in the store and the outputs.
 
     Parameters
@@ -79,6 +82,8 @@ def solve(folder: Path, bundle: str | None, watcher: SolveWatcher) -> SolveOutco
     bundle : str or None
         None: the project's only one.
     watcher : SolveWatcher
+    method : Method
+        Whether blunders are searched and needless camera parameters taken out.
 
     Raises
     ------
@@ -86,15 +91,17 @@ def solve(folder: Path, bundle: str | None, watcher: SolveWatcher) -> SolveOutco
     """
     project = open_project(folder)
     name = project.bundle_name(bundle)
-    return solve_bundle(project, name, read_ground(project, name), watcher)
+    return solve_bundle(project, name, read_ground(project, name), watcher, method)
 
 
-def solve_bundle(project: Project, bundle: str, ground: Parsed[GroundTexts], watcher: SolveWatcher) -> SolveOutcome:
+def solve_bundle(
+    project: Project, bundle: str, ground: Parsed[GroundTexts], watcher: SolveWatcher, method: Method = PLAIN
+) -> SolveOutcome:
     """Do what `solve` does with texts that have been read."""
     raise_complaints(ground.complaints)
     # No store is locked while the iterations run; the digests tell if one has changed meanwhile.
     stored = _read_stored(project, bundle)
-    solution = _adjusted(project, stored, bundle, ground, watcher)
+    solution = _adjusted(project, stored, bundle, ground, watcher, method)
     with writing([project.exterior]) as stores:
         old = solutions.read(stores[project.exterior], bundle)
         changed = old is None or record_digest(old) != record_digest(solution)
@@ -119,7 +126,12 @@ def _read_stored(project: Project, bundle: str) -> _Stored:
 
 
 def _adjusted(
-    project: Project, stored: _Stored, bundle: str, ground: Parsed[GroundTexts], watcher: SolveWatcher
+    project: Project,
+    stored: _Stored,
+    bundle: str,
+    ground: Parsed[GroundTexts],
+    watcher: SolveWatcher,
+    method: Method,
 ) -> Solution:
     definitions, interior, texts = stored.definitions.by_name(), stored.interior, ground.records
     ingredients = Ingredients(
@@ -130,20 +142,23 @@ def _adjusted(
     if assembled.block is None:
         raise InputError((*interior.complaints, *assembled.complaints))
     watcher.started(assembled.block)
+    for_bundle = tuple(forewarnings(assembled.block))
+    unit = project.definition.ground_unit
     with watcher.stoppable() as stop_asked:
-        solved = solve_block(assembled.block, lambda record: watcher.passed(iteration_pass(record)), stop_asked)
+        solution = adjust_block(
+            assembled.block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
+        )
     inputs = (*texts.digests, *stored.digests, project.heading_digest)
     solution = replace(
-        solution_of(solved),
+        solution,
         project=project.definition.name,
         user=project.definition.user,
-        ground_unit=project.definition.ground_unit,
+        ground_unit=unit,
         inputs=inputs,
         interior=_summaries(interior, stored.definitions, stored.observations),
-        diagnosis=diagnose(solved),
-        warnings=_rows((*ground.warnings, *interior.warnings, *assembled.warnings)),
+        warnings=_rows((*ground.warnings, *interior.warnings, *assembled.warnings, *for_bundle)),
     )
-    return replace(solution, run=run_id("solve", solution.status, len(solution.iterations), inputs))
+    return replace(solution, run=run_id("solve", method, solution.status, len(solution.iterations), inputs))
 
 
 def stored_digests(

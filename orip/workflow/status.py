@@ -86,7 +86,7 @@ def project_status(folder: Path) -> ProjectStatus:
 def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
     applied = apply_text(project, definitions, prefer=None)
     if applied.complaints:
-        text = f"{len(applied.complaints)} records were changed both in orip.toml and in the stores"
+        text = f"changed both in orip.toml and in the stores: {len(applied.complaints)} of the records"
         return Step("orip init", "out of date", text)
     if applied.changes and not any((definitions.cameras, definitions.photos, definitions.bundles)):
         return Step("orip init", "missing", "orip.toml has not been applied to the stores")

@@ -211,7 +211,7 @@ def test_text_and_store_changed_both(project: Path) -> None:
             "orip.toml:2: camera C35 was changed both in the text and in the store: C is 35.2",
         )
     assert contents(project) == before
-    assert "1 records were changed both" in orip(project, "status").out
+    assert "changed both in orip.toml and in the stores" in orip(project, "status").out
     assert orip(project, "run", "--prefer", "store").code == 0
     assert "35.7" in orip(project, "dump", "CAMERAS.CAM").out
     replace_in(project / "orip.toml", "c = 35.2", "c = 35.3")

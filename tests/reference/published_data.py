@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -38,8 +39,10 @@ class Published:
 
 
 def half_digit(number: float, digits: int) -> float:
-    """Return half a unit of the last of so many significant digits, and a twentieth of a unit for numbers that both
-    programs iterate to and that lie at the edge of rounding."""
+    """Return half a unit of the last of so many significant digits.
+
+    A twentieth of a unit more is for numbers at the edge of rounding: both programs have iterated to theirs.
+    """
     return 0.55 * 10.0 ** (math.floor(math.log10(abs(number))) + 1 - digits)
 
 
@@ -136,22 +139,18 @@ class Export:
 
 
 def read_export(path: Path) -> Export:
-    """Read a PhotoModeler export: 7 numbers are a station (or its deviations) or a point, 6 a mark."""
+    """Read a PhotoModeler export."""
+    rows = list(records(path))
+    # After each image's name come its station, the deviations and two long lines of camera data; then points and marks.
+    last_camera = max(place for place, fields in enumerate(rows) if len(fields) in (10, 11))
     stations: dict[str, tuple[float, ...]] = {}
-    points: dict[str, tuple[float, ...]] = {}
-    marks = []
-    image = None
-    for fields in records(path):
-        if fields[-1].endswith(".JPG"):
-            image = str(int(fields[0]) + 1)
-        elif len(fields) == 7 and image is not None and image not in stations:
-            x, y, z, kappa, phi, omega = map(float, fields[1:])
-            stations[image] = (x, y, z, omega, phi, kappa)
-            skip = True
-        elif len(fields) == 7 and image is not None:
-            if not skip:
-                points[fields[0]] = (float(fields[1]), float(fields[2]), float(fields[3]))
-            skip = False
-        elif len(fields) == 6 and fields[1] in points:
-            marks.append((str(int(fields[0]) + 1), fields[1], fields[2], fields[3]))
-    return Export(stations, points, tuple(marks))
+    for name, station in pairwise(rows[: last_camera + 1]):
+        if name[-1].endswith(".JPG"):
+            x, y, z, kappa, phi, omega = map(float, station[1:])
+            stations[str(int(name[0]) + 1)] = (x, y, z, omega, phi, kappa)
+    rest = rows[last_camera + 1 :]
+    points = {fields[0]: tuple(map(float, fields[1:4])) for fields in rest if len(fields) == 7}
+    marks = (fields for fields in rest if len(fields) == 6 and fields[1] in points)
+    return Export(
+        stations, points, tuple((str(int(photo) + 1), point, column, row) for photo, point, column, row, *_ in marks)
+    )

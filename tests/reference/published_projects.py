@@ -26,6 +26,7 @@ class Project:
     control: Mapping[str, Sequence[float]] = field(default_factory=dict)
     preliminary: Mapping[str, Sequence[float]] = field(default_factory=dict)
     bundle: str = ""
+    enp_stop: float = 7.0
 
     def write(self, folder: Path) -> Path:
         """Write the folder's text files."""
@@ -43,7 +44,8 @@ class Project:
             values = [f"{kind} = {float(value)!r}" for kind, value in zip(ORIENTATION, station, strict=True)]
             parts.append("\n".join(["[[photo]]", f'name = "{name}"', 'camera = "CAM"', *values]))
         # The published adjustments have no robust weights: down-weighting that begins with the last iteration is off.
-        parts.append(f'[[bundle]]\nname = "BLOCK"\nstart_down_weight = 20\n{self.bundle}')
+        # Published figures have up to six digits below the standard deviation; enp_stop asks for one more than that.
+        parts.append(f'[[bundle]]\nname = "BLOCK"\nstart_down_weight = 20\nenp_stop = {self.enp_stop}\n{self.bundle}')
         return "\n\n".join(parts) + "\n"
 
     def _log(self) -> str:

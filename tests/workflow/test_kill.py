@@ -30,11 +30,15 @@ from orip.workflow.initialise import initialise
 from orip.workflow.measure import measure
 
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
+MOMENTS = {"init": 1, "measure": 2, "solve": 5}
+"""Commits and renames of each command."""
 COMMANDS = {"init": initialise, "measure": measure, "solve": solve_quietly}
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 OUTPUTS = ("INTERIOR_RESULT.OUT", "BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT", "result.json", "residuals.csv")
 # SQLite's rollback journals and the one that ties them together, and texts that had not got their name yet
 LEFTOVER = re.compile(r".*-journal|.*-mj[0-9A-F]{8,9}|\.orip-\d+-[0-9a-f]{16}\.tmp")
+# SQLite never removes the file that ties journals together if it is killed before a journal names it: of no effect
+ORPHAN = re.compile(r".*-mj[0-9A-F]{8,9}")
 CASES = ("init-new", "init", "measure", "solve")
 
 
@@ -98,7 +102,7 @@ def _check(case: Case, folder: Path) -> None:
     COMMANDS[case.command](folder)
     assert _dumps(folder) == case.dumps_after
     final = contents(folder)
-    assert set(final) == set(after)
+    assert {name for name in final if not ORPHAN.fullmatch(name)} == set(after)
     for name in OUTPUTS:
         assert final.get(name) == after.get(name)
 
@@ -141,12 +145,12 @@ def _kill_from_outside(case: Case, tmp_path: Path, times: int) -> int:
         process = _start(case, -1, folder)
         assert process.stdout is not None
         if number % 3:
-            for _ in range(moments.randrange(1, 6)):
+            for _ in range(moments.randint(1, MOMENTS[case.command])):
                 if process.stdout.readline() != MOMENT:
                     break
             time.sleep(moments.choice([0.0, 0.0005, 0.001, 0.002, 0.005, 0.01]))
         else:
-            time.sleep(moments.uniform(0.05, 0.6))
+            time.sleep(moments.uniform(0.05, 0.4))
         process.kill()
         process.communicate(timeout=60)
         killed += process.returncode == -signal.SIGKILL
@@ -172,5 +176,5 @@ def test_killed_at_every_step(cases: dict[str, Case], name: str, tmp_path: Path)
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("name", CASES)
 def test_killed_at_random_moments(cases: dict[str, Case], name: str, tmp_path: Path) -> None:
-    # some come too late, as the machine's speed varies; most must have hit
+    # some come too late, as the machine's speed varies; half of them at least must have hit
     assert _kill_from_outside(cases[name], tmp_path, times=60) >= 30

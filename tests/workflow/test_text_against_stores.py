@@ -91,7 +91,7 @@ def test_changed_in_both_shows_both_values(project: Path) -> None:
     message = conflict(project)
     assert message.startswith("orip.toml:2: camera C35 was changed both in the text and in the store: ")
     assert "C is 35.2 in the text and 35.7 in the store; keep one of them with 'orip init --prefer text'" in message
-    assert "1 records were changed both in orip.toml and in the stores" in project_status(project).steps[0].text
+    assert "changed both in orip.toml and in the stores: 1 of the records" in project_status(project).steps[0].text
 
 
 @pytest.mark.parametrize(
