@@ -1,11 +1,10 @@
 """Cholesky factorisation that watches the digits lost by each diagonal element and removes what is not determined.
 
-As long as no column loses more than five digits at its turn, the matrix is factored in its order. Otherwise columns
-that have lost more than three are deferred: kept as a border, and at the end eliminated by largest remaining pivot
-first. Those that then lose more digits than allowed are removed: row and column do not take part, the correction is
-zero. Monitoring the reduction of the diagonal is Poder's; the deferral is this program's own. A pivot that has lost d
-digits magnifies the rounding of what is eliminated after it by 10^d: with deferral at five digits undetermined columns
-have been seen to lose 12.1 digits only, at three 13.8 and more, and determined ones 4.1 at the most.
+A column that has lost more than five digits at its turn is deferred: it is not eliminated but kept as a border. At the
+end the deferred columns are eliminated by largest remaining pivot first, and those that lose more digits than allowed
+are removed: row and column do not take part, the correction is zero. Monitoring the reduction of the diagonal is
+Poder's. The deferral is this program's own, and so is judging a deferred column by its movement (see
+`_Elimination.digits_of_movement`): both together make a limit of 12 digits right for 16-digit arithmetic.
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ from scipy.linalg import lapack, solve_triangular
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ALARM_DIGITS = 5.0
-DEFERRAL_DIGITS = 3.0
+DEFERRAL_DIGITS = 5.0
 LOST_ALL = 99.0
 """Digits lost by a diagonal element that has become zero or negative, or never was positive."""
 
@@ -104,11 +102,11 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[
 
 
 def _factorise_regular(matrix: FloatArray) -> FloatArray | None:
-    """Return L where no column loses more than the alarm limit: the usual case, at LAPACK's speed."""
+    """Return L where no column loses more than the deferral limit: the usual case, at LAPACK's speed."""
     if not len(matrix):
         return matrix
     lower, info = lapack.dpotrf(matrix, lower=1, clean=1)
-    if info != 0 or np.diag(lower).min() ** 2 < 10.0**-ALARM_DIGITS:
+    if info != 0 or np.diag(lower).min() ** 2 < 10.0**-DEFERRAL_DIGITS:
         return None
     return np.asarray(lower)
 
@@ -145,9 +143,9 @@ class _Elimination:
         remaining = list(columns)
         while remaining:
             best = max(remaining, key=lambda column: float(self.matrix[column, column]))
-            if self._lost_digits(best) > max_lost_digits:
+            if self.digits_of_movement(best) > max_lost_digits:
                 for column in remaining:
-                    self.lost[column] = self._lost_digits(column)
+                    self.lost[column] = self.digits_of_movement(column)
                 return remaining
             remaining.remove(best)
             self._eliminate(best, np.array(remaining, dtype=np.int64))
@@ -156,6 +154,19 @@ class _Elimination:
     def _lost_digits(self, column: int) -> float:
         pivot = self.matrix[column, column]
         return float(-np.log10(pivot)) if pivot > 0.0 else LOST_ALL
+
+    def digits_of_movement(self, column: int) -> float:
+        """Return the digits lost by a column together with the movement of the eliminated ones that goes with it.
+
+        Where the columns before fix a movement of the whole badly, they answer a column that nothing determines with
+        large movements x, and leave it a pivot of rounding magnified by |x|². The pivot over 1 + |x|² is that of the
+        movement itself, and no larger than the digits of the least determined combination.
+        """
+        order = np.array(self.order, dtype=np.int64)
+        places = len(order)
+        lower = self.factor[order, :places]
+        x = solve_triangular(lower, self.factor[column, :places], lower=True, trans="T")
+        return min(self._lost_digits(column) + float(np.log10(1.0 + x @ x)), LOST_ALL)
 
     def _eliminate(self, column: int, targets: IntArray) -> None:
         """Take a column into L and update the remainder of the target columns."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from orip.errors import InputError, ProjectWarning
 from orip.geometry.ground_crs import GroundCrs, degrees_at, ground_crs
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
+from orip.model.ground import ProjectCoordinates
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
@@ -32,13 +33,6 @@ The third derivatives of a projection are of the order of 1/R², so that a centr
 
 _CONFORMAL = 1e-6
 """Angular distortion (radians) below which the axes of the grid count as perpendicular: 0.2 seconds of arc."""
-
-
-class ProjectCoordinates(NamedTuple):
-    """The project's coordinates (n, 3) of n points, and their partials (n, 3, 3) by the points' local ones."""
-
-    value: FloatArray
-    by_local: FloatArray
 
 
 class LocalCoordinates(NamedTuple):
@@ -75,6 +69,11 @@ class GroundFrame:
     convergence: float
     scale: float
     warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def dependence(self) -> NDArray[np.bool_]:
+        """Return that each of X, Y, Z depends on all three local coordinates, array (3, 3)."""
+        return np.ones((3, 3), dtype=np.bool_)
 
     def to_local(self, xyz: FloatArray) -> FloatArray:
         """Return local coordinates of coordinates in the project.

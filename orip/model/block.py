@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from orip.model.camera import Camera
 from orip.model.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.model.ground import PLAIN, GroundSystem
 from orip.model.photo import Photo
 from orip.model.project import BundleDefinition
 
@@ -53,27 +54,35 @@ class TheodoliteSet:
 class Block:
     """What is adjusted.
 
+    Photos and points start at local coordinates of `ground`. All that is observed or given (control, distances, the
+    photos' records) is in the project's.
+
     Parameters
     ----------
     definition : BundleDefinition
     cameras : tuple of Camera
     photos : tuple of Photo
+        Their `constant` elements are no unknowns.
     photo_camera : array (number of photos,) of int
     photo_orientation : array (number of photos, 6)
-        Starting values in the order of `PHOTO_PARAMETERS`, ground unit and radians.
+        Starting values in the order of `PHOTO_PARAMETERS`, ground unit and radians, local.
     point_names : tuple of str
     point_start : array (number of points, 3)
-        Starting coordinates, ground unit.
+        Starting coordinates, ground unit, local.
     photo_points : PhotoPoints
     control_points : tuple of ControlPoint
         Those of measured points alone, rejected ones included.
     constant_points : array (number of points, 3) of bool
-        Coordinates that control with a-priori error 0 holds.
+        Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
     theodolites : tuple of TheodoliteSet
     held_additional : set of (camera, parameter)
         Additional parameters that are held at zero.
+    ground : GroundSystem
+        From local coordinates to the project's.
+    constant_elements : tuple of ControlElement
+        Elements of photos and points that are constant in the project, but depend on unknowns in the local frame.
     """
 
     definition: BundleDefinition
@@ -91,6 +100,8 @@ class Block:
     directions: tuple[ControlDirection, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()
+    ground: GroundSystem = PLAIN
+    constant_elements: tuple[ControlElement, ...] = ()
 
     def point_index(self) -> dict[str, int]:
         """Return the place of each point by its name."""

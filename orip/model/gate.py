@@ -59,6 +59,9 @@ GATE_FIGURES: Mapping[str, str] = {
 Lengths on the ground are in the project's unit; sd is a standard deviation, RMS a root mean square.
 """
 
+_LARGEST_COUNT = 1e15
+"""Whole numbers below it are shown with all their digits, as counts are."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gate:
@@ -101,6 +104,8 @@ class GateResult:
         return f"{'pass' if self.passed else 'FAIL'} {self.gate} ({self.reason or self._shown_value()})"
 
     def _shown_value(self) -> str:
+        if self.value.is_integer() and abs(self.value) < _LARGEST_COUNT:
+            return f"{self.value:.0f}"
         # as few digits as will not contradict the verdict
         texts = (f"{self.value:.{digits}g}" for digits in range(4, 18))
         return next((text for text in texts if self.gate.holds(float(text)) == self.passed), repr(self.value))

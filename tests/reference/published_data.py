@@ -1,6 +1,6 @@
 """Data sets with published answers: where they are, and how their text is read.
 
-They may not be distributed with the project, and lie in ``../shared/reference-data`` beside the repository. They are
+They are no part of the project, and lie in ``../shared/reference-data`` beside the repository. They are
 projects and results of the Damped Bundle Adjustment Toolbox (Börlin and Grussenmeyer 2013), some in the export format
 of PhotoModeler.
 """

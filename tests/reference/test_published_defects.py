@@ -107,9 +107,6 @@ def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
     assert {each["group"] for each in result["singular"]} == {"PHOTO"}
 
 
-@pytest.mark.xfail(
-    reason="the pivot of a movement of the whole block, nothing but rounding, may stand above 10^-max_lost_digits"
-)
 @pytest.mark.parametrize("seed", [None, 1, 2, 3, 4])
 def test_without_a_datum_seven_unknowns_are_named_and_the_shape_is_that_of_the_free_network(
     seed: int | None, free: Any, tmp_path: Path

@@ -1,0 +1,202 @@
+"""`orip compare`: two results against each other."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli.command_line import orip
+from workflow.small_projects import contents, first_project, replace_in, two_bundles
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    folder = first_project(tmp_path / "first")
+    assert orip(folder, "run").code == 0
+    return folder
+
+
+def changed(project: Path, change: Callable[[Any], object]) -> str:
+    """Write other.json, the project's result after a change, and return its name."""
+    document = json.loads((project / "result.json").read_text())
+    change(document)
+    (project / "other.json").write_text(json.dumps(document))
+    return "other.json"
+
+
+def test_a_result_equals_itself_by_file_and_by_folder(project: Path, tmp_path: Path) -> None:
+    before = contents(project)
+    for a, b in (("result.json", "."), (".", str(project)), ("../first/result.json", "result.json")):
+        said = orip(project, "compare", a, b)
+        assert said.code == 0
+        assert said.out == ""
+        assert said.err.startswith("compare  equal: ")
+    assert contents(project) == before
+    (tmp_path / "empty").mkdir()
+    assert orip(tmp_path / "empty", "compare", "../first", "../first", "--tolerance=0", "--relative=0").code == 0
+
+
+def test_what_tells_how_the_adjustment_got_there_does_not_count(project: Path) -> None:
+    def change(document: Any) -> None:
+        document.update(run="another", project="B", bundle="B", enp=9.0, iterations=[], inputs={}, diagnosis=[])
+
+    assert orip(project, "compare", "result.json", changed(project, change)).code == 0
+
+
+def test_a_difference_is_5_and_told(project: Path) -> None:
+    def change(document: Any) -> None:
+        document["points"]["P1"]["Z"]["value"] += 0.01
+        document["photos"]["left"]["KAPPA"]["value"] += 0.001
+        document["sigma0"] += 1e-12
+
+    said = orip(project, "compare", "result.json", changed(project, change))
+    assert said.code == 5
+    lines = said.out.splitlines()
+    assert lines[0].split() == ["Figure", "A", "B", "Difference", "Allowed"]
+    assert lines[2].startswith("point P1 Z")
+    assert lines[3].startswith("photo left KAPPA")
+    assert len(lines) == 4
+    assert lines[2].split()[5] == "0.01"
+    assert "compare  2 of " in said.err
+    assert orip(project, "compare", "result.json", "other.json", "--tolerance", "0.011").code == 0
+    assert orip(project, "compare", "result.json", "other.json", "--tolerance", "0.005").code == 5
+    assert orip(project, "compare", "result.json", "other.json", "--sigma", "3").code == 0
+
+
+def test_json(project: Path) -> None:
+    def change(document: Any) -> None:
+        document["points"]["P1"]["Z"]["value"] += 0.01
+        document["status"] = "doubtful"
+        document["points"]["new"] = document["points"]["P1"]
+        del document["photos"]["right"]
+
+    said = orip(project, "compare", "result.json", changed(project, change), "--json")
+    assert said.code == 5
+    document = said.document
+    assert (document["command"], document["equal"]) == ("compare", False)
+    assert (document["a"], document["b"]) == ("result.json", "other.json")
+    status, height = document["differences"]
+    assert status == {
+        "name": "status",
+        "a": "converged",
+        "b": "doubtful",
+        "difference": None,
+        "allowed": status["allowed"],
+    }
+    assert height["name"] == "point P1 Z"
+    assert height["difference"] == pytest.approx(0.01)
+    assert document["only_in_a"] == ["photo right"]
+    assert document["only_in_b"] == ["point new"]
+    same = orip(project, "compare", "result.json", "result.json", "--json")
+    assert same.code == 0
+    assert same.document["equal"] is True
+
+
+def test_at_most_twenty_are_listed_unless_verbose(project: Path) -> None:
+    def change(document: Any) -> None:
+        for point in document["points"].values():
+            for axis in "XYZ":
+                point[axis]["value"] += 1.0
+                point[axis]["sd"] += 1.0
+
+    said = orip(project, "compare", "result.json", changed(project, change))
+    assert len(said.out.splitlines()) == 22
+    assert "30 of " in said.err
+    assert "at most 20 of each are listed; -v lists all" in said.err
+    assert len(orip(project, "-v", "compare", "result.json", "other.json").out.splitlines()) == 32
+    assert len(orip(project, "compare", "result.json", "other.json", "--json").document["differences"]) == 30
+
+
+def test_case_counts_in_names_of_points_alone(project: Path) -> None:
+    def change(document: Any) -> None:
+        document["photos"]["LEFT"] = document["photos"].pop("left")
+        document["points"]["p1"] = document["points"].pop("P1")
+
+    said = orip(project, "compare", "result.json", changed(project, change))
+    assert said.out.splitlines() == ["only in A: point P1", "only in B: point p1"]
+    assert "1 are in result.json only; 1 are in other.json only" in said.err
+
+
+def test_two_adjustments(project: Path) -> None:
+    shutil.copy(project / "result.json", project.parent / "before.json")
+    replace_in(project / "FIRST.PNT", "1012.40", "1012.42")
+    orip(project, "run")
+    assert orip(project, "compare", "../before.json", ".").code == 5
+    assert orip(project, "compare", "../before.json", ".", "--sigma", "3").code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (b"", "it is not JSON"),
+        (b"name,value\n", "it is not JSON"),
+        (b"[1, 2]", '"schema" is not "orip.result/1"'),
+        (b'{"schema": "orip.error/1"}', '"schema" is not "orip.result/1"'),
+        (b'{"schema": "orip.result/1"}', "'status' is not a text"),
+        (b'{"schema": "orip.result/1", "x": NaN}', "JSON has no NaN"),
+        (b"[" * 100000, "it is nested too deeply"),
+        (b"\xff\xfe{}", "the file is UTF-16"),
+        (b"{\xff}", "byte 0xFF is not UTF-8"),
+    ],
+)
+def test_what_is_no_result_is_3(project: Path, text: bytes, sentence: str) -> None:
+    (project / "other.json").write_bytes(text)
+    for pair in (("result.json", "other.json"), ("other.json", "result.json"), ("other.json", "other.json")):
+        said = orip(project, "compare", *pair)
+        assert said.code == 3
+        assert said.err.count("error: other.json") == 1
+        assert said.out == ""
+        assert sentence in said.err
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda document: document.update(points=3), "'points' is not an object"),
+        (lambda document: document["points"].update(P1=[]), "'P1' is not an object"),
+        (lambda document: document["points"]["P1"].update(X=1.0), "'point P1 X' is not an object"),
+        (lambda document: document["points"]["P1"]["X"].update(value="east"), "'point P1 X' is not a number or null"),
+        (lambda document: document["points"]["P1"]["X"].update(sd=True), "'point P1 X' is not a number or null"),
+        (lambda document: document["points"]["P1"]["X"].update(value=10**400), "'point P1 X' is not a number or null"),
+        (lambda document: document.update(check_points=[3]), "'check_points' is not an object"),
+        (lambda document: document.update(singular=None), "'singular' is not a list"),
+        (lambda document: document.update(status=1), "'status' is not a text"),
+    ],
+)
+def test_a_result_with_a_fault_says_where(project: Path, change: Callable[[Any], object], where: str) -> None:
+    said = orip(project, "compare", "result.json", changed(project, change))
+    assert said.code == 3
+    assert f"error: other.json: this is no result of an adjustment: {where}" in said.err
+
+
+def test_files_and_folders_that_are_not_there(project: Path, tmp_path: Path) -> None:
+    said = orip(project, "compare", "nix.json", "nothing", "--json")
+    assert said.code == 3
+    assert [row["file"] for row in said.document["errors"]] == ["nix.json", "nothing"]
+    (tmp_path / "empty").mkdir()
+    said = orip(project, "compare", "../empty", ".")
+    assert said.code == 3
+    assert "error: ../empty: there is no result.json in this folder; run 'orip solve' there first" in said.err
+
+
+def test_a_folder_with_several_results(tmp_path: Path) -> None:
+    folder = two_bundles(tmp_path / "p")
+    orip(folder, "run")
+    said = orip(folder, "compare", ".", ".")
+    assert said.code == 2
+    assert "the folder '.' has several results; name one of them: AGAIN_result.json, MAIN_result.json" in said.err
+    assert orip(folder, "compare", "AGAIN_result.json", "MAIN_result.json").code == 0
+
+
+@pytest.mark.parametrize("option", ["--tolerance", "--relative", "--sigma"])
+@pytest.mark.parametrize("value", ["-1", "nan", "inf"])
+def test_tolerances_that_are_none(project: Path, option: str, value: str) -> None:
+    said = orip(project, "compare", ".", ".", f"{option}={value}")
+    assert said.code == 2
+    assert f"{option} is {float(value)}, but only a number of 0 or more is allowed" in said.err
+    assert orip(project, "compare", ".", ".", option, "small").code == 2
+    assert orip(project, "compare", ".").code == 2
