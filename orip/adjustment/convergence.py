@@ -51,8 +51,12 @@ def weights_are_steady(before: NDArray[np.float64], after: NDArray[np.float64]) 
 
 
 def is_diverging(enps: Sequence[float]) -> bool:
-    """Whether ENP fell in three iterations running, or a value is not finite."""
+    """Whether ENP fell in three iterations running and is negative, or a value is not finite.
+
+    A positive ENP says that corrections are smaller than the standard deviations. It falls for some iterations when
+    reweighting moves from one end state to another, and then rises again.
+    """
     if enps and not np.isfinite(enps[-1]):
         return True
     last = enps[-_DIVERGING_PASSES - 1 :]
-    return len(last) > _DIVERGING_PASSES and all(b < a for a, b in pairwise(last))
+    return len(last) > _DIVERGING_PASSES and last[-1] < 0.0 and all(b < a for a, b in pairwise(last))

@@ -1,9 +1,10 @@
 """Self-calibration judged: which camera parameters are significant, which can be determined at all.
 
-Distortion parameters are tested against zero, alone and in groups (Fisher's F on k and f degrees of freedom): A3, A5
-and A7 from the highest order down, P1 and P2 together. C, DX and DY are never tested: zero means nothing there. The
-additional parameters of a set are orthogonal by construction and are tested one by one; there, one that the other
-unknowns explain by more than nine tenths, or that spoils the points, is not determinable.
+Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the others
+alone; A3, A5 and A7 depend on each other, so that of them only the highest order may go, and the rest is tested again
+without it. C, DX and DY are never tested: zero means nothing there. The additional parameters of a set are orthogonal
+by construction and are tested one by one; there, one that the other unknowns explain by more than nine tenths, or that
+spoils the points, is not determinable.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ MOST_OF_TRACE = 0.10
 
 Verdict = Literal["significant", "not significant", "not determinable"]
 
-_GROUPS = (("A7",), ("A5", "A7"), ("A3", "A5", "A7"), ("A1",), ("P1", "P2"), ("B1",), ("B2",))
-"""Parameters tested together; of the radial ones a higher order goes before a lower one."""
+_GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("P1", "P2"), ("B1",), ("B2",))
+_HIGHER_ORDERS = {"A3": {"A5", "A7"}, "A5": {"A7"}}
+"""Radial parameters that go before another may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,7 @@ def parameter_tests(solved: SolvedBlock) -> tuple[ParameterTest, ...]:
     for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
         for group in _GROUPS:
             unknown = [kind for kind in group if columns[CAMERA_PARAMETERS.index(kind)] != CONSTANT]
-            # a group whose first member is constant is the same as a smaller one
-            if unknown and unknown[0] == group[0]:
+            if unknown:
                 found.append(_test(solved, camera, unknown, columns))
     return (*found, *_additional_tests(solved))
 
@@ -146,25 +147,35 @@ def digits_lost(solved: SolvedBlock, column: int) -> float:
 
 def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Return what to do about each parameter that is not significant or not determinable."""
-    for test in removable(parameter_tests(solved)):
+    tests = parameter_tests(solved)
+    candidates = removable(tests)
+    for test in tests:
+        if test.verdict == "significant":
+            continue
         names = ", ".join(test.parameters)
         where = f"camera {test.camera}"
         if test.verdict == "not determinable":
             text = f"{names} of {where} can hardly be told from the other unknowns ({test.lost_digits:.1f} digits lost)"
         else:
             text = f"{names} of {where} is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
-        yield Diagnosis("not-significant", where, text, "hold it at zero, or let 'orip solve --prune' do so")
+        remedy = "hold it at zero, or let 'orip solve --prune' do so"
+        if test not in candidates:
+            remedy = "judge it again when the higher orders are held at zero"
+        yield Diagnosis("not-significant", where, text, remedy)
 
 
 def removable(tests: tuple[ParameterTest, ...]) -> list[ParameterTest]:
-    """Return the tests whose group should go, single parameters where they stand alone, the worst first."""
-    failed = [test for test in tests if test.verdict != "significant"]
-    largest = [test for test in failed if not any(_contains(other, test) for other in failed)]
-    return sorted(largest, key=_worth)
-
-
-def _contains(other: ParameterTest, test: ParameterTest) -> bool:
-    return other.camera == test.camera and set(test.parameters) < set(other.parameters)
+    """Return the tests of parameters that may go, the worst first: of the radial ones the highest order alone."""
+    unknown: dict[str, set[str]] = {}
+    for test in tests:
+        unknown.setdefault(test.camera, set()).update(test.parameters)
+    failed = [
+        test
+        for test in tests
+        if test.verdict != "significant"
+        and not any(_HIGHER_ORDERS.get(name, set()) & unknown[test.camera] for name in test.parameters)
+    ]
+    return sorted(failed, key=_worth)
 
 
 def _worth(test: ParameterTest) -> float:
@@ -194,12 +205,8 @@ def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> P
     """
     removed: list[ParameterTest] = []
     while worst := removable(parameter_tests(solved)):
-        # of a group only the highest order goes at a time: the others may become significant without it
-        gone = replace(worst[0], parameters=worst[0].parameters[-1:]) if len(worst[0].parameters) > 1 else worst[0]
-        if set(worst[0].parameters) <= {"P1", "P2"}:
-            gone = worst[0]
-        removed.append(gone)
-        solved = solve_again(_without(solved, gone))
+        removed.append(worst[0])
+        solved = solve_again(_without(solved, worst[0]))
     return Pruned(solved, tuple(removed))
 
 

@@ -7,24 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.model.block import Block
+from orip.model.ground import GroundSystem
 
 
 @dataclass(frozen=True, slots=True)
 class ControlPointObservations(Observations):
-    """n observed coordinates; `point` and `coordinate` (0, 1, 2) say which."""
+    """n observed coordinates of the project; `point` and `coordinate` (0, 1, 2) say which."""
 
     rows: Rows
     point: NDArray[np.int64]
     coordinate: NDArray[np.int64]
+    ground: GroundSystem
 
     def linearise_with_partials(self, state: State) -> Linearisation:
-        """Return residuals (ground unit) and partials by the coordinate itself."""
-        residual = state.points[self.point, self.coordinate] - self.rows.observed
-        return Linearisation(residual, np.ones((len(residual), 1)), np.ones(len(residual), dtype=bool))
+        """Return residuals (ground unit) and partials by the point's three coordinates."""
+        found = coordinates_with_partials(self.ground, state.points[self.point], self.coordinate)
+        residual = np.where(found.known, found.value - self.rows.observed, 0.0)
+        return Linearisation(residual, found.by_local, found.known)
 
 
 def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObservations:
@@ -48,6 +52,6 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
         observed=np.array([row[2] for row in found], dtype=np.float64),
         error=np.abs(error),
         used=(error > 0.0) & (block.definition.datum == "control"),
-        columns=unknowns.points[point, coordinate][:, None],
+        columns=columns_of_coordinates(block.ground, unknowns.points[point], coordinate),
     )
-    return ControlPointObservations(rows, point, coordinate)
+    return ControlPointObservations(rows, point, coordinate, block.ground)

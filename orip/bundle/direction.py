@@ -11,6 +11,7 @@ from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.model.block import Block
+from orip.model.ground import GroundSystem
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
@@ -25,10 +26,17 @@ class DirectionObservations(Observations):
     target: NDArray[np.int64]
     set: NDArray[np.int64]
     is_zenith: NDArray[np.bool_]
+    ground: GroundSystem
 
     def linearise_with_partials(self, state: State) -> Linearisation:
-        """Return residuals (degrees, wrapped) and partials by zero direction, station (3) and target (3)."""
-        dx, dy, dz = (state.points[self.target] - state.points[self.station]).T
+        """Return residuals (degrees, wrapped) and partials by zero direction, station (3) and target (3).
+
+        Directions refer to the project's axes at the station. That these turn a little when the station moves, by the
+        shift over the earth's radius, is left out of the partials.
+        """
+        station, target = state.points[self.station], state.points[self.target]
+        axes = self.ground.axes_at(self.ground.to_project(station))
+        dx, dy, dz = (axes @ (target - station)[:, :, None])[:, :, 0].T
         plane = np.hypot(dx, dy)
         known = plane > 0.0
         plane = np.where(known, plane, 1.0)
@@ -37,12 +45,12 @@ class DirectionObservations(Observations):
         zenith = np.arctan2(plane, dz)
         by_azimuth = np.stack([dy, -dx, np.zeros_like(dx)], axis=1) / plane[:, None] ** 2
         by_zenith = np.stack([dx * dz / plane, dy * dz / plane, -plane], axis=1) / spatial[:, None]
-        by_target = np.where(self.is_zenith[:, None], by_zenith, by_azimuth)
+        by_target = (np.where(self.is_zenith[:, None], by_zenith, by_azimuth)[:, None, :] @ axes)[:, 0]
         by_zero = np.where(self.is_zenith, 0.0, -1.0)[:, None]
         value = np.where(self.is_zenith, zenith, azimuth) * DEGREES_PER_RADIAN
         residual = (value - self.rows.observed + 180.0) % 360.0 - 180.0
         partials = np.hstack([by_zero, -by_target, by_target]) * DEGREES_PER_RADIAN
-        return Linearisation(residual, partials, known)
+        return Linearisation(np.where(known, residual, 0.0), np.where(known[:, None], partials, 0.0), known)
 
 
 def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservations:
@@ -74,7 +82,7 @@ def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservation
         used=error > 0.0,
         columns=np.hstack([zero[:, None], unknowns.points[station], unknowns.points[target]]),
     )
-    return DirectionObservations(rows, station, target, row, is_zenith)
+    return DirectionObservations(rows, station, target, row, is_zenith, block.ground)
 
 
 def tied_by_directions(block: Block) -> frozenset[int]:

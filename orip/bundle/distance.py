@@ -1,24 +1,24 @@
 """Control distances: coordinate differences, plane and spatial distances between two points.
 
-A distance with a-priori error 0 is constant. It is met exactly without a weight that would eat the digits of the
-normal equations: it enters with a moderate error, and after each iteration the value in the equation is shifted by what
-the adjusted distance still misses (an augmented Lagrangian), until it misses nothing.
+Spatial distances are lengths of the local frame; all others are taken in the project's coordinates, on the grid. A
+distance with a-priori error 0 is constant, and is met exactly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.exactness import ExactObservations, error_of_constant_lengths
 from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import Unknowns
 from orip.model.block import Block
 from orip.model.control import ControlDistance, DistanceCode
+from orip.model.ground import GroundSystem, ProjectCoordinates
 
 FloatArray = NDArray[np.float64]
 
@@ -33,9 +33,6 @@ AXES: dict[DistanceCode, tuple[int, ...]] = {
 }
 """Coordinates that each code measures along; a single one is signed, end minus start."""
 
-_CONSTANT_ERROR = 0.01
-"""Error of a constant distance in its equation, as a part of a photo error taken to the ground."""
-
 
 @dataclass(frozen=True, slots=True)
 class DistanceObservations(Observations):
@@ -45,29 +42,36 @@ class DistanceObservations(Observations):
     start: NDArray[np.int64]
     end: NDArray[np.int64]
     axes: NDArray[np.bool_]
+    ground: GroundSystem
 
     def linearise_with_partials(self, state: State) -> Linearisation:
         """Return residuals (ground unit) and partials by the two points' coordinates, start first."""
-        difference = np.where(self.axes, state.points[self.end] - state.points[self.start], 0.0)
+        start, end = self._coordinates(state.points[self.start]), self._coordinates(state.points[self.end])
+        difference = np.where(self.axes, end.value - start.value, 0.0)
         signed = self.axes.sum(axis=1) == 1
         length = np.linalg.norm(difference, axis=1)
-        known = signed | (length > 0.0)
+        known = np.isfinite(length) & (signed | (length > 0.0))
         value = np.where(signed, difference.sum(axis=1), length)
         direction = difference / np.where(length > 0.0, length, 1.0)[:, None]
-        by_end = np.where(signed[:, None], self.axes.astype(np.float64), direction)
-        return Linearisation(value - self.rows.observed, np.hstack([-by_end, by_end]), known)
+        along = np.where(signed[:, None], self.axes.astype(np.float64), direction)[:, None, :]
+        partials = np.hstack([-(along @ start.by_local)[:, 0], (along @ end.by_local)[:, 0]])
+        return Linearisation(
+            np.where(known, value - self.rows.observed, 0.0), np.where(known[:, None], partials, 0.0), known
+        )
+
+    def _coordinates(self, local: FloatArray) -> ProjectCoordinates:
+        """Return the coordinates that distances are taken in: local ones of spatial distances, else the project's."""
+        spatial = self.axes.all(axis=1)
+        project = self.ground.project_with_partials(local)
+        return ProjectCoordinates(
+            np.where(spatial[:, None], local, project.value),
+            np.where(spatial[:, None, None], np.eye(3), project.by_local),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantDistanceObservations(DistanceObservations):
+class ConstantDistanceObservations(ExactObservations, DistanceObservations):
     """Distances that are met exactly."""
-
-    exact: ClassVar[bool] = True
-
-    def remembered(self, state: State) -> FloatArray:
-        """Return the shifts of the equations: grown by what the distances still miss."""
-        missing = DistanceObservations.linearise_with_partials(self, state).residual
-        return np.asarray(state.memory.get(self.rows.kind, 0.0) + missing)
 
 
 def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
@@ -80,7 +84,7 @@ def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
 def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:
     """Return the distances with a-priori error 0."""
     chosen = [each for each in block.distances if each.error == 0.0]
-    error = np.full(len(chosen), _constant_error(block) if chosen else 1.0)
+    error = np.full(len(chosen), error_of_constant_lengths(block) if chosen else 1.0)
     used = np.ones(len(chosen), dtype=bool)
     return ConstantDistanceObservations(*_between(block, unknowns, chosen, "constant distance", error, used))
 
@@ -94,7 +98,7 @@ def tied_by_distances(block: Block) -> frozenset[int]:
 def _between(
     block: Block, unknowns: Unknowns, chosen: Sequence[ControlDistance], kind: str, error: FloatArray,
     used: NDArray[np.bool_],
-) -> tuple[Rows, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:  # fmt: skip
+) -> tuple[Rows, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], GroundSystem]:  # fmt: skip
     place = block.point_index()
     start = np.array([place[each.start] for each in chosen], dtype=np.int64)
     end = np.array([place[each.end] for each in chosen], dtype=np.int64)
@@ -111,12 +115,4 @@ def _between(
         used=used,
         columns=np.hstack([unknowns.points[start], unknowns.points[end]]),
     )
-    return rows, start, end, axes
-
-
-def _constant_error(block: Block) -> float:
-    """Return 1 % of what a photo error means on the ground at the mean distance of the points from their photos."""
-    points = block.photo_points
-    distance = np.linalg.norm(block.point_start[points.point] - block.photo_orientation[points.photo, :3], axis=1)
-    principal = np.array([camera.parameters[0] for camera in block.cameras])[block.photo_camera[points.photo]]
-    return float(_CONSTANT_ERROR * np.mean(points.error) * np.mean(distance / principal))
+    return rows, start, end, axes, block.ground

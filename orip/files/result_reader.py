@@ -69,8 +69,9 @@ def _figures(document: Any) -> ResultFigures:
     found: Found = {("", ""): FigureGroup("", _of_adjustment(document))}
     for group, kind in (("cameras", "camera"), ("photos", "photo"), ("points", "point")):
         for name, record in _object(document.get(group), group).items():
+            shown = printable(f"{kind} {name}")
             key = name if kind == "point" else record_key(name)
-            found[kind, key] = FigureGroup(printable(f"{kind} {name}"), _of_record(_object(record, name), name))
+            found[kind, key] = FigureGroup(shown, _of_record(_object(record, shown), shown))
     for row in _objects(document.get("check_points"), "check_points"):
         name = _text(row.get("name"), "check_points")
         figures = {axis: Figure(_number(row.get(axis), name), _QUANTITIES[axis]) for axis in ("dX", "dY", "dZ")}

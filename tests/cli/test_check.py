@@ -106,7 +106,7 @@ def test_nothing_adjusted_yet(tmp_path: Path) -> None:
 
 
 def test_an_adjustment_that_did_not_converge_is_4_whatever_the_gates(project: Path) -> None:
-    replace_in(project / "orip.toml", 'name = "MAIN"', 'name = "MAIN"\nmax_iterations = 1\nstart_down_weight = 2')
+    replace_in(project / "orip.toml", 'name = "MAIN"', 'name = "MAIN"\nmax_iterations = 2\nstart_down_weight = 2')
     assert orip(project, "run").code == 4
     for gate in ("sigma0<1e9", "sigma0<0"):
         said = orip(project, "check", gate)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from orip.bundle.methods import Method
 from orip.workflow.reconcile import Prefer
 from orip.workflow.run import RunWatcher, run
-from orip.workflow.solve import SolveOutcome, SolveWatcher, solve
+from orip.workflow.solve import PLAIN, SolveOutcome, SolveWatcher, solve
 
 
 @contextmanager
@@ -31,7 +32,7 @@ def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcom
         return run(folder, prefer, RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing))
 
 
-def solve_quietly(folder: Path, bundle: str | None = None) -> SolveOutcome:
+def solve_quietly(folder: Path, bundle: str | None = None, method: Method = PLAIN) -> SolveOutcome:
     """Do what `orip solve` does."""
     with threadpool_limits(1):
-        return solve(folder, bundle, NOBODY)
+        return solve(folder, bundle, NOBODY, method)
