@@ -85,3 +85,15 @@ def test_the_malformed_control_file_leaves_existing_stores_alone(project: Path) 
 
 def _lines(project: Path) -> list[str]:
     return (project / "DCS260.PNT").read_text().splitlines()
+
+
+def test_no_additional_parameter_is_significant_and_the_largest_w_is_named(project: Path) -> None:
+    eight = 'unknown = ["C", "DX", "DY", "A3", "P1", "P2", "B1", "B2"]'
+    replace_in(project / "orip.toml", 'unknown = ["C", "DX", "DY"]', eight)
+    solution = solved(project)
+    named = [each.text.split(" of camera ")[0] for each in solution.diagnosis if each.code == "not-significant"]
+    assert named == ["A3", "P1, P2", "B1", "B2"]
+    row = int(np.nanargmax(solution.residuals.w))
+    assert (solution.residuals.photo[row], solution.residuals.point[row]) == ("st5", "14")
+    # an independent program prints one decimal
+    assert solution.residuals.w[row] == pytest.approx(4.2, abs=0.05)
