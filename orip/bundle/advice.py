@@ -35,4 +35,8 @@ def pruning_advice(removed: Sequence[ParameterTest]) -> Iterator[Diagnosis]:
         else:
             why = f"it is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
         text = f"{names} of {where} was held at zero: {why}"
-        yield Diagnosis("pruned", where, text, "take it out of the camera's unknown parameters in orip.toml")
+        of_a_set = "." in names
+        remedy = (
+            "solve with --prune again" if of_a_set else "take it out of the camera's unknown parameters in orip.toml"
+        )
+        yield Diagnosis("pruned", where, text, remedy)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.additional_parameter import base_of_camera
+from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.name_warnings import name_warnings
 from orip.bundle.starting_points import with_starting_points
-from orip.errors import Complaint, ProjectWarning
+from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.model.block import Block, PhotoPoints, TheodoliteSet
 from orip.model.camera import CAMERA_PARAMETERS, Camera
@@ -41,6 +42,9 @@ class Ingredients:
     observations : PhotoObservations
     control : Control
     preliminary : sequence of PreliminaryPoint
+    ground_unit : str
+    crs : str or None
+        The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
     """
 
     definition: BundleDefinition
@@ -51,6 +55,8 @@ class Ingredients:
     observations: PhotoObservations
     control: Control
     preliminary: Sequence[PreliminaryPoint]
+    ground_unit: str = "m"
+    crs: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,33 @@ def assemble(ingredients: Ingredients) -> Assembled:
     complaints += _set_complaints(keys, ingredients)
     if complaints:
         return Assembled(None, tuple(complaints), ())
+    try:
+        block = _block_in_project(keys, ingredients)
+    except InputError as error:
+        return Assembled(None, error.complaints, ())
+    if complaints := frame_complaints(block, ingredients.preliminary):
+        return Assembled(None, tuple(complaints), ())
+    block, start_warnings = with_starting_points(photos_in_frame(block), ingredients.preliminary)
+    block = replace(block, theodolites=theodolite_sets(block))
+    return Assembled(
+        constants_in_frame(block),
+        (),
+        (
+            *name_warnings(block, ingredients.control, ingredients.preliminary),
+            *start_warnings,
+            *block.ground.warnings,
+        ),
+    )
+
+
+def _block_in_project(keys: Sequence[str], ingredients: Ingredients) -> Block:
+    """Return the block without starting points, its photos and constants still in the project's coordinates.
+
+    Raises
+    ------
+    InputError
+        If the coordinate reference system cannot be used.
+    """
     photos, cameras = _with_constant_elements(keys, ingredients)
     point_names = _point_names(ingredients)
     ground = _ground_observations(point_names, photos, cameras, ingredients)
@@ -91,7 +124,7 @@ def assemble(ingredients: Ingredients) -> Assembled:
     camera_of = np.array([camera_keys.index(record_key(photo.camera)) for photo in photos])
     orientation = np.array([photo.orientation for photo in photos], dtype=np.float64)
     orientation[:, 3:] *= RADIANS_PER_DEGREE
-    block = Block(
+    return Block(
         definition=ingredients.definition,
         cameras=cameras,
         photos=photos,
@@ -105,11 +138,7 @@ def assemble(ingredients: Ingredients) -> Assembled:
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
-    )
-    block, start_warnings = with_starting_points(block, ingredients.preliminary)
-    block = replace(block, theodolites=theodolite_sets(block))
-    return Assembled(
-        block, (), tuple(name_warnings(block, ingredients.control, ingredients.preliminary) + start_warnings)
+        ground=ground_system(ingredients.crs, ingredients.ground_unit, ground.points, orientation[:, :3]),
     )
 
 
@@ -257,9 +286,9 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
             sets.append(TheodoliteSet(name, held[name].value * RADIANS_PER_DEGREE, constant=True))
             continue
         mine = [each for each in block.directions if each.set == name]
-        offset = np.array(
-            [block.point_start[place[each.target]] - block.point_start[place[each.station]] for each in mine]
-        )
+        station = block.point_start[[place[each.station] for each in mine]]
+        offset = block.point_start[[place[each.target] for each in mine]] - station
+        offset = (block.ground.axes_at(block.ground.to_project(station)) @ offset[:, :, None])[:, :, 0]
         turned = np.arctan2(offset[:, 0], offset[:, 1])
         turned -= np.array([each.direction for each in mine]) * RADIANS_PER_DEGREE
         sets.append(TheodoliteSet(name, float(np.arctan2(np.sin(turned).mean(), np.cos(turned).mean()))))

@@ -50,7 +50,8 @@ class DirectionObservations(Observations):
         value = np.where(self.is_zenith, zenith, azimuth) * DEGREES_PER_RADIAN
         residual = (value - self.rows.observed + 180.0) % 360.0 - 180.0
         partials = np.hstack([by_zero, -by_target, by_target]) * DEGREES_PER_RADIAN
-        return Linearisation(np.where(known, residual, 0.0), np.where(known[:, None], partials, 0.0), known)
+        # not a number where the project's system does not reach
+        return Linearisation(np.nan_to_num(residual), np.nan_to_num(partials), known)
 
 
 def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservations:

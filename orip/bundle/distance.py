@@ -55,13 +55,12 @@ class DistanceObservations(Observations):
         direction = difference / np.where(length > 0.0, length, 1.0)[:, None]
         along = np.where(signed[:, None], self.axes.astype(np.float64), direction)[:, None, :]
         partials = np.hstack([-(along @ start.by_local)[:, 0], (along @ end.by_local)[:, 0]])
-        return Linearisation(
-            np.where(known, value - self.rows.observed, 0.0), np.where(known[:, None], partials, 0.0), known
-        )
+        # not a number where the project's system does not reach
+        return Linearisation(np.nan_to_num(value - self.rows.observed), np.nan_to_num(partials), known)
 
     def _coordinates(self, local: FloatArray) -> ProjectCoordinates:
         """Return the coordinates that distances are taken in: local ones of spatial distances, else the project's."""
-        spatial = self.axes.all(axis=1)
+        spatial = self.axes.sum(axis=1) == 3
         project = self.ground.project_with_partials(local)
         return ProjectCoordinates(
             np.where(spatial[:, None], local, project.value),

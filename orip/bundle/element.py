@@ -2,78 +2,81 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.exactness import ExactObservations, error_of_constant_angles, error_of_constant_lengths
+from orip.bundle.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.errors import InputError
-from orip.geometry.rotation import angle_rates_from_axes_rotation
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.model.block import Block
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import ControlElement
+from orip.model.ground import GroundSystem
 from orip.model.names import record_key
 from orip.model.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _LEAST_COSINE_OF_PHI = 0.02
 """Nearer to phi = ±90 degrees omega and kappa turn about the same axis, and neither can be observed alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where an element's value is: its group, row and column in the state."""
+class _Place(NamedTuple):
+    """Where an element's value is: its quantity, row and column in the state."""
 
-    group: str
+    quantity: str
     row: int
     column: int
 
 
 @dataclass(frozen=True, slots=True)
 class ElementObservations(Observations):
-    """n observed unknowns; `places` say which. Angles are degrees."""
+    """n observed unknowns; `quantity`, `row` and `column` (n,) say which. Angles are degrees."""
 
     rows: Rows
-    places: tuple[_Place, ...]
+    quantity: NDArray[np.str_]
+    row: IntArray
+    column: IntArray
+    ground: GroundSystem
 
     def linearise_with_partials(self, state: State) -> Linearisation:
-        """Return residuals and partials by up to three unknowns: an angle depends on all rotations of its photo.
+        """Return residuals and partials by up to three unknowns.
+
+        An angle depends on all rotations of its photo, a coordinate of the project on all of its place. That the
+        project's axes turn a little when a projection centre moves, by the shift over the earth's radius, is left out
+        of the partials.
 
         Raises
         ------
         InputError
             If an observed rotation comes too near to phi = ±90 degrees.
         """
-        angles = state.angles()
-        rates = angle_rates_from_axes_rotation(angles) @ state.rotation_basis()
-        residual = np.empty(len(self.places))
-        partials = np.zeros((len(self.places), 3))
-        for index, place in enumerate(self.places):
-            if place.group == "PHOTO" and place.column >= 3:
-                self._require_tilted(angles[place.row, 1], index)
-                value = angles[place.row, place.column - 3] * DEGREES_PER_RADIAN
-                partials[index] = rates[place.row, place.column - 3] * DEGREES_PER_RADIAN
-            elif place.group == "THEODOLITE":
-                value = state.theodolites[place.row] * DEGREES_PER_RADIAN
-                partials[index, 0] = DEGREES_PER_RADIAN
-            else:
-                value = _length(state, place)
-                partials[index, 0] = 1.0
-            residual[index] = value - self.rows.observed[index]
-        residual[self._turning()] = (residual[self._turning()] + 180.0) % 360.0 - 180.0
-        return Linearisation(residual, partials, np.ones(len(self.places), dtype=bool))
+        value, partials = np.full(len(self.row), np.nan), np.zeros((len(self.row), 3))
+        for quantity, evaluate in _EVALUATION.items():
+            chosen = self.quantity == quantity
+            if chosen.any():
+                found = evaluate(self.ground, state, self.row[chosen], self.column[chosen])
+                if found.phi is not None:
+                    self._require_tilted(found.phi, np.flatnonzero(chosen))
+                value[chosen], partials[chosen] = found.value, found.partials
+        known = np.isfinite(value)
+        residual = np.where(known, value - self.rows.observed, 0.0)
+        turning = np.isin(self.quantity, ("rotation", "theodolite"))
+        residual[turning] = (residual[turning] + 180.0) % 360.0 - 180.0
+        return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
 
-    def _turning(self) -> NDArray[np.bool_]:
-        angular = [each.group == "THEODOLITE" or (each.group == "PHOTO" and each.column >= 3) for each in self.places]
-        return np.array(angular, dtype=bool)
-
-    def _require_tilted(self, phi: float, index: int) -> None:
-        if abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI:
+    def _require_tilted(self, phi: FloatArray, rows: IntArray) -> None:
+        for index in rows[np.abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI]:
             message = (
                 f"{self.rows.component[index]} of photo {self.rows.photo[index]} is observed, but its phi is within "
                 "1.1 degrees of ±90, where omega and kappa cannot be told apart; take the element out of the .ELE file"
@@ -81,33 +84,99 @@ class ElementObservations(Observations):
             raise InputError.single(message)
 
 
-def _length(state: State, place: _Place) -> float:
-    values = {"CAMERA": state.cameras, "PHOTO": state.centres, "POINT": state.points}[place.group]
-    return float(values[place.row, place.column])
+@dataclass(frozen=True, slots=True)
+class ConstantElementObservations(ExactObservations, ElementObservations):
+    """Elements that are constant in the project, but depend on unknowns in the local frame."""
+
+
+class _Values(NamedTuple):
+    """Values (n,) of elements, partials (n, 3), and phi (n,) of their photos where they are rotations."""
+
+    value: FloatArray
+    partials: FloatArray
+    phi: FloatArray | None = None
+
+
+def _camera_values(_: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    return _Values(state.cameras[row, column], np.broadcast_to([1.0, 0.0, 0.0], (len(row), 3)))
+
+
+def _theodolite_values(_: GroundSystem, state: State, row: IntArray, __: IntArray) -> _Values:
+    partials = np.broadcast_to([DEGREES_PER_RADIAN, 0.0, 0.0], (len(row), 3))
+    return _Values(state.theodolites[row] * DEGREES_PER_RADIAN, partials)
+
+
+def _centre_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    found = coordinates_with_partials(ground, state.centres[row], column)
+    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
+
+
+def _point_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    found = coordinates_with_partials(ground, state.points[row], column)
+    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
+
+
+def _rotation_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    axes = ground.axes_at(ground.to_project(state.centres[row]))
+    angles = angles_from_rotation(axes @ state.rotations[row])
+    rates = angle_rates_from_axes_rotation(angles) @ axes @ state.rotation_basis()[row]
+    each = np.arange(len(row))
+    return _Values(angles[each, column] * DEGREES_PER_RADIAN, rates[each, column] * DEGREES_PER_RADIAN, angles[:, 1])
+
+
+_EVALUATION: Mapping[str, Callable[[GroundSystem, State, IntArray, IntArray], _Values]] = {
+    "camera": _camera_values,
+    "theodolite": _theodolite_values,
+    "centre": _centre_values,
+    "point": _point_values,
+    "rotation": _rotation_values,
+}
 
 
 def observe_elements(block: Block, unknowns: Unknowns) -> ElementObservations:
     """Return the elements that are observed or disregarded; those with a-priori error 0 are constants of the block."""
-    rows = _RowsOfRecords(block)
-    found = [
-        (element, place)
-        for element in block.elements
-        if element.error != 0.0 and (place := rows.place(element)) is not None
-    ]
-    columns = [_columns(place, unknowns) for _, place in found]
-    free = np.array([error_allows_use(block, element) for element, _ in found], dtype=bool)
-    return ElementObservations(
-        Rows(
-            kind="element",
-            photo=tuple(element.name if element.group == "PHOTO" else "" for element, _ in found),
-            point=tuple("" if element.group == "PHOTO" else element.name for element, _ in found),
-            component=tuple(element.kind for element, _ in found),
-            observed=np.array([element.value for element, _ in found], dtype=np.float64),
-            error=np.array([abs(element.error) for element, _ in found], dtype=np.float64),
-            used=free,
-            columns=np.array(columns, dtype=np.int64).reshape(-1, 3),
-        ),
-        tuple(place for _, place in found),
+    places = _Places(block)
+    chosen = [each for each in block.elements if each.error != 0.0 and places.has(each)]
+    error = np.array([abs(element.error) for element in chosen], dtype=np.float64)
+    used = np.array([error_allows_use(block, element) for element in chosen], dtype=bool)
+    return ElementObservations(*_observed(block, unknowns, chosen, "element", error, used))
+
+
+def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantElementObservations:
+    """Return the elements that are met exactly."""
+    chosen = block.constant_elements
+    error = np.ones(len(chosen))
+    if chosen:
+        angular = np.array([each.kind in PHOTO_PARAMETERS[3:] for each in chosen])
+        of_angle = error_of_constant_angles(block) * DEGREES_PER_RADIAN
+        error = np.where(angular, of_angle, error_of_constant_lengths(block))
+    used = np.ones(len(chosen), dtype=bool)
+    return ConstantElementObservations(*_observed(block, unknowns, chosen, "constant element", error, used))
+
+
+def _observed(
+    block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: str, error: FloatArray,
+    used: NDArray[np.bool_],
+) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, GroundSystem]:  # fmt: skip
+    places = _Places(block)
+    found = [places.of(each) for each in chosen]
+    columns = [_columns(place, unknowns, block.ground) for place in found]
+    rows = Rows(
+        kind=kind,
+        photo=tuple(element.name if element.group == "PHOTO" else "" for element in chosen),
+        point=tuple("" if element.group == "PHOTO" else element.name for element in chosen),
+        component=tuple(element.kind for element in chosen),
+        observed=np.array([element.value for element in chosen], dtype=np.float64),
+        error=error,
+        used=used,
+        columns=np.array(columns, dtype=np.int64).reshape(-1, 3),
+    )
+    return (
+        rows,
+        np.array([place.quantity for place in found], dtype=np.str_),
+        np.array([place.row for place in found], dtype=np.int64),
+        np.array([place.column for place in found], dtype=np.int64),
+        block.ground,
     )
 
 
@@ -117,8 +186,8 @@ def error_allows_use(block: Block, element: ControlElement) -> bool:
     return element.error > 0.0 and not (ties_to_ground and block.definition.datum == "free")
 
 
-class _RowsOfRecords:
-    """Rows of the state by record or point name."""
+class _Places:
+    """Places in the state by record or point name."""
 
     def __init__(self, block: Block) -> None:
         self.rows = {
@@ -128,28 +197,34 @@ class _RowsOfRecords:
             "POINT": block.point_index(),
         }
 
-    def place(self, element: ControlElement) -> _Place | None:
-        """Return where an element's value is, or None if the block does not have it."""
-        name = record_key(element.name) if element.group in ("CAMERA", "PHOTO") else element.name
-        row = self.rows[element.group].get(name)
-        return None if row is None else _Place(element.group, row, _KINDS[element.group].index(element.kind))
+    def has(self, element: ControlElement) -> bool:
+        """Whether the block has what the element is of."""
+        return self._name(element) in self.rows[element.group]
+
+    def of(self, element: ControlElement) -> _Place:
+        """Return where an element's value is."""
+        row = self.rows[element.group][self._name(element)]
+        if element.group == "PHOTO":
+            column = PHOTO_PARAMETERS.index(element.kind)
+            return _Place("centre", row, column) if column < 3 else _Place("rotation", row, column - 3)
+        return _Place(element.group.lower(), row, _KINDS[element.group].index(element.kind))
+
+    @staticmethod
+    def _name(element: ControlElement) -> str:
+        return record_key(element.name) if element.group in ("CAMERA", "PHOTO") else element.name
 
 
-_KINDS = {
-    "CAMERA": CAMERA_PARAMETERS,
-    "PHOTO": PHOTO_PARAMETERS,
-    "POINT": POINT_COORDINATES,
-    "THEODOLITE": ("R",),
-}
+_KINDS = {"CAMERA": CAMERA_PARAMETERS, "POINT": POINT_COORDINATES, "THEODOLITE": ("R",)}
 
 
-def _columns(place: _Place, unknowns: Unknowns) -> list[int]:
-    if place.group == "PHOTO" and place.column >= 3:
-        return [int(column) for column in unknowns.photos[place.row, 3:]]
-    table = {
-        "CAMERA": unknowns.cameras,
-        "PHOTO": unknowns.photos,
-        "POINT": unknowns.points,
-        "THEODOLITE": unknowns.theodolites[:, None],
-    }[place.group]
-    return [int(table[place.row, place.column]), CONSTANT, CONSTANT]
+def _columns(place: _Place, unknowns: Unknowns, ground: GroundSystem) -> IntArray:
+    """Return the unknowns (3,) that an element depends on."""
+    if place.quantity == "rotation":
+        return np.asarray(unknowns.photos[place.row, 3:])
+    if place.quantity in ("centre", "point"):
+        table = unknowns.photos[:, :3] if place.quantity == "centre" else unknowns.points
+        return np.asarray(columns_of_coordinates(ground, table[[place.row]], np.array([place.column]))[0])
+    column = (
+        unknowns.cameras[place.row, place.column] if place.quantity == "camera" else unknowns.theodolites[place.row]
+    )
+    return np.array([column, CONSTANT, CONSTANT])

@@ -9,7 +9,7 @@ from orip.bundle.additional_parameter import observe_additional_parameters
 from orip.bundle.control_point import observe_control_points
 from orip.bundle.direction import observe_directions, tied_by_directions
 from orip.bundle.distance import observe_constant_distances, observe_distances, tied_by_distances
-from orip.bundle.element import observe_elements
+from orip.bundle.element import observe_constant_elements, observe_elements
 from orip.bundle.observation import Observations
 from orip.bundle.photo_point import observe_photo_points
 from orip.bundle.unknowns import Unknowns
@@ -41,6 +41,7 @@ KINDS = (
     Kind(observe_control_points),
     Kind(observe_additional_parameters),
     Kind(observe_elements),
+    Kind(observe_constant_elements),
     Kind(observe_distances, tied_by_distances),
     Kind(observe_constant_distances, tied_by_distances),
     Kind(observe_directions, tied_by_directions),

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
+from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
-from orip.geometry.rotation import angle_rates_from_axes_rotation
 from orip.model.block import Block
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import PointKind
@@ -21,20 +21,14 @@ from orip.model.solution import (
     Correlation,
     Estimates,
     IterationPass,
+    Remark,
     Residuals,
     SingularUnknown,
     Solution,
     Status,
 )
-from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
-
-UNDETERMINED = np.inf
-"""Standard deviation of an unknown that was removed."""
-
-_LEVEL_PHI = 0.001
-"""Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0
@@ -47,9 +41,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
     block, state = solved.block, solved.adjusted.linearised.state
     variance, passes = solved.variance, solved.adjusted.passes
     equations = solved.adjusted.linearised.equations
-    points = Estimates(block.point_names, state.points, _deviations(solved, solved.problem.unknowns.points))
-    photo_deviations, about_axes = _photo_deviations(solved)
-    angles = state.angles() * DEGREES_PER_RADIAN
+    points = Estimates(block.point_names, *adjusted_points(solved))
+    photos = adjusted_photos(solved)
     return Solution(
         project="",
         user="",
@@ -68,20 +61,19 @@ def solution_of(solved: SolvedBlock) -> Solution:
         cameras=Estimates(
             tuple(camera.name for camera in block.cameras),
             state.cameras,
-            _deviations(solved, solved.problem.unknowns.cameras),
+            deviations(solved, solved.problem.unknowns.cameras),
         ),
-        photos=Estimates(
-            tuple(photo.name for photo in block.photos), np.hstack([state.centres, angles]), photo_deviations
-        ),
+        photos=Estimates(tuple(photo.name for photo in block.photos), photos.values, photos.sd),
         points=points,
         point_rays=_rays_per_point(solved),
         point_kinds=_point_kinds(block),
         residuals=_residuals(solved),
-        photo_rotation_sd_about_axes=tuple(bool(each) for each in about_axes),
+        photo_rotation_sd_about_axes=tuple(bool(each) for each in photos.about_axes),
         additional=_additional(solved),
         singular=_singular(solved),
         correlations=_camera_correlations(solved),
         check_points=_check_points(block, points),
+        remarks=tuple(Remark(line) for line in block.ground.description()),
     )
 
 
@@ -104,38 +96,6 @@ def _status(solved: SolvedBlock) -> Status:
     if share > _DOUBTFUL_SHARE or variance.sigma0_all > _DOUBTFUL_RATIO * variance.sigma0:
         return "doubtful"
     return "converged"
-
-
-def _cofactor_diagonal(solved: SolvedBlock) -> FloatArray:
-    blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
-    return np.concatenate([np.diag(solved.cofactors.reduced), blocks])
-
-
-def _deviations(solved: SolvedBlock, columns: NDArray[np.int64]) -> FloatArray:
-    """Return standard deviations at columns of unknowns: NaN for constants, infinite for removed unknowns."""
-    deviation = solved.deviation_scale * np.sqrt(np.maximum(_cofactor_diagonal(solved), 0.0))
-    deviation[solved.adjusted.normals.removed] = UNDETERMINED
-    padded = np.append(deviation, np.nan)
-    return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
-
-
-def _photo_deviations(solved: SolvedBlock) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return deviations (photos, 6), ground unit and degrees, and which photos have them about the ground axes."""
-    columns = solved.problem.unknowns.photos
-    state = solved.adjusted.linearised.state
-    result = _deviations(solved, columns)
-    angles = state.angles()
-    level = np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI
-    by_axes = ~state.turned_by_angles
-    to_angles = angle_rates_from_axes_rotation(angles)
-    for photo in np.flatnonzero(by_axes & ~level):
-        rotation = columns[photo, 3:]
-        cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
-        diagonal = np.diag(to_angles[photo] @ cofactor @ to_angles[photo].T)
-        removed = solved.adjusted.normals.removed[rotation]
-        result[photo, 3:] = np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0)))
-    result[:, 3:] *= DEGREES_PER_RADIAN
-    return result, by_axes & level
 
 
 def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
@@ -180,10 +140,10 @@ def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
-    deviations = _deviations(solved, solved.problem.unknowns.additional)
+    sd = deviations(solved, solved.problem.unknowns.additional)
     values = solved.adjusted.linearised.state.additional
     return tuple(
-        AdditionalEstimate(camera.name, name, float(values[row, place]), float(deviations[row, place]))
+        AdditionalEstimate(camera.name, name, float(values[row, place]), float(sd[row, place]))
         for row, camera in enumerate(solved.block.cameras)
         for place, name in enumerate(set_names(camera))
     )

@@ -236,14 +236,11 @@ class _Search:
 
     def _cofactor_of_control(self, unit: int) -> FloatArray:
         """Return the cofactor (k, k) of the adjusted coordinates of a control point, in units of their errors."""
-        problem = self.solved.problem
-        observations = next(each for each in problem.observations if isinstance(each, ControlPointObservations))
-        start = _first_row(problem.observations, observations)
-        local = np.array(self.units[unit].rows) - start
-        columns = observations.rows.columns[local, 0]
-        cofactor = self.solved.cofactors_of(columns)
-        error = observations.rows.error[local]
-        return cofactor / np.outer(error, error)
+        # the rows of the design matrix have the partials by the point's coordinates, divided by the errors
+        design = self.solved.adjusted.linearised.equations.design[list(self.units[unit].rows)]
+        columns = np.unique(design.indices)
+        partials = design[:, columns].toarray()
+        return np.asarray(partials @ self.solved.cofactors_of(columns) @ partials.T)
 
     def _worst(self) -> list[_Finding]:
         """Return the units to leave out next: the worst one, and those that it cannot have spoilt."""
@@ -281,15 +278,6 @@ def _without_weights(block: Block) -> Block:
     """Return the block with down-weighting off: a soft weight would hide what a test is to find."""
     definition = replace(block.definition, start_down_weight=block.definition.max_iterations)
     return replace(block, definition=definition)
-
-
-def _first_row(observations: tuple[object, ...], wanted: object) -> int:
-    start = 0
-    for each in observations:
-        if each is wanted:
-            return start
-        start += len(each.rows.photo)  # type: ignore[attr-defined]
-    raise KeyError
 
 
 def _units(observations: tuple[object, ...]) -> list[_Unit]:

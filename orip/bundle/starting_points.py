@@ -19,7 +19,10 @@ FloatArray = NDArray[np.float64]
 
 
 def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
-    """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given."""
+    """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given.
+
+    Photos are in the local frame already; control and preliminary points have the project's coordinates.
+    """
     start = block.point_start.copy()
     place = block.point_index()
     for point in block.control_points:
@@ -28,6 +31,7 @@ def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) 
     for given in preliminary:
         if given.name in place:
             start[place[given.name]] = given.coordinates
+    start = block.ground.to_local(start)
     missing = np.isnan(start).any(axis=1)
     if missing.any():
         start[missing] = _intersections(block)[missing]
@@ -42,9 +46,17 @@ def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) 
             )
             for index in np.flatnonzero(single)
         ]  # fmt: skip
-    held = block.constant_points
-    start[held] = _held_coordinates(block)[held]
+    _hold(block, start)
     return replace(block, point_start=start), warnings
+
+
+def _hold(block: Block, start: FloatArray) -> None:
+    """Put constant coordinates of the project in their place."""
+    rows = block.constant_points.any(axis=1)
+    held = block.constant_points[rows]
+    project = block.ground.to_project(start[rows])
+    project[held] = given_coordinates(block)[rows][held]
+    start[rows] = block.ground.to_local(project)
 
 
 def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
@@ -82,8 +94,8 @@ def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.boo
     return np.asarray(position[wanted])
 
 
-def _held_coordinates(block: Block) -> FloatArray:
-    """Return the given coordinates (number of points, 3) of control and observed elements; NaN where there is none."""
+def given_coordinates(block: Block) -> FloatArray:
+    """Return the project's coordinates (number of points, 3) of control and constant elements; NaN for others."""
     place = block.point_index()
     given = np.full((len(block.point_names), 3), np.nan)
     for point in block.control_points:

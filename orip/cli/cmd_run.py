@@ -34,9 +34,10 @@ def register(app: typer.Typer) -> None:
             solved=partial(tell_solution, terminal),
         )
         with limited_threads(terminal):
-            outcomes = run(session.folder, prefer, watcher)
-        if terminal.json and len(outcomes) == 1:
-            terminal.data(result_text(outcomes[0].solution))
+            checked = run(session.folder, prefer, watcher)
+        solutions = [each.outcome.solution for each in checked]
+        if terminal.json and len(solutions) == 1:
+            terminal.data(result_text(solutions[0]))
         elif terminal.json:
-            terminal.data(json.dumps([result_document(each.solution) for each in outcomes], indent=2))
-        raise typer.Exit(max((exit_code(each.solution) for each in outcomes), default=0))
+            terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
+        raise typer.Exit(max(map(exit_code, checked), default=0))

@@ -28,6 +28,10 @@ Alpha = Annotated[
 Prune = Annotated[
     bool, typer.Option("--prune", help="Hold camera parameters at zero that are not significant, one after the other.")
 ]
+Check = Annotated[
+    list[str] | None,
+    typer.Option("--check", metavar="EXPR", help="A gate such as 'sigma0<=1.5'; exit code 5 if it fails. Repeatable."),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -41,6 +45,7 @@ def register(app: typer.Typer) -> None:
         sigma0: Sigma0 = None,
         alpha: Alpha = None,
         prune: Prune = False,
+        check: Check = None,
     ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT and BUNDLE_ERROR.OUT.
 
@@ -51,7 +56,7 @@ def register(app: typer.Typer) -> None:
         from orip.bundle.methods import Method
         from orip.bundle.snooping import SnoopingSettings
         from orip.files.result_json import result_text
-        from orip.workflow.solve import solve
+        from orip.workflow.solve_checked import solve_checked
 
         if not snoop and (sigma0 is not None or alpha is not None):
             message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
@@ -59,8 +64,8 @@ def register(app: typer.Typer) -> None:
         method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
         terminal = session.terminal
         with limited_threads(terminal):
-            outcome = solve(session.folder, bundle, solve_watcher(terminal), method)
-        tell_solution(terminal, outcome)
+            checked = solve_checked(session.folder, bundle, solve_watcher(terminal), method, check or ())
+        tell_solution(terminal, checked)
         if terminal.json:
-            terminal.data(result_text(outcome.solution))
-        raise typer.Exit(exit_code(outcome.solution))
+            terminal.data(result_text(checked.outcome.solution))
+        raise typer.Exit(exit_code(checked))

@@ -87,7 +87,7 @@ def main() -> None:
     """Run the program."""
     _prepare_streams()
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="orip", standalone_mode=False)
     except typer.Abort:
         code = INTERRUPTED
     except typer.TyperException as error:  # every fault of the command line that typer finds

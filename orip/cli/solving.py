@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 from orip.cli.exits import INTERRUPTED
 from orip.cli.terminal import Style, Terminal
-from orip.errors import NotSolvableError, ProjectWarning
+from orip.errors import GateError, NotSolvableError, ProjectWarning
 
 if TYPE_CHECKING:
     from orip.model.block import Block
     from orip.model.solution import IterationPass, Solution
-    from orip.workflow.solve import SolveOutcome, SolveWatcher
+    from orip.workflow.solve import SolveWatcher
+    from orip.workflow.solve_checked import CheckedSolve
 
-NOT_SOLVED = NotSolvableError.exit_code
 _STATUS_STYLE: dict[str, Style] = {"converged": "green", "doubtful": "yellow", "not_converged": "red", "stopped": "red"}
 _SHOWN_DIAGNOSES = 10
 
@@ -80,8 +80,9 @@ def tell_pass(terminal: Terminal, each: IterationPass) -> None:
     )
 
 
-def tell_solution(terminal: Terminal, outcome: SolveOutcome) -> None:
+def tell_solution(terminal: Terminal, checked: CheckedSolve) -> None:
     """Print the summary of an adjustment."""
+    outcome = checked.outcome
     solution = outcome.solution
     terminal.warn(ProjectWarning(*row) for row in solution.warnings)
     same = "" if outcome.changed else "; unchanged: the store holds this solution already"
@@ -95,15 +96,20 @@ def tell_solution(terminal: Terminal, outcome: SolveOutcome) -> None:
         terminal.say(f"note     {each.text}: {each.remedy}", "yellow")
     if (more := len(solution.diagnosis) - _SHOWN_DIAGNOSES) > 0:
         terminal.say(f"         and {more} more notes: see {outcome.project.shown(outcome.files[1])}")
+    for gate in checked.gates:
+        terminal.say(f"gate     {gate}", None if gate.passed else "red")
     for path in outcome.files:
         terminal.say(f"wrote    {outcome.project.shown(path)}")
 
 
-def exit_code(solution: Solution) -> int:
-    """Return the exit code that a solution deserves."""
-    if solution.status == "stopped":
+def exit_code(checked: CheckedSolve) -> int:
+    """Return the exit code that an adjustment deserves."""
+    status = checked.outcome.solution.status
+    if status == "stopped":
         return INTERRUPTED
-    return NOT_SOLVED if solution.status == "not_converged" else 0
+    if status == "not_converged":
+        return NotSolvableError.exit_code
+    return 0 if all(gate.passed for gate in checked.gates) else GateError.exit_code
 
 
 def _tell_check_points(terminal: Terminal, solution: Solution) -> None:

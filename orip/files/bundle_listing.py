@@ -31,9 +31,11 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability) -> Iterat
     """Yield the lines of BUNDLE_RESULT.OUT, without newlines."""
     yield from bundle_title(TITLE, solution)
     yield from section("KEY FIGURES", _key_figures(solution))
+    if solution.remarks:
+        yield from section("GROUND SYSTEM", [line for each in solution.remarks for line in paragraph(each.text)])
     yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
     yield from section("ITERATIONS", _iterations(solution))
-    yield from section("CAMERAS", camera_lines(solution.cameras))
+    yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))
     yield from section("CORRELATIONS OF CAMERA UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
     yield from section("POINTS", point_lines(solution))

@@ -10,7 +10,7 @@ from orip.files.number_text import decimals_for, decimals_of, deviations, fixed,
 from orip.files.text_table import Column, paragraph, table_lines
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Estimates, FloatArray, Solution
+from orip.model.solution import AdditionalEstimate, Estimates, FloatArray, Solution
 
 CAMERA_UNITS = {
     "C": "mm",
@@ -32,13 +32,28 @@ AXES_MARK = "*"
 ANGLE_DECIMALS = (4, 7)
 
 
-def camera_lines(cameras: Estimates) -> list[str]:
-    """Return a table for each camera: parameter, value, standard deviation, unit."""
+def camera_lines(cameras: Estimates, additional: Sequence[AdditionalEstimate]) -> list[str]:
+    """Return a table for each camera: parameter, value, standard deviation, unit; then its additional parameters."""
     lines = []
     for name, values, sd in zip(cameras.names, cameras.values, cameras.sd, strict=True):
         lines += ["", f"  Camera {name}", ""]
         lines += _one_camera(values, sd)
+        lines += _additional([each for each in additional if each.camera == name])
     return lines or ["  none"]
+
+
+def _additional(parameters: Sequence[AdditionalEstimate]) -> list[str]:
+    if not parameters:
+        return []
+    table = table_lines(
+        [
+            Column("Additional parameter", [each.name for each in parameters], align="left"),
+            Column("Value", scientific([each.value for each in parameters]), align="point"),
+            Column("Standard deviation", deviations([each.sd for each in parameters], None), align="point"),
+        ],
+        indent=4,
+    )
+    return ["", *table]
 
 
 def _one_camera(values: FloatArray, sd: FloatArray) -> list[str]:

@@ -167,6 +167,13 @@ class AdditionalEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """A line that listings show with the key figures: what coordinates and rotations refer to."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures."""
 
@@ -200,3 +207,4 @@ class Solution:
     inputs: tuple[tuple[str, str], ...] = ()
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
+    remarks: tuple[Remark, ...] = ()

@@ -64,6 +64,12 @@ class Project:
         return f"[project] of {PROJECT_FILE}", record_digest(heading)
 
     @property
+    def crs_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of the coordinate reference system; none without one."""
+        crs = self.definition.crs
+        return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
+
+    @property
     def cameras(self) -> Path:
         """Return the store of cameras."""
         return self.folder / self.definition.camera_file

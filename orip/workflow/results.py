@@ -61,7 +61,7 @@ def results(folder: Path, bundle: str | None, what: What, names: Sequence[str]) 
         return _residuals(solution, names)
     chosen = _chosen(solution, what, names)
     lines = {
-        "cameras": lambda: camera_lines(chosen.cameras)[1:],
+        "cameras": lambda: camera_lines(chosen.cameras, chosen.additional)[1:],
         "photos": lambda: photo_lines(chosen),
         "points": lambda: point_lines(chosen),
     }[what]()
@@ -74,7 +74,8 @@ def _chosen(solution: Solution, what: Literal["cameras", "photos", "points"], na
     rows = _rows(estimates.names, what, names)
     part = Estimates(tuple(estimates.names[row] for row in rows), estimates.values[rows], estimates.sd[rows])
     if what == "cameras":
-        return replace(solution, cameras=part)
+        additional = tuple(each for each in solution.additional if each.camera in part.names)
+        return replace(solution, cameras=part, additional=additional)
     if what == "photos":
         about_axes = tuple(solution.photo_rotation_sd_about_axes[row] for row in rows)
         return replace(solution, photos=part, photo_rotation_sd_about_axes=about_axes)

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.files.parsed import Parsed
+from orip.workflow.gates import check_solution, project_gates
 from orip.workflow.initialise import Initialised, initialise_project
 from orip.workflow.measure import MeasureOutcome, measure_project
 from orip.workflow.reconcile import Prefer
-from orip.workflow.solve import SolveOutcome, SolveWatcher, solve_bundle
+from orip.workflow.solve import SolveWatcher, solve_bundle
+from orip.workflow.solve_checked import CheckedSolve
 from orip.workflow.texts import open_project_with_texts
 
 
@@ -21,11 +23,11 @@ class RunWatcher:
     initialised: Callable[[Initialised], None]
     measured: Callable[[MeasureOutcome], None]
     solving: SolveWatcher
-    solved: Callable[[SolveOutcome], None]
+    solved: Callable[[CheckedSolve], None]
 
 
-def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[SolveOutcome, ...]:
-    """Initialise, measure and solve all bundles.
+def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[CheckedSolve, ...]:
+    """Initialise, measure and solve all bundles, and hold the gates of orip.toml against each.
 
     Every text file is read once, and checked before any store is touched.
 
@@ -34,12 +36,14 @@ def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[Solve
     InputError, NotSolvableError, LockedError
     """
     project, texts = open_project_with_texts(folder)
+    gates = project_gates(project)
     watcher.initialised(initialise_project(project, texts, prefer))
     watcher.measured(measure_project(project, Parsed(texts.records.log), on_top=False))
-    outcomes: list[SolveOutcome] = []
+    checked: list[CheckedSolve] = []
     for bundle, ground in texts.records.ground.items():
-        outcomes.append(solve_bundle(project, bundle, ground, watcher.solving))
-        watcher.solved(outcomes[-1])
-        if outcomes[-1].solution.status == "stopped":
+        outcome = solve_bundle(project, bundle, ground, watcher.solving)
+        checked.append(CheckedSolve(outcome, check_solution(outcome.solution, gates)))
+        watcher.solved(checked[-1])
+        if outcome.solution.status == "stopped":
             break
-    return tuple(outcomes)
+    return tuple(checked)

@@ -137,6 +137,7 @@ def _adjusted(
     ingredients = Ingredients(
         stored.definitions.bundle(bundle), definitions.cameras, definitions.photos, interior.to_photo,
         interior.pixel_sizes, stored.observations, texts.control, texts.preliminary,
+        project.definition.ground_unit, project.definition.crs,
     )  # fmt: skip
     assembled = assemble(ingredients)
     if assembled.block is None:
@@ -164,7 +165,7 @@ def _adjusted(
 def stored_digests(
     project: Project, bundle: str, definitions: StoredDefinitions, measured: Measured, observations: PhotoObservations
 ) -> Digests:
-    """Return the digests of what a solution depends on in the stores."""
+    """Return the digests of what a solution depends on in the stores, and of the project's crs if it has one."""
     cameras = [each.record for each in definitions.cameras]
     photos = [each.record for each in definitions.photos]
     return (
@@ -172,6 +173,7 @@ def stored_digests(
         (project.shown(project.photos), digest_of_records([*photos, *measured.photos.values()])),
         (project.shown(project.exterior), digest_of_records([definitions.bundle(bundle)])),
         (project.shown(project.observations(bundle)), digest_of_observations(observations)),
+        *project.crs_digest,
     )
 
 

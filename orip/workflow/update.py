@@ -202,9 +202,9 @@ def _updated(
 
 
 def _additional(solution: Solution, chosen: dict[str, tuple[Estimate, ...]]) -> Iterator[KeptValue]:
-    for each in solution.additional:
-        if record_key(each.camera) in chosen:
-            yield KeptValue(each.camera, each.name, "additional parameters always start at 0")
+    for name in dict.fromkeys(each.camera for each in solution.additional):
+        if record_key(name) in chosen:
+            yield KeptValue(name, "additional parameters", "they start at 0 in every adjustment")
 
 
 # points: a text

@@ -14,11 +14,13 @@ import numpy as np
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.additional_parameter import base_of_camera
+from orip.bundle.ground_coordinate import coordinates_with_partials
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
 from orip.bundle.problem import starting_state
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
+from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
@@ -26,6 +28,7 @@ from orip.interior.distortion import correction_with_partials, distortion_with_p
 from orip.model.block import Block, TheodoliteSet
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import ControlDirection, ControlDistance, ControlElement
+from orip.model.ground import PLAIN
 
 SUFFIX = "_with_partials"
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
@@ -63,7 +66,7 @@ class Case:
 
 
 def all_cases() -> list[Case]:
-    return [*_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_kinds()]
+    return [*_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_kinds()]
 
 
 def full_name(function: object) -> str:
@@ -102,10 +105,12 @@ def _perspective() -> Iterator[Case]:
     )  # fmt: skip
 
 
-def _ground_frame() -> Iterator[Case]:
-    from orip.geometry.ground_frame import ground_frame
+def _frame() -> GroundFrame:
+    return ground_frame("EPSG:32633", "m", np.array([410_000.0, 5_320_000.0, 600.0]))
 
-    frame = ground_frame("EPSG:32633", "m", np.array([410_000.0, 5_320_000.0, 600.0]))
+
+def _ground_frame() -> Iterator[Case]:
+    frame = _frame()
     local = np.array([[0.0, 0.0, 0.0], [2500.0, -1800.0, 400.0], [-30_000.0, 20_000.0, 1000.0]])
     project = frame.to_project(local)
     forward, back = frame.project_with_partials(local), frame.local_with_partials(project)
@@ -117,6 +122,25 @@ def _ground_frame() -> Iterator[Case]:
         full_name(type(frame).local_with_partials), "UTM", project.ravel(),
         lambda x: (frame.to_local(x.reshape(-1, 3)) - local).ravel(), _block_diagonal(back.by_project), 10.0,
     )  # fmt: skip
+
+
+def _plain_ground() -> Iterator[Case]:
+    local = np.array([[0.0, 0.0, 0.0], [2500.0, -1800.0, 400.0], [-3000.0, 2000.0, 1000.0]])
+    yield Case(
+        full_name(type(PLAIN).project_with_partials), "plain", local.ravel(),
+        lambda x: PLAIN.project_with_partials(x.reshape(-1, 3)).value.ravel(),
+        _block_diagonal(PLAIN.project_with_partials(local).by_local), 10.0,
+    )  # fmt: skip
+    axis = np.tile(np.arange(3), len(local))
+    for label, ground in (("plain", PLAIN), ("UTM", _frame())):
+        found = coordinates_with_partials(ground, np.repeat(local, 3, axis=0), axis)
+        yield Case(
+            full_name(coordinates_with_partials), label, local.ravel(),
+            lambda x, ground=ground, value=found.value: coordinates_with_partials(
+                ground, np.repeat(x.reshape(-1, 3), 3, axis=0), axis
+            ).value - value,
+            _block_diagonal(found.by_local.reshape(-1, 3, 3)), 10.0,
+        )  # fmt: skip
 
 
 # interior
@@ -180,7 +204,37 @@ def blocks() -> dict[str, Block]:
             ("strip, ideal", "GRUEN"),
         )
     }
-    return plain | with_set
+    return plain | with_set | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+
+
+def _in_a_crs(block: Block) -> Block:
+    """Return a block in a local frame, with constants of every kind that are equations there.
+
+    How the project's axes turn when their place moves is no part of the partials: photos with observed rotations and
+    the stations of directions do not move. Of a place all three coordinates are observed or none, since of one alone
+    the partials by the other axes are so small that a numerical derivative is nothing but rounding.
+    """
+    at_rest = {"P5": ("X0", "Y0", "Z0"), "P6": ("X0", "Y0", "Z0")}
+    stations = np.isin(block.point_names, [each.station for each in block.directions])
+    left_out = ("P1", "P2", block.point_names[11])
+    position, xyz = (("X0", 400_000.0), ("Y0", 5_300_000.0), ("Z0", 1000.0)), "XYZ"
+    observed, constant = block.point_names[2:4]
+    return replace(
+        block,
+        ground=_frame(),
+        photos=tuple(replace(photo, constant=at_rest.get(photo.name, ())) for photo in block.photos),
+        constant_points=np.broadcast_to(stations[:, None], (len(stations), 3)),
+        elements=(
+            *(each for each in block.elements if each.name not in left_out),
+            *(ControlElement("P4", "PHOTO", kind, value, 0.1) for kind, value in position),
+            *(ControlElement(observed, "POINT", kind, 0.0, 0.1) for kind in xyz),
+        ),
+        constant_elements=(
+            *(ControlElement("P3", "PHOTO", kind, value, 0.0) for kind, value in position),
+            *(ControlElement("P6", "PHOTO", kind, 0.0, 0.0) for kind in ("OMEGA", "PHI", "KAPPA")),
+            *(ControlElement(constant, "POINT", kind, 0.0, 0.0) for kind in xyz),
+        ),
+    )
 
 
 def _with_set(block: Block, name: str) -> Block:
@@ -276,5 +330,10 @@ def _kinds() -> Iterator[Case]:
                 lambda x, of=observations, state=state, unknowns=unknowns: of.linearise_with_partials(
                     state.moved(x, unknowns)
                 ).residual,
-                partials,
+                partials, _move(block, observations),
             )  # fmt: skip
+
+
+def _move(block: Block, observations: Observations) -> float:
+    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
+    return 1e-3 if block.ground is PLAIN or observations.rows.kind == "photo" else 0.1

@@ -29,7 +29,8 @@ NOBODY = SolveWatcher(started=hear_nothing, passed=hear_nothing, stoppable=never
 def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcome, ...]:
     """Do what `orip run` does."""
     with threadpool_limits(1):  # as the command line does: with more threads the last digits vary
-        return run(folder, prefer, RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing))
+        checked = run(folder, prefer, RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing))
+    return tuple(each.outcome for each in checked)
 
 
 def solve_quietly(folder: Path, bundle: str | None = None, method: Method = PLAIN) -> SolveOutcome:

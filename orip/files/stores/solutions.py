@@ -22,6 +22,7 @@ from orip.model.solution import (
     Estimates,
     InteriorSummary,
     IterationPass,
+    Remark,
     Residuals,
     SingularUnknown,
     Solution,
@@ -92,6 +93,7 @@ ITEM_LISTS: dict[str, tuple[type[Any], Table]] = {
         AdditionalEstimate,
         _list_of_solution("additional_estimate", *_texts("camera", "name"), *_reals("value", "sd")),
     ),
+    "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (
         SingularUnknown,
         _list_of_solution("singular_unknown", *_texts("group", "name", "kind"), *_reals("lost_digits")),

@@ -1,0 +1,125 @@
+"""Adjusted photos and points in the project's coordinates, with their precision about the project's axes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.model.names import record_key
+from orip.model.photo import PHOTO_PARAMETERS
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UNDETERMINED = np.inf
+"""Standard deviation of what depends on an unknown that was removed."""
+
+_LEVEL_PHI = 0.001
+"""Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
+
+
+class AdjustedPhotos(NamedTuple):
+    """Values and standard deviations (n, 6), ground unit and degrees, and whose rotations are about the axes (n,)."""
+
+    values: FloatArray
+    sd: FloatArray
+    about_axes: NDArray[np.bool_]
+
+
+class AdjustedPoints(NamedTuple):
+    """Values and standard deviations (n, 3), ground unit."""
+
+    values: FloatArray
+    sd: FloatArray
+
+
+def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
+    """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
+    local = solved.adjusted.linearised.state.points
+    sd = _place_deviations(solved, solved.problem.unknowns.points, local)
+    index = solved.block.point_index()
+    for element in solved.block.constant_elements:
+        if element.group == "POINT":
+            sd[index[element.name], "XYZ".index(element.kind)] = np.nan
+    return AdjustedPoints(solved.block.ground.to_project(local), sd)
+
+
+def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
+    """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
+    state, ground = solved.adjusted.linearised.state, solved.block.ground
+    centres = ground.to_project(state.centres)
+    axes = ground.axes_at(centres)
+    angles = angles_from_rotation(axes @ state.rotations)
+    by_axes = ~state.turned_by_angles
+    level = np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI
+    sd = np.hstack(
+        [
+            _place_deviations(solved, solved.problem.unknowns.photos[:, :3], state.centres),
+            deviations(solved, solved.problem.unknowns.photos[:, 3:]),
+        ]
+    )
+    shown = np.where(level[:, None, None], axes, angle_rates_from_axes_rotation(angles) @ axes)
+    for photo in np.flatnonzero(by_axes):
+        sd[photo, 3:] = _rotation_deviations(solved, int(photo), shown[photo])
+    sd[:, 3:] *= DEGREES_PER_RADIAN
+    row_of = {record_key(photo.name): row for row, photo in enumerate(solved.block.photos)}
+    for element in solved.block.constant_elements:
+        if element.group == "PHOTO":
+            sd[row_of[record_key(element.name)], PHOTO_PARAMETERS.index(element.kind)] = np.nan
+    return AdjustedPhotos(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, by_axes & level)
+
+
+def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+    """Return standard deviations of unknowns: NaN for constants, infinite for removed ones."""
+    blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
+    diagonal = np.concatenate([np.diag(solved.cofactors.reduced), blocks])
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
+    deviation[solved.adjusted.normals.removed] = UNDETERMINED
+    padded = np.append(deviation, np.nan)
+    return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
+
+
+def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> FloatArray:
+    """Return deviations (3,) of what is shown of a photo's small rotations: `shown` (3, 3) are its partials."""
+    rotation = solved.problem.unknowns.photos[photo, 3:]
+    cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
+    variance = np.diag(shown @ cofactor @ shown.T)
+    removed = solved.adjusted.normals.removed[rotation]
+    return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
+    """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3)."""
+    ground = solved.block.ground
+    by_local = ground.project_with_partials(local).by_local
+    variance = np.einsum("nij,njk,nik->ni", by_local, _place_cofactors(solved, columns), by_local)
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
+    unknown = columns != CONSTANT
+    removed = unknown & solved.adjusted.normals.removed[columns]
+    deviation[removed @ ground.dependence.T] = UNDETERMINED
+    deviation[~(unknown @ ground.dependence.T)] = np.nan
+    return np.asarray(deviation)
+
+
+def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+    """Return the cofactors (n, 3, 3) of places, each with its unknowns in the reduced system or in a block of its own.
+
+    Rows and columns of constants are zero.
+    """
+    result = np.zeros((len(columns), 3, 3))
+    first_of_blocks = solved.problem.layout.reduced
+    last = columns.max(axis=1, initial=CONSTANT)
+    eliminated = last >= first_of_blocks
+    result[eliminated] = solved.cofactors.blocks[(last[eliminated] - first_of_blocks) // 3]
+    reduced = (last != CONSTANT) & ~eliminated
+    mine = columns[reduced]
+    unknown = mine != CONSTANT
+    found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
+    result[reduced] = np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0)
+    return result

@@ -1,0 +1,140 @@
+"""Taking a block to the frame that it is adjusted in: where its origin is, what is constant there, what is refused.
+
+With a coordinate reference system photos and points have local coordinates while they are adjusted. A constant of the
+project is a constant of the frame only together with all that it hangs together with there: the three coordinates of a
+point or projection centre, and a photo's angles with its centre. What is held without the rest becomes an equation that
+is met exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.starting_points import given_coordinates
+from orip.errors import Complaint
+from orip.geometry.ground_frame import ground_frame
+from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.model.block import Block
+from orip.model.control import ControlElement, ControlPoint, PreliminaryPoint
+from orip.model.ground import PLAIN, GroundSystem
+from orip.model.photo import PHOTO_PARAMETERS, Photo
+
+FloatArray = NDArray[np.float64]
+
+_POSITION = frozenset(PHOTO_PARAMETERS[:3])
+
+_ROUNDED_TO = -2
+"""Decimals of the origin: a small change of the block does not move it."""
+
+
+def ground_system(
+    crs: str | None, ground_unit: str, points: Sequence[ControlPoint], centres: FloatArray
+) -> GroundSystem:
+    """Return the system that a block is adjusted in, with its origin in the middle of control, else of the photos.
+
+    Parameters
+    ----------
+    crs : str or None
+        None: the project's coordinates are plain.
+    ground_unit : str
+    points : sequence of ControlPoint
+    centres : array (n, 3)
+        Projection centres, in the project.
+
+    Raises
+    ------
+    InputError
+        If the system does not fit the project, or a grid for its heights is missing.
+    """
+    if crs is None:
+        return PLAIN
+    known = [point.coordinates for point in points if not point.rejected and None not in point.coordinates]
+    places = np.array(known, dtype=np.float64) if known else centres
+    # the median: one point with a misprint does not move the frame of all others
+    return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
+
+
+def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> list[Complaint]:
+    """Return a complaint for all that cannot be in the frame; photos still have the project's coordinates."""
+    if block.ground is PLAIN:
+        return []
+    names = [f"photo {photo.name}" for photo in block.photos]
+    names += [f"control point {point.name}" for point in block.control_points]
+    names += [f"preliminary point {point.name}" for point in preliminary]
+    given = [tuple(centre) for centre in block.photo_orientation[:, :3].tolist()]
+    given += [point.coordinates for point in block.control_points]
+    given += [point.coordinates for point in preliminary]
+    xyz = np.array(given, dtype=np.float64)
+    outside = np.isfinite(xyz).all(axis=1) & np.isnan(block.ground.to_local(xyz)).any(axis=1)
+    complaints = [
+        Complaint(
+            f"{names[row]} has the coordinates {', '.join(f'{value:.3f}' for value in xyz[row])}, and crs has no "
+            "such place; check the coordinates, and that X is the easting and Y the northing"
+        )
+        for row in np.flatnonzero(outside)
+    ]
+    return [*complaints, *_free_network_complaints(block)]
+
+
+def _free_network_complaints(block: Block) -> Iterator[Complaint]:
+    """Yield complaints of observations that would tie a free network to its place on the earth, ever so weakly."""
+    if block.definition.datum != "free":
+        return
+    name = block.definition.name
+    if block.directions:
+        yield Complaint(
+            f"bundle {name} is a free network with theodolite directions, whose verticals differ from place to place "
+            "with a crs; leave crs out, or take the directions out of the .DIR file"
+        )
+    on_grid = [each.name for each in block.distances if each.code != "XYZ" and each.error >= 0.0]
+    if on_grid:
+        yield Complaint(
+            f"distance {', '.join(on_grid)} of the free network {name} is taken on the map grid with a crs, which "
+            "differs from place to place; give a spatial distance (XYZ), or leave crs out"
+        )
+
+
+def photos_in_frame(block: Block) -> Block:
+    """Return the block with its photos' orientations taken from the project to the frame."""
+    if block.ground is PLAIN:
+        return block
+    centres, angles = block.photo_orientation[:, :3], block.photo_orientation[:, 3:]
+    rotation = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ rotation_from_angles(angles)
+    return replace(block, photo_orientation=np.hstack([block.ground.to_local(centres), angles_from_rotation(rotation)]))
+
+
+def constants_in_frame(block: Block) -> Block:
+    """Return the block with what is constant in the project either constant in the frame, or to be met exactly."""
+    if block.ground is PLAIN:
+        return block
+    whole = block.constant_points & block.constant_points.all(axis=1, keepdims=True)
+    given = given_coordinates(block)
+    single = [
+        ControlElement(block.point_names[point], "POINT", "XYZ"[axis], float(given[point, axis]), 0.0)
+        for point, axis in np.argwhere(block.constant_points & ~whole)
+    ]
+    photos = [_constants_of_photo(photo) for photo in block.photos]
+    return replace(
+        block,
+        constant_points=whole,
+        photos=tuple(photo for photo, _ in photos),
+        constant_elements=(*single, *(element for _, elements in photos for element in elements)),
+    )
+
+
+def _constants_of_photo(photo: Photo) -> tuple[Photo, list[ControlElement]]:
+    """Return a photo with the elements that are constant in the frame, and those to be met exactly."""
+    constant = frozenset[str]()
+    if set(photo.constant) >= _POSITION:
+        constant = frozenset(PHOTO_PARAMETERS) if set(photo.constant) == set(PHOTO_PARAMETERS) else _POSITION
+    values = dict(zip(PHOTO_PARAMETERS, photo.orientation, strict=True))
+    single = [
+        ControlElement(photo.name, "PHOTO", kind, value, 0.0)
+        for kind in photo.constant
+        if kind not in constant and (value := values[kind]) is not None
+    ]
+    return replace(photo, constant=tuple(kind for kind in photo.constant if kind in constant)), single

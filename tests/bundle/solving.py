@@ -1,0 +1,124 @@
+"""Solving synthetic blocks, and changing them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from support.synthetic_block import SyntheticBlock
+
+from orip.bundle.diagnosis import diagnose
+from orip.bundle.results import solution_of
+from orip.bundle.solve import SolvedBlock, solve_block
+from orip.model.block import Block, PhotoPoints, TheodoliteSet
+from orip.model.control import ControlDirection, ControlPoint
+from orip.model.solution import Solution
+
+OFF = {"max_iterations": 30, "start_down_weight": 30}
+"""Settings without down-weighting."""
+
+
+def solved(block: Block) -> SolvedBlock:
+    return solve_block(block, lambda _: None, lambda: False)
+
+
+def solution(block: Block) -> Solution:
+    found = solved(block)
+    return replace(solution_of(found), diagnosis=diagnose(found))
+
+
+def redefined(block: Block, **settings: object) -> Block:
+    return replace(block, definition=replace(block.definition, **settings))
+
+
+def singular(found: Solution) -> list[tuple[str, str]]:
+    return [(each.name, each.kind) for each in found.singular]
+
+
+def rows(found: Solution, kind: str) -> np.ndarray:
+    return np.flatnonzero(np.array(found.residuals.kind) == kind)
+
+
+def with_photo_points(block: Block, keep: np.ndarray) -> Block:
+    points = block.photo_points
+    return replace(
+        block,
+        photo_points=PhotoPoints(
+            points.photo[keep], points.point[keep], points.xy[keep], points.error[keep], points.used[keep]
+        ),
+    )
+
+
+def with_rays(made: SyntheticBlock, least: int) -> SyntheticBlock:
+    """Return the block without the points that have fewer rays."""
+    block = made.block
+    rays = np.bincount(block.photo_points.point, minlength=len(block.point_names))
+    stays = rays >= least
+    place = np.cumsum(stays) - 1
+    kept = with_photo_points(block, stays[block.photo_points.point])
+    names = tuple(np.array(block.point_names)[stays].tolist())
+    kept = replace(
+        kept,
+        photo_points=replace(kept.photo_points, point=place[kept.photo_points.point]),
+        point_names=names,
+        point_start=block.point_start[stays],
+        constant_points=block.constant_points[stays],
+        control_points=tuple(each for each in block.control_points if each.name in names),
+    )
+    return replace(made, block=kept, points=made.points[stays])
+
+
+def noisy(made: SyntheticBlock, seed: int) -> Block:
+    """Return the block with normal errors of the a-priori size on photo points and weighted control."""
+    random = np.random.default_rng(seed)
+    points = made.block.photo_points
+    control = tuple(
+        replace(
+            each, coordinates=tuple((np.array(each.coordinates) + each.errors * random.normal(size=3)).tolist())
+        )
+        for each in made.block.control_points
+    )
+    xy = points.xy + points.error * random.normal(size=points.xy.shape)
+    return replace(made.block, photo_points=replace(points, xy=xy), control_points=control)
+
+
+def controlled(made: SyntheticBlock, block: Block, names: Sequence[str], error: float = 0.0) -> Block:
+    """Return the block with full control points by their true coordinates; error 0: constant."""
+    place = block.point_index()
+    control, constant, start = [], np.zeros_like(block.constant_points), block.point_start.copy()
+    for name in names:
+        xyz = made.points[place[name]]
+        control.append(ControlPoint(name, tuple(xyz.tolist()), (error,) * 3))
+        if error == 0.0:
+            constant[place[name]] = True
+            start[place[name]] = xyz
+    return replace(block, control_points=tuple(control), constant_points=constant, point_start=start)
+
+
+def directions_from(
+    made: SyntheticBlock,
+    block: Block,
+    station: str,
+    targets: Sequence[str],
+    *,
+    zero: float = 40.0,
+    error: float = 0.001,
+    zenith_error: float | None = 0.001,
+    constant_zero: bool = False,
+) -> Block:
+    """Return the block with directions (and zenith angles) of a theodolite set S at a point, without errors."""
+    place = block.point_index()
+    found = []
+    for target in targets:
+        dx, dy, dz = made.points[place[target]] - made.points[place[station]]
+        azimuth = np.degrees(np.arctan2(dx, dy))
+        zenith = np.degrees(np.arctan2(np.hypot(dx, dy), dz))
+        found.append(
+            ControlDirection(
+                "S", station, target, float((azimuth - zero) % 360.0), error,
+                None if zenith_error is None else float(zenith), zenith_error,
+            )
+        )  # fmt: skip
+    theodolites = (TheodoliteSet("S", np.radians(zero + (0.0 if constant_zero else 0.5)), constant_zero),)
+    return replace(block, directions=tuple(found), theodolites=theodolites)

@@ -1,0 +1,111 @@
+"""`orip solve --snoop` and `--prune`: what they take, what they leave in result.json, how they refuse."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from cli.command_line import orip
+from workflow.small_projects import REPOSITORY, first_project, replace_in
+
+
+@pytest.fixture
+def calibration(tmp_path: Path) -> Path:
+    folder = tmp_path / "dcs260"
+    folder.mkdir()
+    for name in ("orip.toml", "DCS260.PNT", "DCS260.MEA"):
+        shutil.copy(REPOSITORY / "sample_projects" / "dcs260_calibration" / name, folder)
+    return folder
+
+
+def test_a_blunder_is_named_with_its_size(calibration: Path) -> None:
+    # point 14 of photo st1, 40 pixels (0.196 mm) too far right
+    replace_in(calibration / "DCS260.MEA", "947.173913", "987.173913")
+    assert orip(calibration, "run").code == 0
+    said = orip(calibration, "solve", "--snoop", "--sigma0", "posteriori", "--json")
+    assert said.code == 0
+    first = said.document["blunders"][0]
+    assert (first["order"], first["kind"], first["photo"], first["point"]) == (1, "photo", "st1", "14")
+    assert first["component"] == "x"
+    assert first["size"] == pytest.approx(40 * 7.5078 / 1536, abs=3 * first["sd"])
+    assert first["statistic"] > first["limit"] > 3.0
+    (advice,) = [each for each in said.document["diagnosis"] if each["where"] == "photo st1 point 14"]
+    assert advice["code"] == "blunder"
+    assert "measure it again" in advice["remedy"]
+    rows = (calibration / "residuals.csv").read_text().splitlines()
+    left_out = [row.split(",") for row in rows if row.startswith("photo,st1,14,")]
+    assert [cells[8] for cells in left_out] == ["", ""], "left out: no weight factor, but a residual"
+    assert abs(float(left_out[0][5])) > 0.1
+
+
+def test_without_blunders_snooping_changes_nothing(tmp_path: Path) -> None:
+    folder = first_project(tmp_path / "first")
+    assert orip(folder, "run").code == 0
+    plain = orip(folder, "solve", "--json").document
+    snooped = orip(folder, "solve", "--snoop", "--json").document
+    assert snooped["blunders"] == []
+    assert snooped["down_weighted"] == plain["down_weighted"] == []
+    # both ended at ENP 4: corrections of a ten-thousandth of a standard deviation
+    for name, point in plain["points"].items():
+        for axis in "XYZ":
+            assert snooped["points"][name][axis]["value"] == pytest.approx(
+                point[axis]["value"], abs=1e-4 * point[axis]["sd"]
+            )
+    assert snooped["run"] != plain["run"], "another method is another run"
+
+
+def test_pruning_holds_a_useless_parameter_at_zero(calibration: Path) -> None:
+    replace_in(calibration / "orip.toml", '"C", "DX", "DY"]', '"C", "DX", "DY", "A3", "B1"]')
+    assert orip(calibration, "run").code == 0
+    said = orip(calibration, "solve", "--prune", "--json")
+    camera = said.document["cameras"]["DCS"]
+    assert {kind for kind, each in camera.items() if each["sd"] is not None} == {"C", "DX", "DY"}
+    assert camera["A3"] == {"value": 0.0, "sd": None}
+    pruned = [each["text"] for each in said.document["diagnosis"] if each["code"] == "pruned"]
+    assert len(pruned) == 2
+    # what is left is the adjustment without the two
+    replace_in(calibration / "orip.toml", '"C", "DX", "DY", "A3", "B1"]', '"C", "DX", "DY"]')
+    plain = orip(calibration, "run", "--json").document
+    assert said.document["sigma0"] == pytest.approx(plain["sigma0"], rel=1e-9)
+
+
+@pytest.mark.parametrize("options", [("--sigma0", "posteriori"), ("--alpha", "0.01")])
+def test_options_of_snooping_need_it(tmp_path: Path, options: tuple[str, str]) -> None:
+    said = orip(first_project(tmp_path / "first"), "solve", *options)
+    assert said.code == 2
+    assert "go with --snoop" in said.err
+
+
+@pytest.mark.parametrize("alpha", ["0", "1", "-0.001", "small"])
+def test_an_impossible_alpha_is_refused(tmp_path: Path, alpha: str) -> None:
+    said = orip(first_project(tmp_path / "first"), "solve", "--snoop", "--alpha", alpha)
+    assert said.code == 2
+    assert "alpha" in said.err
+
+
+def test_gates_of_the_command_line_and_of_the_project(tmp_path: Path) -> None:
+    folder = first_project(tmp_path / "first")
+    assert orip(folder, "run").code == 0
+    passed = orip(folder, "solve", "--check", "sigma0<=1.5", "--check", "singular==0")
+    assert passed.code == 0
+    assert "pass sigma0 <= 1.5" in passed.err
+    failed = orip(folder, "solve", "--check", "sigma0<=0.001")
+    assert failed.code == 5
+    assert "FAIL sigma0 <= 0.001" in failed.err
+    with (folder / "orip.toml").open("a") as text:
+        text.write('\n[check]\ngates = ["redundancy>=1000"]\n')
+    said = orip(folder, "run")
+    assert said.code == 5
+    assert "FAIL redundancy >= 1000" in said.err
+    assert (folder / "result.json").is_file(), "solved all the same"
+
+
+def test_a_malformed_gate_is_refused_before_anything_is_done(tmp_path: Path) -> None:
+    folder = first_project(tmp_path / "first")
+    with (folder / "orip.toml").open("a") as text:
+        text.write('\n[check]\ngates = ["sigma0 about 1"]\n')
+    said = orip(folder, "run")
+    assert said.code == 3
+    assert "orip.toml:" in said.err
+    assert not list(folder.glob("*.EXT"))
