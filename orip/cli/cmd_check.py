@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import warning_rows
 from orip.errors import GateError, NotSolvableError
 from orip.model.gate import GATE_FIGURES, GateResult
@@ -33,11 +33,11 @@ Figures:
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
-    def check_command(session: Session, expressions: Expressions = None, bundle: BundleOption = None) -> None:
+    def check_command(invocation: Invocation, expressions: Expressions = None, bundle: BundleOption = None) -> None:
         from orip.workflow.gates import check
 
-        outcome = check(session.folder, bundle, expressions or ())
-        terminal = session.terminal
+        outcome = check(invocation.folder, bundle, expressions or ())
+        terminal = invocation.terminal
         terminal.warn(outcome.warnings)
         if terminal.json:
             terminal.document(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import GateError
 
@@ -39,7 +39,7 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "compare")
     def compare_command(
-        session: Session,
+        invocation: Invocation,
         a: A,
         b: B,
         tolerance: ToleranceOption = 1e-9,
@@ -55,8 +55,8 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.compare import compare
         from orip.workflow.differences import Tolerance
 
-        outcome = compare(session.folder, a, b, Tolerance(tolerance, relative, sigma))
-        terminal = session.terminal
+        outcome = compare(invocation.folder, a, b, Tolerance(tolerance, relative, sigma))
+        terminal = invocation.terminal
         if terminal.json:
             terminal.document(_document(outcome))
         else:

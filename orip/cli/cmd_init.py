@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "init")
-    def init(session: Session, prefer: PreferOption = None) -> None:
+    def init(invocation: Invocation, prefer: PreferOption = None) -> None:
         """Apply orip.toml to the record stores. Safe to repeat.
 
         Records whose text has not changed since the last time stay as they are, so what 'orip update' wrote survives.
@@ -31,10 +31,10 @@ def register(app: typer.Typer) -> None:
         """
         from orip.workflow.initialise import initialise
 
-        outcome = initialise(session.folder, prefer)
-        tell(session.terminal, outcome)
-        if session.terminal.json:
-            session.terminal.document(
+        outcome = initialise(invocation.folder, prefer)
+        tell(invocation.terminal, outcome)
+        if invocation.terminal.json:
+            invocation.terminal.document(
                 {
                     "command": "init",
                     "unchanged": not outcome.changes,

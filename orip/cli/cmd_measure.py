@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
@@ -23,18 +23,18 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "measure")
-    def measure_command(session: Session, files: Files = None) -> None:
+    def measure_command(invocation: Invocation, files: Files = None) -> None:
         """Replay the measurement files into orientations and photo observations; write INTERIOR_RESULT.OUT.
 
         Example: orip measure
         """
         from orip.workflow.measure import measure
 
-        outcome = measure(session.folder, files or ())
-        tell(session.terminal, outcome)
-        if session.terminal.json:
+        outcome = measure(invocation.folder, files or ())
+        tell(invocation.terminal, outcome)
+        if invocation.terminal.json:
             counts = outcome.counts
-            session.terminal.document(
+            invocation.terminal.document(
                 {
                     "command": "measure",
                     "unchanged": not outcome.changed,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 
 What = Annotated[
     Literal["cameras", "photos", "points", "residuals"],
@@ -22,15 +22,15 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "results")
-    def results_command(session: Session, what: What, names: Names = None, bundle: BundleOption = None) -> None:
+    def results_command(invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None) -> None:
         """Show cameras, photos, points or residuals of the last adjustment, with standard deviations.
 
         Example: orip results photos st1 st2
         """
         from orip.workflow.results import results
 
-        shown = results(session.folder, bundle, what, names or ())
-        if session.terminal.json:
-            session.terminal.document(shown.document)
+        shown = results(invocation.folder, bundle, what, names or ())
+        if invocation.terminal.json:
+            invocation.terminal.document(shown.document)
         else:
-            session.terminal.data(shown.text)
+            invocation.terminal.data(shown.text)

@@ -8,7 +8,7 @@ from functools import partial
 import typer
 
 from orip.cli import cmd_init, cmd_measure
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 
 
@@ -16,7 +16,7 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "run")
-    def run_command(session: Session, prefer: cmd_init.PreferOption = None) -> None:
+    def run_command(invocation: Invocation, prefer: cmd_init.PreferOption = None) -> None:
         """Do the whole project: init, measure, and solve all bundles.
 
         All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
         from orip.files.result_json import result_document, result_text
         from orip.workflow.run import RunWatcher, run
 
-        terminal = session.terminal
+        terminal = invocation.terminal
         watcher = RunWatcher(
             initialised=partial(cmd_init.tell, terminal),
             measured=partial(cmd_measure.tell, terminal),
@@ -34,7 +34,7 @@ def register(app: typer.Typer) -> None:
             solved=partial(tell_solution, terminal),
         )
         with limited_threads(terminal):
-            checked = run(session.folder, prefer, watcher)
+            checked = run(invocation.folder, prefer, watcher)
         solutions = [each.outcome.solution for each in checked]
         if terminal.json and len(solutions) == 1:
             terminal.data(result_text(solutions[0]))

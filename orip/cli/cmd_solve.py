@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 from orip.errors import UsageError
 
@@ -39,7 +39,7 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "solve")
     def solve_command(
-        session: Session,
+        invocation: Invocation,
         bundle: BundleArgument = None,
         snoop: Snoop = False,
         sigma0: Sigma0 = None,
@@ -62,9 +62,9 @@ def register(app: typer.Typer) -> None:
             message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
             raise UsageError(message)
         method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
-        terminal = session.terminal
+        terminal = invocation.terminal
         with limited_threads(terminal):
-            checked = solve_checked(session.folder, bundle, solve_watcher(terminal), method, check or ())
+            checked = solve_checked(invocation.folder, bundle, solve_watcher(terminal), method, check or ())
         tell_solution(terminal, checked)
         if terminal.json:
             terminal.data(result_text(checked.outcome.solution))

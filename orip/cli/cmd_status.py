@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import warning_rows
 
 
@@ -12,20 +12,20 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "status")
-    def status(session: Session) -> None:
+    def status(invocation: Invocation) -> None:
         """Show what the project has, what is out of date, and what comes next. Reads only.
 
         Example: orip status
         """
-        show(session)
+        show(invocation)
 
 
-def show(session: Session) -> None:
+def show(invocation: Invocation) -> None:
     """Print the state of the project on stdout."""
     from orip.workflow.status import project_status
 
-    found = project_status(session.folder)
-    terminal = session.terminal
+    found = project_status(invocation.folder)
+    terminal = invocation.terminal
     if terminal.json:
         terminal.document(
             {

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 
 StoreArgument = Annotated[Path, typer.Argument(metavar="STORE", help="A .CAM .TIK .PHO .TEM .EXT or .EXO file.")]
 TextArgument = Annotated[Path | None, typer.Argument(metavar="TEXT", help="A dump; none or '-': stdin.")]
@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
 
     @command(app, "dump")
-    def dump_command(session: Session, store: StoreArgument) -> None:
+    def dump_command(invocation: Invocation, store: StoreArgument) -> None:
         """Print a record store as canonical text: equal data give equal text.
 
         Example: orip dump ZURICH.PHO > photos.txt
@@ -26,15 +26,15 @@ def register(app: typer.Typer) -> None:
         from orip.errors import InputError
         from orip.files.stores.dump import dump
 
-        path = session.folder / store
+        path = invocation.folder / store
         if not path.is_file():
             message = "there is no such store; 'orip init' and 'orip measure' make the stores of a project"
             raise InputError.single(message, str(store))
         for line in dump(path):
-            session.terminal.data(line)
+            invocation.terminal.data(line)
 
     @command(app, "load")
-    def load_command(session: Session, store: StoreArgument, text: TextArgument = None) -> None:
+    def load_command(invocation: Invocation, store: StoreArgument, text: TextArgument = None) -> None:
         """Replace a record store's content by that of a dump, all or nothing.
 
         Example: orip load ZURICH.PHO photos.txt
@@ -43,12 +43,12 @@ def register(app: typer.Typer) -> None:
         from orip.files.stores.load import load
 
         if text is None or str(text) == "-":
-            load(sys.stdin, session.folder / store, source="stdin")
+            load(sys.stdin, invocation.folder / store, source="stdin")
         else:
-            path = session.folder / text
+            path = invocation.folder / text
             if not path.is_file():
                 message = "there is no such file; name a text that 'orip dump' printed"
                 raise InputError.single(message, str(text))
             with path.open(encoding="utf-8", errors="replace", newline="") as lines:
-                load(lines, session.folder / store, source=str(text))
-        session.terminal.say(f"load     {store} holds what the dump says")
+                load(lines, invocation.folder / store, source=str(text))
+        invocation.terminal.say(f"load     {store} holds what the dump says")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orip.cli.options import Session, command
+from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "update")
     def update_command(
-        session: Session, what: What, names: Names = None, bundle: BundleOption = None, force: ForceOption = False
+        invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None, force: ForceOption = False
     ) -> None:
         """Take values of the last adjustment as preliminary values, those of its unknowns alone.
 
@@ -42,10 +42,10 @@ def register(app: typer.Typer) -> None:
         """
         from orip.workflow.update import update
 
-        outcome = update(session.folder, what, names or (), bundle, force=force)
-        tell(session.terminal, outcome)
-        if session.terminal.json:
-            session.terminal.document(
+        outcome = update(invocation.folder, what, names or (), bundle, force=force)
+        tell(invocation.terminal, outcome)
+        if invocation.terminal.json:
+            invocation.terminal.document(
                 {
                     "command": "update",
                     "what": outcome.what,

@@ -23,7 +23,7 @@ from orip.cli import (
     cmd_update,
 )
 from orip.cli.exits import INTERRUPTED, exit_on_error, report_usage
-from orip.cli.options import Color, Json, Quiet, Session, SharedOptions, Threads, Verbose
+from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 
 app = typer.Typer(
     name="orip",
@@ -77,7 +77,7 @@ def before_command(
     Example: orip -C sample_projects/zurich_city_hall run
     """
     options = SharedOptions(quiet, verbose, json, color, threads)
-    context.obj = Session(folder, options, options.terminal())
+    context.obj = Invocation(folder, options, options.terminal())
     if context.invoked_subcommand is None:
         with exit_on_error(context.obj.terminal):
             cmd_status.show(context.obj)

@@ -42,7 +42,7 @@ class SharedOptions(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class Invocation:
     """What a command gets beside its own options: the project folder, the shared options, and how to talk."""
 
     folder: Path
@@ -51,7 +51,7 @@ class Session:
 
 
 def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a function ``f(session, ...)`` as a command that also takes the shared options.
+    """Register a function ``f(invocation, ...)`` as a command that also takes the shared options.
 
     Errors of orip end the command with their message and exit code.
     """
@@ -59,12 +59,12 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
     def register(function: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(function)
         def run(context: typer.Context, **given: Any) -> None:
-            before: Session = context.obj
+            before: Invocation = context.obj
             late = SharedOptions(*(given.pop(key) for key in SharedOptions._fields))
             options = before.options.then(late)
-            session = Session(before.folder, options, options.terminal())
-            with exit_on_error(session.terminal):
-                function(session, **given)
+            invocation = Invocation(before.folder, options, options.terminal())
+            with exit_on_error(invocation.terminal):
+                function(invocation, **given)
 
         signature = _with_shared_options(inspect.signature(function, eval_str=True))
         run.__signature__ = signature  # type: ignore[attr-defined]
@@ -76,7 +76,7 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
 
 
 def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
-    """Return the signature for typer: the context in place of the session, and the shared options at the end."""
+    """Return the signature for typer: the context in place of the invocation, and the shared options at the end."""
     keyword = inspect.Parameter.KEYWORD_ONLY
     context = inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
     _session, *parameters = own.parameters.values()
