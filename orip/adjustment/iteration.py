@@ -119,7 +119,8 @@ def adjust(
         on_pass(passes[-1])
         next_weights = _weights(settings, current.equations, iteration + 1)
         steady = weights_are_steady(weights, next_weights)
-        if not steady:
+        # equations of constants are shifted after each iteration: their corrections follow from more than the state
+        if not steady or (current.equations.active & current.equations.exact).any():
             acceleration.forget()
         ended = _termination(passes, settings, steady, stop_asked())
         again = []

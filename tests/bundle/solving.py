@@ -69,14 +69,39 @@ def with_rays(made: SyntheticBlock, least: int) -> SyntheticBlock:
     return replace(made, block=kept, points=made.points[stays])
 
 
+def with_photos(made: SyntheticBlock, count: int) -> SyntheticBlock:
+    """Return the block of the first photos alone and of the points that have two rays in them."""
+    block = made.block
+    kept = with_photo_points(block, block.photo_points.photo < count)
+    kept = replace(
+        kept,
+        photos=block.photos[:count],
+        photo_camera=block.photo_camera[:count],
+        photo_orientation=block.photo_orientation[:count],
+    )
+    return with_rays(replace(made, block=kept, orientations=made.orientations[:count]), 2)
+
+
+def started_off(made: SyntheticBlock, block: Block, seed: int, relative: float = 0.002) -> Block:
+    """Return the block started off the truth by a part of the distance to the object, and as many radians."""
+    random = np.random.default_rng(seed)
+    offset = made.points.mean(axis=0) - made.orientations[:, :3]
+    distance = float(np.mean(np.linalg.norm(offset, axis=1)))
+    orientation = made.orientations + relative * np.repeat([distance, 1.0], 3) * random.normal(
+        size=made.orientations.shape
+    )
+    points = made.points + relative * distance * random.normal(size=made.points.shape)
+    return replace(
+        block, photo_orientation=orientation, point_start=np.where(block.constant_points, made.points, points)
+    )
+
+
 def noisy(made: SyntheticBlock, seed: int) -> Block:
     """Return the block with normal errors of the a-priori size on photo points and weighted control."""
     random = np.random.default_rng(seed)
     points = made.block.photo_points
     control = tuple(
-        replace(
-            each, coordinates=tuple((np.array(each.coordinates) + each.errors * random.normal(size=3)).tolist())
-        )
+        replace(each, coordinates=tuple((np.array(each.coordinates) + each.errors * random.normal(size=3)).tolist()))
         for each in made.block.control_points
     )
     xy = points.xy + points.error * random.normal(size=points.xy.shape)

@@ -1,0 +1,125 @@
+"""Cofactors, redundancy numbers and sigma0, against dense matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from adjustment.linear_systems import dense_normals, equations_of, pseudo_inverse, random_equations, random_weights
+
+from orip.adjustment.normals import solve_normals
+from orip.adjustment.precision import cofactors, variance_of_unit_weight
+
+MAX_LOST = 12.0
+
+SHAPES = {
+    "blocks": {},
+    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
+    "more than a panel": {"reduced": 70, "blocks": 60},
+    "no blocks": {"blocks": 0},
+}
+
+
+def computed(equations, weights, layout):
+    normals = solve_normals(equations, weights, layout, MAX_LOST)
+    return normals, cofactors(equations, normals, layout)
+
+
+def assert_dense(found, dense, layout, equations):
+    m = layout.reduced
+    scale = np.sqrt(np.maximum(np.diag(dense), 1e-300))
+    assert np.allclose(found.reduced / np.outer(scale[:m], scale[:m]), dense[:m, :m] / np.outer(scale[:m], scale[:m]))
+    for block in range(layout.blocks):
+        place = slice(m + 3 * block, m + 3 * block + 3)
+        both = np.outer(scale[place], scale[place])
+        assert np.allclose(found.blocks[block] / both, dense[place, place] / both, atol=1e-9)
+    design = equations.design.toarray()
+    assert np.allclose(found.leverage, np.einsum("ij,jk,ik->i", design, dense, design), atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_cofactors_and_leverages_are_those_of_the_dense_inverse(shape):
+    equations, layout = random_equations(21, **SHAPES[shape])
+    weights = random_weights(22, len(equations.residual))
+    _, found = computed(equations, weights, layout)
+    assert_dense(found, pseudo_inverse(dense_normals(equations, weights)), layout, equations)
+
+
+def test_removed_unknowns_have_zero_cofactors_and_the_others_those_without_them():
+    equations, layout = random_equations(23)
+    design = equations.design.toarray()
+    design[:, 8] = 2.0 * design[:, 3]
+    first = np.flatnonzero(design[:, 9:12].any(axis=1))
+    design[first[2:]] = 0.0
+    singular = equations_of(design, equations.residual)
+    normals, found = computed(singular, np.ones(len(design)), layout)
+    assert normals.removed.sum() == 2
+    assert not found.reduced[normals.removed[:9]].any()
+    dense = pseudo_inverse(dense_normals(singular, np.ones(len(design))), normals.removed)
+    assert_dense(found, dense, layout, singular)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_redundancy_numbers_sum_up_to_the_redundancy(shape):
+    equations, layout = random_equations(24, **SHAPES[shape])
+    active = np.arange(len(equations.residual)) % 7 != 3
+    equations = replace(equations, active=active)
+    weights = random_weights(25, len(active))
+    _, found = computed(equations, weights, layout)
+    variance = variance_of_unit_weight(equations, weights, found.leverage, layout.unknowns)
+    assert variance.redundancy == active.sum() - layout.unknowns
+    assert abs(np.nansum(variance.redundancy_numbers) - variance.redundancy) < 1e-8
+    assert np.isnan(variance.redundancy_numbers[~active]).all()
+    assert variance.redundancy_numbers[active].min() > -1e-9
+    assert variance.redundancy_numbers[active].max() < 1.0 + 1e-9
+
+
+def test_redundancy_numbers_sum_up_when_unknowns_are_removed():
+    equations, layout = random_equations(26)
+    design = equations.design.toarray()
+    design[:, 8] = design[:, 3]
+    equations = equations_of(design, equations.residual)
+    weights = random_weights(27, len(design))
+    normals, found = computed(equations, weights, layout)
+    effective = layout.unknowns - int(normals.removed.sum())
+    variance = variance_of_unit_weight(equations, weights, found.leverage, effective)
+    assert variance.redundancy == len(design) - layout.unknowns + 1
+    assert abs(variance.redundancy_numbers.sum() - variance.redundancy) < 1e-8
+
+
+def test_redundancy_numbers_are_the_diagonal_of_the_projection_onto_the_residuals():
+    equations, layout = random_equations(28)
+    weights = random_weights(29, len(equations.residual))
+    _, found = computed(equations, weights, layout)
+    variance = variance_of_unit_weight(equations, weights, found.leverage, layout.unknowns)
+    weighted = np.sqrt(weights)[:, None] * equations.design.toarray()
+    projection = np.eye(len(weights)) - weighted @ np.linalg.pinv(weighted, rcond=1e-14)
+    assert np.allclose(variance.redundancy_numbers, np.diag(projection), atol=1e-7)
+
+
+def test_sigma0_counts_observations_with_full_weight_and_sigma0_all_counts_every_one():
+    residual = np.array([1.0, -2.0, 0.5, 10.0, 3.0])
+    equations = replace(equations_of(np.ones((5, 1)), residual), active=np.array([True] * 4 + [False]))
+    weights, leverage = np.array([1.0, 1.0, 1.0, 0.1, 0.0]), np.array([0.3, 0.2, 0.4, 1.0, 0.5])
+    found = variance_of_unit_weight(equations, weights, leverage, 1)
+    assert found.redundancy == 3
+    assert found.redundancy_used == pytest.approx(0.7 + 0.8 + 0.6)
+    assert found.sigma0 == pytest.approx(np.sqrt((1.0 + 4.0 + 0.25) / 2.1))
+    assert found.sigma0_all == pytest.approx(np.sqrt((1.0 + 4.0 + 0.25 + 100.0) / 3.0))
+    assert found.redundancy_numbers[3] == pytest.approx(0.9)
+
+
+def test_exact_observations_are_redundancy_but_no_part_of_the_square_sums():
+    equations = replace(equations_of(np.ones((3, 1)), np.array([1.0, 1.0, 50.0])), exact=np.array([False, False, True]))
+    found = variance_of_unit_weight(equations, np.ones(3), np.full(3, 1.0 / 3.0), 1)
+    assert found.redundancy == 2
+    assert found.sigma0 == pytest.approx(1.0)
+    assert found.sigma0_all == pytest.approx(1.0)
+
+
+def test_without_redundancy_there_is_no_sigma0():
+    found = variance_of_unit_weight(equations_of(np.eye(3), np.zeros(3)), np.ones(3), np.ones(3), 3)
+    assert found.redundancy == 0
+    assert np.isnan(found.sigma0)
+    assert np.isnan(found.sigma0_all)
