@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.bundle.control_point import ControlPointObservations
+from orip.bundle.observation import Observations
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
@@ -280,12 +281,12 @@ def _without_weights(block: Block) -> Block:
     return replace(block, definition=definition)
 
 
-def _units(observations: tuple[object, ...]) -> list[_Unit]:
+def _units(observations: tuple[Observations, ...]) -> list[_Unit]:
     """Return what may be left out: photo points, and control points with their weighted coordinates."""
     units: list[_Unit] = []
     start = 0
     for each in observations:
-        rows = each.rows  # type: ignore[attr-defined]
+        rows = each.rows
         if isinstance(each, PhotoPointObservations):
             for index in range(len(each.photo)):
                 pair = [2 * index + place for place in range(2) if rows.used[2 * index + place]]
