@@ -34,6 +34,9 @@ _NEAR_THE_WORST = 0.5
 _TESTABLE = 1e-4
 """Redundancy number below which a residual hides its error altogether."""
 
+_LEAST_SIGMA0 = 1e-6
+"""A sigma0 below it comes from observations without errors: their residuals are rounding, not blunders."""
+
 _COMPONENTS_OF_A_PHOTO_POINT = 2
 
 
@@ -210,7 +213,7 @@ class _Search:
         variance = self.solved.variance
         if self.settings.sigma0 == "apriori" or not np.isfinite(variance.sigma0_all):
             return OutlierTest(self.settings.alpha, 1.0, None)
-        return OutlierTest(self.settings.alpha, variance.sigma0_all, variance.redundancy)
+        return OutlierTest(self.settings.alpha, max(variance.sigma0_all, _LEAST_SIGMA0), variance.redundancy)
 
     def _fails(self, unit: int) -> bool:
         score = self._score(unit, left_out=False)

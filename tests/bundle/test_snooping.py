@@ -142,3 +142,7 @@ def test_snooping_does_not_reduce_weights_and_stops_when_asked():
     assert found.blunders == ()
     factors = found.solved.adjusted.weight_factors
     assert set(factors[found.solved.adjusted.linearised.equations.active].tolist()) == {1.0}
+
+
+def test_rounding_in_data_without_errors_is_no_blunder() -> None:
+    assert snooped(MADE["aerial"].block, POSTERIORI).blunders == ()
