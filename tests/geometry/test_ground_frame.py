@@ -259,7 +259,7 @@ def test_a_geoid_that_does_not_reach_the_block_is_refused(tmp_path: Path) -> Non
     [
         ("EPSG:32622+5773", (400000.0, 7950000.0, 50.0), ["us_nga_egm96_15.tif"]),
         ("EPSG:25832+7837", (500000.0, 5550000.0, 100.0), ["de_bkg_gcg2016.tif"]),
-        ("EPSG:28992+5709", (155000.0, 463000.0, 0.0), ["nl_nsgi_nlgeo2018.tif", "nl_nsgi_rdtrans2018.tif"]),
+        ("EPSG:28992+5709", (155000.0, 463000.0, 0.0), ["nl_nsgi_nlgeo2018.tif"]),  # older PROJ wants a second one
     ],
 )
 def test_without_the_geoid_grid_heights_are_refused(
