@@ -67,8 +67,12 @@ def adjust_block(
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
         advice += pruning_advice(pruned.removed)
+    solution = solution_of(solved)
+    # the last adjustment may have converged, but the search for blunders or parameters has not come to its end
+    cut_short = method != Method() and stop_asked()
     return replace(
-        solution_of(solved),
+        solution,
+        status="stopped" if cut_short else solution.status,
         iterations=tuple(iteration_pass(record) for record in passes),
         blunders=blunders,
         diagnosis=(*advice, *diagnose(solved)),

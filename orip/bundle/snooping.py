@@ -153,6 +153,7 @@ class _Search:
 
     def take_back(self) -> None:
         """Take back units that fit the final adjustment after all, the best one first, each of them once."""
+        found = dict(self.left_out)
         returned: set[int] = set()
         while not self.stop_asked():
             scores = {unit: self._score(unit, left_out=True) for unit in self.left_out if unit not in returned}
@@ -161,10 +162,11 @@ class _Search:
                 return
             best = min(fitting, key=lambda unit: fitting[unit].statistic / fitting[unit].limit)
             returned.add(best)
-            finding = self.left_out.pop(best)
+            del self.left_out[best]
             self._adjust_again()
             if self._fails(best):
-                self.left_out[best] = finding
+                # back to its place: blunders are told in the order they were found
+                self.left_out = {unit: each for unit, each in found.items() if unit in self.left_out or unit == best}
                 self._adjust_again()
 
     def blunders(self) -> Iterator[Blunder]:

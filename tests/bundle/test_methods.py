@@ -1,0 +1,31 @@
+"""Stopping: a search that was cut short is marked as stopped, whatever its last adjustment came to."""
+
+from __future__ import annotations
+
+from bundle.aerial_block import aerial_block
+from bundle.solving import noisy
+from bundle.test_snooping import with_error
+
+from orip.bundle.methods import Method, adjust_block
+from orip.bundle.snooping import SnoopingSettings
+
+SNOOPING = Method(SnoopingSettings())
+
+
+def blundered():
+    block = noisy(aerial_block("methods"), 1)
+    return with_error(with_error(block, 3, 0, 80.0), 40, 1, 60.0)
+
+
+def test_a_search_that_is_stopped_says_so():
+    passes = []
+    complete = adjust_block(blundered(), SNOOPING, "m", passes.append, lambda: False)
+    assert complete.status == "converged"
+    assert len({each.order for each in complete.blunders}) >= 2
+    first = next(each.iteration for each in passes if each.enp >= 4.0)
+
+    seen = []
+    stopped = adjust_block(blundered(), SNOOPING, "m", seen.append, lambda: len(seen) >= first)
+    assert len(seen) == first, "the iteration in hand was the last"
+    assert stopped.status == "stopped"
+    assert stopped.blunders == ()
