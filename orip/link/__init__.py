@@ -1,0 +1,1 @@
+"""The link to a plate processor: the line protocol, the emulator that serves it, and the client."""

@@ -1,0 +1,1 @@
+"""Multi-model driving: the drive table, the loop equations of the plate processor, guiding systems, model switching."""

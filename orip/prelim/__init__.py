@@ -1,0 +1,1 @@
+"""Preliminary values: relative orientation, bridging, strip connection, absolute orientation, resection, and the chain."""
