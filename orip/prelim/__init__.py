@@ -1,1 +1,1 @@
-"""Preliminary values: relative orientation, bridging, strip connection, absolute orientation, resection, and the chain."""
+"""Preliminary values: relative orientation, bridging, connection, absolute orientation, resection, and the chain."""
