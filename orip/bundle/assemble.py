@@ -68,13 +68,14 @@ class Assembled:
     warnings: tuple[ProjectWarning, ...]
 
 
-def assemble(ingredients: Ingredients) -> Assembled:
-    """Assemble the block of one bundle adjustment.
+def gather(ingredients: Ingredients) -> Assembled:
+    """Gather what is measured and given of one bundle adjustment, before anything starts anywhere.
 
     Returns
     -------
     Assembled
-        Every fault is a complaint, all of them at once.
+        A block in its frame whose points have no starting coordinates, and whose photos have NaN for every element that
+        is not known. Every fault is a complaint, all of them at once.
     """
     observations = ingredients.observations
     keys = tuple(dict.fromkeys(record_key(name) for name in observations.photos))
@@ -95,17 +96,15 @@ def assemble(ingredients: Ingredients) -> Assembled:
         return Assembled(None, error.complaints, ())
     if complaints := frame_complaints(block, ingredients.preliminary):
         return Assembled(None, tuple(complaints), ())
-    block, start_warnings = with_starting_points(photos_in_frame(block), ingredients.preliminary)
+    warnings = (*name_warnings(block, ingredients.control, ingredients.preliminary), *block.ground.warnings)
+    return Assembled(photos_in_frame(block), (), warnings)
+
+
+def with_starting_values(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
+    """Return a gathered block, all photos of which have an orientation by now, as the adjustment starts from it."""
+    block, warnings = with_starting_points(block, preliminary)
     block = replace(block, theodolites=theodolite_sets(block))
-    return Assembled(
-        constants_in_frame(block),
-        (),
-        (
-            *name_warnings(block, ingredients.control, ingredients.preliminary),
-            *start_warnings,
-            *block.ground.warnings,
-        ),
-    )
+    return constants_in_frame(block), warnings
 
 
 def _block_in_project(keys: Sequence[str], ingredients: Ingredients) -> Block:
@@ -156,19 +155,10 @@ def _photo_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Com
                 f"(PHOTO {photo.name} A ... in a .MEA file)"
             )
             complaints.append(Complaint(text))
-        elements = [
-            f"{element.kind}" for element in ingredients.control.elements
-            if element.group == "PHOTO" and record_key(element.name) == key and element.error >= 0.0
-        ]  # fmt: skip
-        missing = [
-            kind for kind, value in zip(PHOTO_PARAMETERS, photo.orientation, strict=True)
-            if value is None and kind not in elements
-        ]  # fmt: skip
-        if missing:
-            text = (
-                f"photo {photo.name} has no preliminary value of {', '.join(missing)}; give it in orip.toml "
-                f"(keys {' '.join(PHOTO_PARAMETERS)} of [[photo]])"
-            )
+        given = _photo_with_elements(photo, ingredients.control.elements)
+        unplaced = [kind for kind in given.constant if given.orientation[PHOTO_PARAMETERS.index(kind)] is None]
+        if unplaced:
+            text = f"photo {photo.name} has {', '.join(unplaced)} constant, but without a value; give it in orip.toml"
             complaints.append(Complaint(text))
         if ingredients.definition.measurement_precision.unit == "px" and key not in ingredients.pixel_sizes:
             text = f"measurement_precision is in px, but photo {photo.name} has neither sensor nor scan; give it in mm"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.starting_points import given_coordinates
-from orip.errors import Complaint
+from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.model.block import Block
@@ -53,7 +53,10 @@ def ground_system(
     if crs is None:
         return PLAIN
     known = [point.coordinates for point in points if not point.rejected and None not in point.coordinates]
-    places = np.array(known, dtype=np.float64) if known else centres
+    places = np.array(known, dtype=np.float64) if known else centres[np.isfinite(centres).all(axis=1)]
+    if not len(places):
+        message = "with a crs the block needs a place on the earth: give a control point in full, or projection centres"
+        raise InputError.single(message)
     # the median: one point with a misprint does not move the frame of all others
     return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
 
@@ -99,12 +102,18 @@ def _free_network_complaints(block: Block) -> Iterator[Complaint]:
 
 
 def photos_in_frame(block: Block) -> Block:
-    """Return the block with its photos' orientations taken from the project to the frame."""
+    """Return the block with its photos' orientations taken from the project to the frame.
+
+    Of a photo that is not known in full, the frame has nothing.
+    """
     if block.ground is PLAIN:
         return block
-    centres, angles = block.photo_orientation[:, :3], block.photo_orientation[:, 3:]
+    orientation = np.full_like(block.photo_orientation, np.nan)
+    known = np.isfinite(block.photo_orientation).all(axis=1)
+    centres, angles = block.photo_orientation[known, :3], block.photo_orientation[known, 3:]
     rotation = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ rotation_from_angles(angles)
-    return replace(block, photo_orientation=np.hstack([block.ground.to_local(centres), angles_from_rotation(rotation)]))
+    orientation[known] = np.hstack([block.ground.to_local(centres), angles_from_rotation(rotation)])
+    return replace(block, photo_orientation=orientation)
 
 
 def constants_in_frame(block: Block) -> Block:

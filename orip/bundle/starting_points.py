@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orip.errors import ProjectWarning
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.distortion import correction_with_partials, remove_distortion
+from orip.interior.image_vectors import image_vectors
 from orip.model.block import Block
 from orip.model.control import PreliminaryPoint
 
@@ -62,18 +62,8 @@ def _hold(block: Block, start: FloatArray) -> None:
 def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
     """Return origins and directions (n, 3) of the rays of all photo points."""
     points = block.photo_points
-    parameters = np.array([camera.parameters for camera in block.cameras])[block.photo_camera[points.photo]]
-    reduced = points.xy - parameters[:, 1:3]
-    at_measured = np.array([camera.distortion_at == "measured" for camera in block.cameras])
-    measured = at_measured[block.photo_camera[points.photo]][:, None]
-    ideal = np.where(
-        measured,
-        correction_with_partials(reduced, parameters[:, 3:]).value,
-        remove_distortion(reduced, parameters[:, 3:]),
-    )
-    image = np.column_stack([ideal, -parameters[:, 0]])
     rotation = rotation_from_angles(block.photo_orientation[points.photo, 3:])
-    return block.photo_orientation[points.photo, :3], (rotation @ image[:, :, None])[:, :, 0]
+    return block.photo_orientation[points.photo, :3], (rotation @ image_vectors(block)[:, :, None])[:, :, 0]
 
 
 def _intersections(block: Block) -> FloatArray:

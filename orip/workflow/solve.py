@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orip.bundle.assemble import Ingredients, assemble
+from orip.bundle.assemble import Ingredients, gather, with_starting_values
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.results import iteration_pass
@@ -139,16 +139,15 @@ def _adjusted(
         interior.pixel_sizes, stored.observations, texts.control, texts.preliminary,
         project.definition.ground_unit, project.definition.crs,
     )  # fmt: skip
-    assembled = assemble(ingredients)
-    if assembled.block is None:
-        raise InputError((*interior.complaints, *assembled.complaints))
-    watcher.started(assembled.block)
-    for_bundle = tuple(forewarnings(assembled.block))
+    gathered = gather(ingredients)
+    if gathered.block is None:
+        raise InputError((*interior.complaints, *gathered.complaints))
+    block, start_warnings = with_starting_values(gathered.block, texts.preliminary)
+    watcher.started(block)
+    for_bundle = tuple(forewarnings(block))
     unit = project.definition.ground_unit
     with watcher.stoppable() as stop_asked:
-        solution = adjust_block(
-            assembled.block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
-        )
+        solution = adjust_block(block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked)
     inputs = (*texts.digests, *stored.digests, project.heading_digest)
     solution = replace(
         solution,
@@ -157,7 +156,7 @@ def _adjusted(
         ground_unit=unit,
         inputs=inputs,
         interior=_summaries(interior, stored.definitions, stored.observations),
-        warnings=_rows((*ground.warnings, *interior.warnings, *assembled.warnings, *for_bundle)),
+        warnings=_rows((*ground.warnings, *interior.warnings, *gathered.warnings, *start_warnings, *for_bundle)),
     )
     return replace(solution, run=run_id("solve", method, solution.status, len(solution.iterations), inputs))
 

@@ -14,7 +14,7 @@ import numpy as np
 import pyproj
 from scipy.spatial.transform import Rotation
 
-from orip.bundle.assemble import Ingredients, assemble
+from orip.bundle.assemble import Ingredients, gather, with_starting_values
 from orip.geometry.plane import PlaneTransformation
 from orip.model.block import Block
 from orip.model.camera import Camera
@@ -119,7 +119,7 @@ class AerialBlock:
         )
         unchanged = PlaneTransformation(np.eye(2), np.zeros(2))
         definition = BundleDefinition("MAIN", Precision(0.005), enp_stop=6.0, datum=datum)
-        made = assemble(
+        made = gather(
             Ingredients(
                 definition,
                 {record_key("RMK"): camera},
@@ -134,7 +134,7 @@ class AerialBlock:
             )
         )
         assert made.block is not None, made.complaints
-        return made.block
+        return with_starting_values(made.block, ())[0]
 
     def write(self, folder: Path, crs: str | None, control: Sequence[ControlPoint]) -> Path:
         """Write the block as a project folder."""
