@@ -7,27 +7,26 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orip.bundle.assemble import Ingredients, gather, with_starting_values
+from orip.bundle.assemble import with_starting_values
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.results import iteration_pass
-from orip.errors import InputError, ProjectWarning
+from orip.errors import ProjectWarning
 from orip.files.parsed import Parsed
 from orip.files.stores import solutions
 from orip.files.stores.digest import record_digest
-from orip.files.stores.transaction import reading, writing
-from orip.interior.measured import Measured
+from orip.files.stores.transaction import writing
 from orip.model.block import Block
 from orip.model.measurement import PhotoObservations
 from orip.model.names import record_key
 from orip.model.solution import InteriorSummary, IterationPass, Solution
-from orip.workflow.interior import Interior, interior_orientation
+from orip.workflow.bundle_input import Stored, gathered_block, read_stored
+from orip.workflow.interior import Interior
 from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
 from orip.workflow.project import Project, open_project
-from orip.workflow.records import StoredDefinitions, read_definitions, require_initialised
-from orip.workflow.run_id import digest_of_observations, digest_of_records, run_id
-from orip.workflow.stored_measurements import read_measured
-from orip.workflow.texts import Digests, GroundTexts, raise_complaints, read_ground
+from orip.workflow.records import StoredDefinitions
+from orip.workflow.run_id import run_id
+from orip.workflow.texts import GroundTexts, raise_complaints, read_ground
 
 PLAIN = Method()
 """All observations, weights by the Danish method as the bundle's definition says."""
@@ -63,16 +62,6 @@ class SolveOutcome:
     files: tuple[Path, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Stored:
-    """What an adjustment takes from the stores."""
-
-    definitions: StoredDefinitions
-    observations: PhotoObservations
-    interior: Interior
-    digests: Digests
-
-
 def solve(folder: Path, bundle: str | None, watcher: SolveWatcher, method: Method = PLAIN) -> SolveOutcome:
     """Adjust one bundle and keep its solution in the store and the outputs.
 
@@ -100,8 +89,8 @@ def solve_bundle(
     """Do what `solve` does with texts that have been read."""
     raise_complaints(ground.complaints)
     # No store is locked while the iterations run; the digests tell if one has changed meanwhile.
-    stored = _read_stored(project, bundle)
-    solution = _adjusted(project, stored, bundle, ground, watcher, method)
+    stored = read_stored(project, bundle)
+    solution = _adjusted(project, stored, ground, watcher, method)
     with writing([project.exterior]) as stores:
         old = solutions.read(stores[project.exterior], bundle)
         changed = old is None or record_digest(old) != record_digest(solution)
@@ -112,37 +101,16 @@ def solve_bundle(
     return SolveOutcome(project, solution, changed, files)
 
 
-def _read_stored(project: Project, bundle: str) -> _Stored:
-    with reading([*project.record_stores, project.observations(bundle)]) as stores:
-        definitions = read_definitions(project, stores)
-        require_initialised(project, definitions)
-        measured = read_measured(project, stores, [bundle])
-    observations = measured.observations.get(record_key(bundle))
-    if observations is None:
-        message = f"bundle {bundle} has no photo observations yet; run 'orip measure' first"
-        raise InputError.single(message)
-    digests = stored_digests(project, bundle, definitions, measured, observations)
-    return _Stored(definitions, observations, interior_orientation(definitions.by_name(), measured), digests)
-
-
 def _adjusted(
     project: Project,
-    stored: _Stored,
-    bundle: str,
+    stored: Stored,
     ground: Parsed[GroundTexts],
     watcher: SolveWatcher,
     method: Method,
 ) -> Solution:
-    definitions, interior, texts = stored.definitions.by_name(), stored.interior, ground.records
-    ingredients = Ingredients(
-        stored.definitions.bundle(bundle), definitions.cameras, definitions.photos, interior.to_photo,
-        interior.pixel_sizes, stored.observations, texts.control, texts.preliminary,
-        project.definition.ground_unit, project.definition.crs,
-    )  # fmt: skip
-    gathered = gather(ingredients)
-    if gathered.block is None:
-        raise InputError((*interior.complaints, *gathered.complaints))
-    block, start_warnings = with_starting_values(gathered.block, texts.preliminary)
+    texts, interior = ground.records, stored.interior
+    gathered, gather_warnings = gathered_block(project, stored, texts)
+    block, start_warnings = with_starting_values(gathered, texts.preliminary)
     watcher.started(block)
     for_bundle = tuple(forewarnings(block))
     unit = project.definition.ground_unit
@@ -156,24 +124,9 @@ def _adjusted(
         ground_unit=unit,
         inputs=inputs,
         interior=_summaries(interior, stored.definitions, stored.observations),
-        warnings=_rows((*ground.warnings, *interior.warnings, *gathered.warnings, *start_warnings, *for_bundle)),
+        warnings=_rows((*ground.warnings, *interior.warnings, *gather_warnings, *start_warnings, *for_bundle)),
     )
     return replace(solution, run=run_id("solve", method, solution.status, len(solution.iterations), inputs))
-
-
-def stored_digests(
-    project: Project, bundle: str, definitions: StoredDefinitions, measured: Measured, observations: PhotoObservations
-) -> Digests:
-    """Return the digests of what a solution depends on in the stores, and of the project's crs if it has one."""
-    cameras = [each.record for each in definitions.cameras]
-    photos = [each.record for each in definitions.photos]
-    return (
-        (project.shown(project.cameras), digest_of_records(cameras)),
-        (project.shown(project.photos), digest_of_records([*photos, *measured.photos.values()])),
-        (project.shown(project.exterior), digest_of_records([definitions.bundle(bundle)])),
-        (project.shown(project.observations(bundle)), digest_of_observations(observations)),
-        *project.crs_digest,
-    )
 
 
 def _summaries(

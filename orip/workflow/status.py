@@ -13,12 +13,12 @@ from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.model.names import record_key
 from orip.workflow.apply_text import apply_text
+from orip.workflow.bundle_input import stored_digests
 from orip.workflow.measure import measurement_inputs
 from orip.workflow.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
 from orip.workflow.project import Project, open_project
 from orip.workflow.reconcile import counted
 from orip.workflow.records import StoredDefinitions, read_definitions
-from orip.workflow.solve import stored_digests
 from orip.workflow.stored_measurements import read_measured, runs_of_measurements
 from orip.workflow.texts import ground_digests, log_digests
 
