@@ -14,6 +14,8 @@ ENP_LIMIT = 15.0
 
 _WEIGHT_CHANGE = 0.05
 _DIVERGING_PASSES = 3
+_HOPELESS = 3.0
+"""Digits: corrections a thousand times as large as the first ones lead nowhere."""
 
 
 class Termination(Enum):
@@ -51,12 +53,14 @@ def weights_are_steady(before: NDArray[np.float64], after: NDArray[np.float64]) 
 
 
 def is_diverging(enps: Sequence[float]) -> bool:
-    """Whether ENP fell in three iterations running and is negative, or a value is not finite.
+    """Whether ENP fell in three iterations running and is negative, or far below where it began, or is not finite.
 
     A positive ENP says that corrections are smaller than the standard deviations. It falls for some iterations when
     reweighting moves from one end state to another, and then rises again.
     """
     if enps and not np.isfinite(enps[-1]):
+        return True
+    if enps and enps[-1] < min(enps[0], 0.0) - _HOPELESS:
         return True
     last = enps[-_DIVERGING_PASSES - 1 :]
     return len(last) > _DIVERGING_PASSES and last[-1] < 0.0 and all(b < a for a, b in pairwise(last))

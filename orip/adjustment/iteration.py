@@ -19,7 +19,7 @@ from orip.adjustment.convergence import (
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, State
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
-from orip.adjustment.weights import DanishWeights
+from orip.adjustment.weighing import Weighing
 
 FloatArray = NDArray[np.float64]
 
@@ -27,19 +27,38 @@ _GIVING_BACK_ENP = 2.0
 """Corrections this far below their deviations change no standard residual enough to matter for giving weight back."""
 
 
+_LEAST_LEFT = 0.5
+"""Part of the observations; where fewer can still be computed, what is left is not the block."""
+
+
 @dataclass(frozen=True, slots=True)
 class IterationSettings:
-    """What controls the iterations: ENP to stop at, how many, weights, digits that may be lost."""
+    """What controls the iterations.
+
+    Parameters
+    ----------
+    enp_stop : float
+    max_iterations : int
+    max_standard_residual : float
+        Above it the Danish method reduces a weight.
+    start_down_weight : int or None
+        First iteration that may have reduced weights; None: none has.
+    max_lost_digits : float
+    """
 
     enp_stop: float
     max_iterations: int
-    weights: DanishWeights
+    max_standard_residual: float
+    start_down_weight: int | None
     max_lost_digits: float
 
 
 @dataclass(frozen=True, slots=True)
 class PassRecord:
-    """One printed line: see `orip.model.solution.IterationPass`; sigma0 is that after the iteration."""
+    """One printed line: see `orip.model.solution.IterationPass`; sigma0 is that after the iteration.
+
+    `active` is the number of observations that can be computed.
+    """
 
     iteration: int
     enp: float
@@ -47,6 +66,7 @@ class PassRecord:
     down_weighted: int
     singular: int
     step_limited: bool
+    active: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,26 +123,25 @@ def adjust(
     acceleration = Acceleration(layout)
     termination = Termination.MAX_ITERATIONS
     last = settings.max_iterations
+    weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
     while len(passes) < last:
         iteration = len(passes) + 1
-        weights = _weights(settings, current.equations, iteration)
+        weights = weighing.factors(current.equations, iteration)
         weights[again] = 1.0
         normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
-        step = acceleration.step(normals)
-        factor = problem.step_factor(step)
-        state = problem.update(current.state, factor * step)
-        acceleration.applied(factor * step)
+        step, limited = _step(problem, acceleration, normals)
+        state = problem.update(current.state, step)
         current = Linearised(state, problem.linearise(state))
-        effective = layout.unknowns - int(np.count_nonzero(normals.removed))
-        enp = exponent_of_numerical_precision(normals.reduced_square_sum, effective)
-        passes.append(_record(iteration, enp, current.equations, weights, normals, effective, factor < 1.0))
+        passes.append(_record(iteration, current.equations, weights, normals, layout, limited))
         on_pass(passes[-1])
-        next_weights = _weights(settings, current.equations, iteration + 1)
+        enp = passes[-1].enp
+        weighing.after(iteration, enp)
+        next_weights = weighing.factors(current.equations, iteration + 1)
         steady = weights_are_steady(weights, next_weights)
         # equations of constants are shifted after each iteration: their corrections follow from more than the state
         if not steady or (current.equations.active & current.equations.exact).any():
             acceleration.forget()
-        ended = _termination(passes, settings, steady, stop_asked())
+        ended = _termination(passes, settings, weighing, steady, stop_asked())
         again = []
         if ended in (None, Termination.CONVERGED) and steady and enp >= _GIVING_BACK_ENP:
             again = _to_give_back(current.equations, next_weights, normals, layout, settings, given_back)
@@ -134,12 +153,9 @@ def adjust(
         if ended is not None:
             termination = ended
             break
-    return _finish(problem, current, settings, passes, termination)
-
-
-def _weights(settings: IterationSettings, equations: Equations, iteration: int) -> FloatArray:
-    factors = settings.weights.factors(np.abs(equations.residual), iteration)
-    return np.where(equations.exact, 1.0, factors)
+    weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
+    normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
+    return Adjusted(current, weights, normals, tuple(passes), termination)
 
 
 def _to_give_back(
@@ -163,18 +179,27 @@ def _to_give_back(
     leverage = cofactors(equations, normals, layout).leverage[reduced]
     with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
     best = int(with_full_weight.argmin())
-    return [int(reduced[best])] if with_full_weight[best] <= settings.weights.max_standard_residual else []
+    return [int(reduced[best])] if with_full_weight[best] <= settings.max_standard_residual else []
+
+
+def _step(problem: Problem[State], acceleration: Acceleration, normals: SolvedNormals) -> tuple[FloatArray, bool]:
+    """Return the correction of an iteration, and whether it had to be shortened."""
+    step = acceleration.step(normals)
+    factor = problem.step_factor(step)
+    acceleration.applied(factor * step)
+    return factor * step, factor < 1.0
 
 
 def _record(
     iteration: int,
-    enp: float,
     equations: Equations,
     weights: FloatArray,
     normals: SolvedNormals,
-    effective: int,
+    layout: Layout,
     step_limited: bool,
 ) -> PassRecord:
+    effective = layout.unknowns - int(np.count_nonzero(normals.removed))
+    enp = exponent_of_numerical_precision(normals.reduced_square_sum, effective)
     full = equations.active & (weights >= 1.0)
     down_weighted = int(np.count_nonzero(equations.active & (weights < 1.0)))
     # while iterating a down-weighted observation counts as not redundant; the final figure knows each one's share
@@ -182,31 +207,22 @@ def _record(
     square_sum = float(np.sum(equations.residual[full & ~equations.exact] ** 2))
     sigma0 = float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0
     singular = int(np.count_nonzero(normals.removed))
-    return PassRecord(iteration, enp, sigma0, down_weighted, singular, step_limited)
+    active = int(np.count_nonzero(equations.active))
+    return PassRecord(iteration, enp, sigma0, down_weighted, singular, step_limited, active)
 
 
 def _termination(
-    passes: list[PassRecord], settings: IterationSettings, steady: bool, stop_asked: bool
+    passes: list[PassRecord], settings: IterationSettings, weighing: Weighing, steady: bool, stop_asked: bool
 ) -> Termination | None:
     last = passes[-1]
-    robust = settings.weights.start <= settings.max_iterations
-    weights_began = not robust or last.iteration > settings.weights.start
-    if last.enp >= settings.enp_stop and steady and weights_began and not last.step_limited:
+    if last.active < _LEAST_LEFT * passes[0].active:
+        return Termination.DIVERGED
+    final = steady and weighing.had_begun(last.iteration)
+    if last.enp >= settings.enp_stop and final and not last.step_limited:
         return Termination.CONVERGED
     if stop_asked:
         return Termination.STOPPED
-    if is_diverging([record.enp for record in passes]):
+    # where reduced weights begin corrections grow once, and that is no divergence
+    if is_diverging([record.enp for record in passes[weighing.began_after :]]):
         return Termination.DIVERGED
     return None
-
-
-def _finish(
-    problem: Problem[State],
-    current: Linearised[State],
-    settings: IterationSettings,
-    passes: list[PassRecord],
-    termination: Termination,
-) -> Adjusted[State]:
-    weights = np.where(current.equations.active, _weights(settings, current.equations, len(passes)), 0.0)
-    normals = solve_normals(current.equations, weights, problem.layout, settings.max_lost_digits)
-    return Adjusted(current, weights, normals, tuple(passes), termination)

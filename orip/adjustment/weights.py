@@ -6,8 +6,6 @@ program's choice among those found under that name: it does not diverge where th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,38 +14,47 @@ FloatArray = NDArray[np.float64]
 _FLOOR = 1e-30
 """A removed observation never makes an exact zero on the diagonal."""
 
+_SETTLING_FLOOR = 1e-3
+"""What seems to be a blunder at first may be a whole photo that is not in its place yet: it must not come loose."""
 
-@dataclass(frozen=True, slots=True)
-class DanishWeights:
-    """When and how weights are reduced.
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the size of a standard normal residual."""
+
+
+def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
+    """Return weight factors (0, 1]: 1 up to the limit, exp(-u / c) above it.
 
     Parameters
     ----------
-    max_standard_residual : float
-        c; observations up to it keep their weight.
-    start : int
-        Iteration at which down-weighting starts; more than the number of iterations: never.
+    standard_residuals : array (n,)
+        u = |v| / a-priori error after the iteration before.
+    limit : float
+        c.
+
+    Returns
+    -------
+    array (n,)
     """
+    reduced = np.maximum(np.exp(-standard_residuals / limit), _FLOOR)
+    return np.where(standard_residuals <= limit, 1.0, reduced)
 
-    max_standard_residual: float
-    start: int
 
-    def factors(self, standard_residuals: FloatArray, iteration: int) -> FloatArray:
-        """Return the weight factors (0, 1] for an iteration.
+def settling_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
+    """Return weight factors while corrections are still large, and residuals hold what they will take away.
 
-        Parameters
-        ----------
-        standard_residuals : array (n,)
-            |v| / a-priori error after the iteration before.
-        iteration : int
-            Counted from 1.
+    The limit is as many times higher as most residuals are larger than their a-priori errors: only what sticks out of
+    the others loses weight, and never all of it, so that blunders do not lead the first iterations astray.
 
-        Returns
-        -------
-        array (n,)
-        """
-        if iteration < self.start:
-            return np.ones(len(standard_residuals))
-        c = self.max_standard_residual
-        reduced = np.maximum(np.exp(-standard_residuals / c), _FLOOR)
-        return np.where(standard_residuals <= c, 1.0, reduced)
+    Parameters
+    ----------
+    standard_residuals : array (n,)
+    limit : float
+
+    Returns
+    -------
+    array (n,)
+    """
+    if not len(standard_residuals):
+        return np.ones(0)
+    scale = max(float(np.median(standard_residuals)) / _MEDIAN_OF_NORMAL, 1.0)
+    return np.maximum(danish_weights(standard_residuals, limit * scale), _SETTLING_FLOOR)

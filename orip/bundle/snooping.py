@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.bundle.control_point import ControlPointObservations
@@ -138,16 +139,32 @@ class _Search:
         self.settings = settings
         self.stop_asked = stop_asked
         self.on_pass = on_pass
+        robust = replace(iteration_settings(block.definition), start_down_weight=2)
         block = _without_weights(block)
         self.iterations = iteration_settings(block.definition)
         problem = pose_problem(block)
         self.units = _units(problem.observations)
         self.left_out: dict[int, _Finding] = {}
         self.solved = solve_problem(block, problem, starting_state(block), self.iterations, on_pass, stop_asked)
+        if not self._converged and not stop_asked():
+            self.solved = solve_problem(block, problem, starting_state(block), robust, on_pass, stop_asked)
+            self._leave_out_down_weighted()
+
+    @property
+    def _converged(self) -> bool:
+        return self.solved.adjusted.termination is Termination.CONVERGED
+
+    def _leave_out_down_weighted(self) -> None:
+        """Leave out what the Danish method gave less weight: blunders so large that nothing converges with them."""
+        weight = self.solved.adjusted.weight_factors
+        for index in self._in_use():
+            if (weight[list(self.units[index].rows)] < 1.0).any():
+                self.left_out[index] = self._score(index, left_out=True)
+        self._adjust_again()
 
     def leave_out(self) -> None:
-        """Leave out the worst units, round by round, until none fails its test."""
-        while not self.stop_asked() and (found := self._worst()):
+        """Leave out the worst units, round by round, until none fails its test, or nothing converges any more."""
+        while self._converged and not self.stop_asked() and (found := self._worst()):
             self.left_out.update({finding.unit: finding for finding in found})
             self._adjust_again()
 
@@ -155,7 +172,7 @@ class _Search:
         """Take back units that fit the final adjustment after all, the best one first, each of them once."""
         found = dict(self.left_out)
         returned: set[int] = set()
-        while not self.stop_asked():
+        while self._converged and not self.stop_asked():
             scores = {unit: self._score(unit, left_out=True) for unit in self.left_out if unit not in returned}
             fitting = {unit: score for unit, score in scores.items() if score.statistic <= score.limit}
             if not fitting:

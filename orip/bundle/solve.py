@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from orip.adjustment.iteration import Adjusted, IterationSettings, PassRecord, adjust
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
-from orip.adjustment.weights import DanishWeights
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import State
 from orip.errors import NotSolvableError
@@ -45,9 +44,13 @@ class SolvedBlock:
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
     """Return the settings of the iterations; down-weighting that starts at the last iteration is off."""
     off = definition.start_down_weight >= definition.max_iterations
-    start = definition.max_iterations + 1 if off else definition.start_down_weight
-    weights = DanishWeights(definition.max_standard_residual, start)
-    return IterationSettings(definition.enp_stop, definition.max_iterations, weights, definition.max_lost_digits)
+    return IterationSettings(
+        definition.enp_stop,
+        definition.max_iterations,
+        definition.max_standard_residual,
+        None if off else definition.start_down_weight,
+        definition.max_lost_digits,
+    )
 
 
 def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked: Callable[[], bool]) -> SolvedBlock:

@@ -66,13 +66,38 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
             with exit_on_error(invocation.terminal):
                 function(invocation, **given)
 
-        signature = _with_shared_options(inspect.signature(function, eval_str=True))
-        run.__signature__ = signature  # type: ignore[attr-defined]
-        run.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
+        _give_signature(run, inspect.signature(function, eval_str=True))
         app.command(name)(run)
         return run
 
     return register
+
+
+def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register a function ``f(invocation, ...)`` as what a group of commands does when none of them is named."""
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def run(context: typer.Context, **given: Any) -> None:
+            before: Invocation = context.obj
+            options = before.options.then(SharedOptions(*(given.pop(key) for key in SharedOptions._fields)))
+            context.obj = Invocation(before.folder, options, options.terminal())
+            if context.invoked_subcommand is None:
+                with exit_on_error(context.obj.terminal):
+                    function(context.obj, **given)
+
+        _give_signature(run, inspect.signature(function, eval_str=True))
+        group.callback(invoke_without_command=True)(run)
+        return run
+
+    return register
+
+
+def _give_signature(run: Callable[..., None], own: inspect.Signature) -> None:
+    """Let typer see the parameters of the function that `run` stands for, and the shared options."""
+    signature = _with_shared_options(own)
+    run.__signature__ = signature  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
 
 
 def _with_shared_options(own: inspect.Signature) -> inspect.Signature:

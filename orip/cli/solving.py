@@ -14,6 +14,7 @@ from orip.errors import GateError, NotSolvableError, ProjectWarning
 
 if TYPE_CHECKING:
     from orip.model.block import Block
+    from orip.model.preliminary import PreliminaryValues
     from orip.model.solution import IterationPass, Solution
     from orip.workflow.solve import SolveWatcher
     from orip.workflow.solve_checked import CheckedSolve
@@ -27,6 +28,7 @@ def solve_watcher(terminal: Terminal) -> SolveWatcher:
     from orip.workflow.solve import SolveWatcher
 
     return SolveWatcher(
+        oriented=partial(tell_preliminary_values, terminal),
         started=partial(tell_start, terminal),
         passed=partial(tell_pass, terminal),
         stoppable=partial(stopping, terminal),
@@ -59,6 +61,19 @@ def limited_threads(terminal: Terminal) -> Iterator[None]:
 
     with threadpool_limits(limits=terminal.threads):
         yield
+
+
+def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> None:
+    """Say that preliminary values were missing, and what was found of them."""
+    oriented = sum(photo.rotation is not None for photo in values.photos)
+    terminal.say(
+        f"prelim   preliminary values were missing: {oriented} of {len(values.photos)} photos oriented, "
+        f"{len(values.points)} points ('orip prelim' shows how)"
+    )
+    for photo in values.photos:
+        terminal.detail(f"         {photo.name}: {photo.how}")
+    for finding in values.findings:
+        terminal.say(f"note     {finding}", "yellow")
 
 
 def tell_start(terminal: Terminal, block: Block) -> None:

@@ -1,41 +1,24 @@
-"""What ground control gives to preliminary values: coordinates in the frame of the block, and their a-priori errors."""
+"""What ground control gives to preliminary values: positions in the frame of the block, with their a-priori errors."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.block import Block
+from orip.prelim.absolute_orientation import KnownPositions
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class GroundControl:
-    """Control of a block, in its frame.
+def known_points(block: Block) -> KnownPositions:
+    """Return the points of a block that are known at least in part: control points and observed point coordinates.
 
-    Parameters
-    ----------
-    coordinates, errors : arrays (number of points, 3)
-        NaN where a coordinate is not known, or no observation. Errors are a-priori ones, 0 for constants.
-    centres : array (number of photos, 3)
-        Projection centres that are given; NaN where they are not.
+    Returns
+    -------
+    KnownPositions
+        In the frame of the block. Check points and rejected ones are not among them.
     """
-
-    coordinates: FloatArray
-    errors: FloatArray
-    centres: FloatArray
-
-    @property
-    def full(self) -> NDArray[np.bool_]:
-        """Return which points are known in all three coordinates, array (number of points,)."""
-        return np.asarray(np.isfinite(self.coordinates).all(axis=1))
-
-
-def ground_control(block: Block) -> GroundControl:
-    """Return the control of a block: its control points, its observed point coordinates and projection centres."""
     given = np.full((len(block.point_names), 3), np.nan)
     errors = np.full_like(given, np.nan)
     place = block.point_index()
@@ -49,18 +32,24 @@ def ground_control(block: Block) -> GroundControl:
         if element.group == "POINT" and element.error >= 0.0:
             row, axis = place[element.name], "XYZ".index(element.kind)
             given[row, axis], errors[row, axis] = element.value, element.error
-    local = _in_frame(block, given)
-    errors[np.isnan(local)] = np.nan
-    return GroundControl(local, errors, block.photo_orientation[:, :3])
+    rows = np.flatnonzero(np.isfinite(given).any(axis=1))
+    names = tuple(block.point_names[row] for row in rows)
+    return KnownPositions(names, _in_frame(block, given[rows]), errors[rows])
+
+
+def known_centres(block: Block) -> KnownPositions:
+    """Return the projection centres that are given, in the frame of the block, without a-priori errors."""
+    centres = block.photo_orientation[:, :3]
+    rows = np.flatnonzero(np.isfinite(centres).all(axis=1))
+    names = tuple(block.photos[row].name for row in rows)
+    return KnownPositions(names, centres[rows], np.full((len(rows), 3), np.nan))
 
 
 def _in_frame(block: Block, given: FloatArray) -> FloatArray:
     """Return coordinates in the frame; one that is not known counts as the middle of the others, and stays unknown."""
     unknown = np.isnan(given)
-    rows = ~unknown.all(axis=1)
     columns = given.T
     middle = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in columns]
-    local = given.copy()
-    local[rows] = block.ground.to_local(np.where(unknown[rows], middle, given[rows]))
+    local = block.ground.to_local(np.where(unknown, middle, given)).copy()
     local[unknown] = np.nan
     return local

@@ -112,6 +112,11 @@ class Project:
         """Return the path of a bundle's preliminary coordinates."""
         return self.beside_photos(bundle, "PRE")
 
+    def preliminary_listing(self, bundle: str) -> Path:
+        """Return the path of PRELIM_RESULT.OUT: a plain name where the bundle is the project's only one."""
+        prefix = "" if len(self.definition.bundles) == 1 else f"{bundle}_"
+        return self.folder / f"{prefix}PRELIM_RESULT.OUT"
+
     def beside_photos(self, bundle: str, extension: str) -> Path:
         """Return a bundle's file in the folder of the project files."""
         return self.photos.with_name(f"{bundle}.{extension}")

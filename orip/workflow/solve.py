@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orip.bundle.assemble import with_starting_values
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.results import iteration_pass
@@ -19,6 +18,7 @@ from orip.files.stores.transaction import writing
 from orip.model.block import Block
 from orip.model.measurement import PhotoObservations
 from orip.model.names import record_key
+from orip.model.preliminary import PreliminaryValues
 from orip.model.solution import InteriorSummary, IterationPass, Solution
 from orip.workflow.bundle_input import Stored, gathered_block, read_stored
 from orip.workflow.interior import Interior
@@ -26,6 +26,7 @@ from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
 from orip.workflow.project import Project, open_project
 from orip.workflow.records import StoredDefinitions
 from orip.workflow.run_id import run_id
+from orip.workflow.starting_values import started_block
 from orip.workflow.texts import GroundTexts, raise_complaints, read_ground
 
 PLAIN = Method()
@@ -38,6 +39,8 @@ class SolveWatcher:
 
     Parameters
     ----------
+    oriented : callable
+        Told the preliminary values, if some were missing and had to be found.
     started : callable
         Told the block before the first iteration.
     passed : callable
@@ -47,6 +50,7 @@ class SolveWatcher:
         is the last one; the result is kept and marked as stopped.
     """
 
+    oriented: Callable[[PreliminaryValues], None]
     started: Callable[[Block], None]
     passed: Callable[[IterationPass], None]
     stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
@@ -110,7 +114,7 @@ def _adjusted(
 ) -> Solution:
     texts, interior = ground.records, stored.interior
     gathered, gather_warnings = gathered_block(project, stored, texts)
-    block, start_warnings = with_starting_values(gathered, texts.preliminary)
+    block, start_warnings = started_block(gathered, texts.preliminary, watcher.oriented)
     watcher.started(block)
     for_bundle = tuple(forewarnings(block))
     unit = project.definition.ground_unit

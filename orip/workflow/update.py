@@ -218,7 +218,7 @@ def _update_points(project: Project, solution: Solution, names: Sequence[str]) -
     raise_complaints(found.complaints)
     outcome = updated_points(found.records, solution, set(names) if names else None)
     if outcome.changed:
-        _write_points(path, shown, outcome.points, solution.ground_unit)
+        write_points(path, shown, outcome.points, solution.ground_unit)
     known = set(solution.points.names)
     return UpdateOutcome(
         project, solution.bundle, solution.run, "points",
@@ -233,7 +233,7 @@ def _update_points(project: Project, solution: Solution, names: Sequence[str]) -
     )  # fmt: skip
 
 
-def _write_points(path: Path, shown: str, points: Sequence[PreliminaryPoint], ground_unit: str) -> None:
+def write_points(path: Path, shown: str, points: Sequence[PreliminaryPoint], ground_unit: str) -> None:
     """Replace a .PRE file; the comments that it begins with stay."""
     lines = read_lines(path, shown, may_be_absent=True).records
     comments = list(takewhile(lambda line: not line.strip() or line.strip().startswith(COMMENT_MARKS), lines))

@@ -11,9 +11,8 @@ from scipy.sparse import csr_array
 from orip.adjustment.convergence import Termination
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.iteration import Adjusted, IterationSettings, adjust
-from orip.adjustment.weights import DanishWeights
 
-OFF = 10_000
+OFF = None
 """An iteration at which nobody starts to reduce weights."""
 
 
@@ -108,9 +107,9 @@ def linear_problem(design: np.ndarray, observed: np.ndarray, exact: np.ndarray |
 
 
 def settings(
-    *, enp_stop: float = 4.0, max_iterations: int = 50, limit: float = 5.0, start: int = OFF
+    *, enp_stop: float = 4.0, max_iterations: int = 50, limit: float = 5.0, start: int | None = OFF
 ) -> IterationSettings:
-    return IterationSettings(enp_stop, max_iterations, DanishWeights(limit, start), 12.0)
+    return IterationSettings(enp_stop, max_iterations, limit, start, 12.0)
 
 
 def adjusted(problem: CurvedProblem, start: np.ndarray, chosen: IterationSettings) -> Adjusted:

@@ -1,15 +1,15 @@
-"""The Danish weight factors: values of the formula, when they begin, when they are off."""
+"""The Danish weight factors: values of the formula, and those while a state settles."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from orip.adjustment.weights import DanishWeights
+from orip.adjustment.weights import danish_weights, settling_weights
 
 
 def test_values_above_and_below_the_limit():
-    found = DanishWeights(5.0, 2).factors(np.array([0.0, 4.999, 5.0, 5.001, 6.0, 10.0, 20.0]), 2)
+    found = danish_weights(np.array([0.0, 4.999, 5.0, 5.001, 6.0, 10.0, 20.0]), 5.0)
     assert found[:3].tolist() == [1.0, 1.0, 1.0]
     # docs/conventions.md: exp(-u / c)
     assert found[3:] == pytest.approx([0.3678, 0.3012, 0.1353, 0.0183], abs=1e-4)
@@ -17,24 +17,31 @@ def test_values_above_and_below_the_limit():
 
 @pytest.mark.parametrize(("u", "factor"), [(3.1, 0.36), (6.0, 0.135), (10.0, 0.036), (20.0, 0.0013)])
 def test_values_with_limit_3(u, factor):
-    assert DanishWeights(3.0, 2).factors(np.array([u]), 5)[0] == pytest.approx(factor, rel=0.03)
-
-
-@pytest.mark.parametrize(("iteration", "reduced"), [(1, False), (2, False), (3, True), (4, True)])
-def test_nothing_is_down_weighted_before_the_start(iteration, reduced):
-    factor = DanishWeights(5.0, 3).factors(np.array([50.0]), iteration)[0]
-    assert (factor < 1.0) == reduced
+    assert danish_weights(np.array([u]), 3.0)[0] == pytest.approx(factor, rel=0.03)
 
 
 def test_a_gigantic_residual_keeps_a_trace_of_weight():
-    assert DanishWeights(5.0, 2).factors(np.array([1e9]), 2).tolist() == [1e-30]
+    assert danish_weights(np.array([1e9]), 5.0).tolist() == [1e-30]
 
 
-def test_factors_depend_on_the_residual_alone_so_that_observations_come_back():
-    weights = DanishWeights(5.0, 2)
-    assert weights.factors(np.array([12.0]), 3)[0] < 1.0
-    assert weights.factors(np.array([4.0]), 4)[0] == 1.0
+@pytest.mark.parametrize("weights", [danish_weights, settling_weights])
+def test_no_observations(weights):
+    assert weights(np.zeros(0), 5.0).shape == (0,)
 
 
-def test_no_observations():
-    assert DanishWeights(5.0, 2).factors(np.zeros(0), 2).shape == (0,)
+def test_while_settling_the_limit_follows_what_most_residuals_are():
+    far_off = np.full(100, 67.45)
+    far_off[:2] = 499.0, 501.0
+    # the median of 67.45 is a hundred times that of normal residuals, 0.6745: the limit 5 becomes 500
+    found = settling_weights(far_off, 5.0)
+    assert found[0] == 1.0
+    assert found[1] == pytest.approx(np.exp(-501.0 / 500.0), rel=1e-3)
+    assert found[2:].tolist() == [1.0] * 98
+
+
+def test_while_settling_nothing_comes_loose():
+    assert settling_weights(np.array([0.1, 0.2, 0.3, 1e6]), 5.0)[3] == 1e-3
+
+
+def test_small_residuals_do_not_lower_the_limit():
+    assert settling_weights(np.array([1e-6, 1e-6, 1e-6, 4.9]), 5.0).tolist() == [1.0] * 4

@@ -23,7 +23,7 @@ def hear_nothing(_told: object) -> None:
     """Be told of something and ignore it."""
 
 
-NOBODY = SolveWatcher(started=hear_nothing, passed=hear_nothing, stoppable=never_stopped)
+NOBODY = SolveWatcher(oriented=hear_nothing, started=hear_nothing, passed=hear_nothing, stoppable=never_stopped)
 
 
 def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcome, ...]:

@@ -1,0 +1,256 @@
+"""The chain: decides how preliminary values are found, finds them, and says what it did for each photo.
+
+The ways are tried in the order in which they promise most; the first that orients all photos, none of them against its
+points, is taken, else the best of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.geometry.rotation import rotation_from_angles
+from orip.model.block import Block
+from orip.model.preliminary import PhotoStart, PointStart, PreliminaryValues, SimilarityStep
+from orip.prelim.absolute_orientation import absolute_orientation
+from orip.prelim.ground_control import known_centres, known_points
+from orip.prelim.growing import Growth
+from orip.prelim.image_rays import image_rays
+from orip.prelim.joining import Joined
+from orip.prelim.pair_selection import common_point_counts
+from orip.prelim.photo_index import photo_index
+from orip.prelim.placed import Placed
+from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_STARTING_PAIRS = 3
+"""First pairs that are tried one after the other."""
+
+_OUT_OF_PLACE = 5.0
+"""Median residual of a photo, over that of all photos, from which on it is in the wrong place."""
+
+_ROUGH = 20.0
+"""Median residual over the a-priori error from which on another way is tried as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """Where a route led on the ground, or in its own system if it could not be taken there.
+
+    Parameters
+    ----------
+    route : Route
+    placed : Placed
+    on_ground : bool
+    absolute : SimilarityStep or None
+    reason : str
+        Why it is not on the ground.
+    """
+
+    route: Route
+    placed: Placed
+    on_ground: bool
+    absolute: SimilarityStep | None
+    reason: str
+
+
+def preliminary_values(block: Block) -> PreliminaryValues:
+    """Find preliminary orientations of all photos, and coordinates of all points, from nothing but measurements.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered. Orientations in it that are not NaN are used only where control does not suffice.
+
+    Returns
+    -------
+    PreliminaryValues
+        In the frame of the block.
+    """
+    return _Chain(block).values()
+
+
+class _Chain:
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self.rays = image_rays(block)
+        self.index = photo_index(self.rays)
+        self.common = common_point_counts(self.rays)
+        self.control, self.centres = known_points(block), known_centres(block)
+
+    def values(self) -> PreliminaryValues:
+        best: _Outcome | None = None
+        worth: tuple[int, int, float] = (-1, -1, 0.0)
+        for route in self._routes():
+            for outcome in self._outcomes(route):
+                found = self._worth(outcome)
+                if best is None or found > worth:
+                    best, worth = outcome, found
+            if worth[0] == len(self.rays.photos) and worth[2] > -_ROUGH:
+                break
+        return self._told(best)
+
+    def _routes(self) -> Iterator[Route]:
+        free, with_control = self._growth(), self._growth(self._full_control())
+        seeing = photos_with_control(with_control)
+        models = self.block.definition.models
+        if models:
+            yield by_models(free, models)
+        elif seeing.mean() > 0.5:
+            yield by_control(with_control)
+        for choice in range(_STARTING_PAIRS):
+            yield by_pairs(free, choice)
+            if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
+                yield by_control(with_control)
+        given: BoolArray = np.asarray(np.isfinite(self.block.photo_orientation).all(axis=1))
+        if given.any():
+            orientation = np.where(given[:, None], self.block.photo_orientation, np.nan)
+            rotations = np.full((len(given), 3, 3), np.nan)
+            rotations[given] = rotation_from_angles(orientation[given, 3:])
+            yield by_given(free, rotations, orientation[:, :3])
+
+    def _growth(self, held: FloatArray | None = None) -> Growth:
+        nothing = np.full((len(self.rays.points), 3), np.nan)
+        return Growth(self.rays, self.index, self.common, nothing if held is None else held)
+
+    def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
+        """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
+        held = np.full((len(self.rays.points), 3), np.nan)
+        place = self.block.point_index()
+        for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
+            if np.isfinite(xyz).all() and (wanted is None or name in wanted):
+                held[place[name]] = xyz
+        return held
+
+    def _outcomes(self, route: Route) -> Iterator[_Outcome]:
+        if not route.systems:
+            return
+        if route.on_ground:
+            yield _Outcome(route, route.systems[0], True, None, "")
+            return
+        first, *others = route.systems
+        outcome = self._in_ground(route, first)
+        if outcome.on_ground:
+            for other in others:
+                outcome = self._with_system(outcome, other)
+            growth = self._growth(self._fitting_control(outcome.absolute))
+            outcome = replace(outcome, placed=growth.grown(outcome.placed))
+        yield outcome
+
+    def _in_ground(self, route: Route, placed: Placed) -> _Outcome:
+        """Take a system to the ground, and adjust it there with the control that fits."""
+        found = absolute_orientation(placed.sub_block(), self.rays, self.control, self.centres)
+        if not isinstance(found, Joined):
+            return _Outcome(route, placed, False, None, found.reason)
+        similarity = found.similarity
+        moved = replace(
+            placed,
+            rotations=similarity.rotation @ placed.rotations,
+            centres=similarity.apply(placed.centres),
+            coordinates=similarity.apply(placed.coordinates),
+            deviations=similarity.scale * placed.deviations,
+        )
+        return _Outcome(route, moved, True, found.step, "")
+
+    def _fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
+        if absolute is None:
+            return self._full_control()
+        fits = np.all(absolute.weight_factor >= 1.0, axis=1)
+        return self._full_control(frozenset(name for name, good in zip(absolute.points, fits, strict=True) if good))
+
+    def _with_system(self, outcome: _Outcome, other: Placed) -> _Outcome:
+        """Add the photos of another system that has control of its own."""
+        new = other.oriented & ~outcome.placed.oriented
+        if not new.any():
+            return outcome
+        found = self._in_ground(outcome.route, other)
+        if not found.on_ground:
+            return outcome
+        placed = outcome.placed
+        for photo in np.flatnonzero(new):
+            placed = placed.with_photo(
+                int(photo), found.placed.rotations[photo], found.placed.centres[photo], found.placed.how[photo]
+            )
+        return replace(outcome, placed=placed)
+
+    # how good it is
+
+    def _worth(self, outcome: _Outcome) -> tuple[int, int, float]:
+        """Return the photos that are in their place on the ground, those that are oriented at all, and minus misfit."""
+        lengths = self._residual_lengths(outcome.placed)
+        photo = self.rays.photo[np.isfinite(lengths)]
+        lengths = lengths[np.isfinite(lengths)]
+        overall = float(np.median(lengths)) if len(lengths) else np.inf
+        limit = _OUT_OF_PLACE * max(overall, 1.0)
+        in_place = sum(
+            bool((photo == each).any()) and float(np.median(lengths[photo == each])) <= limit
+            for each in np.flatnonzero(outcome.placed.oriented)
+        )
+        return in_place if outcome.on_ground else 0, in_place, -overall
+
+    def _residual_lengths(self, placed: Placed) -> FloatArray:
+        """Return the lengths (n,) of the rays' residuals over their a-priori errors, NaN where nothing is known."""
+        rays = self.rays
+        offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
+        u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
+            length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
+        return np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf))
+
+    # what is told
+
+    def _told(self, best: _Outcome | None) -> PreliminaryValues:
+        if best is None:
+            reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
+            photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
+            return PreliminaryValues((), (), (), None, (), tuple(photos), (), ())
+        placed, route = best.placed, best.route
+        photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
+        known = np.flatnonzero(placed.known if best.on_ground else np.zeros(len(placed.known), dtype=bool))
+        places = zip(placed.coordinates[known].tolist(), placed.deviations[known].tolist(), strict=True)
+        points = [
+            PointStart(self.rays.points[row], (x, y, z), (sx, sy, sz))
+            for row, ((x, y, z), (sx, sy, sz)) in zip(known, places, strict=True)
+        ]
+        return PreliminaryValues(
+            route.relative,
+            route.bridges,
+            route.connections,
+            best.absolute,
+            route.failures,
+            tuple(photos),
+            tuple(points),
+            (),
+        )
+
+    def _photo(self, best: _Outcome, photo: int) -> PhotoStart:
+        name, placed = self.rays.photos[photo], best.placed
+        if not placed.oriented[photo]:
+            return PhotoStart(name, None, None, self._why_not(photo, best))
+        if not best.on_ground:
+            how = f"oriented in the block, but the block is not on the ground: {best.reason}"
+            return PhotoStart(name, None, None, how)
+        return PhotoStart(name, placed.rotations[photo], placed.centres[photo], placed.how[photo])
+
+    def _why_not(self, photo: int, best: _Outcome | None) -> str:
+        """Say what is missing for the orientation of a photo."""
+        shared = self.common[photo].copy()
+        shared[photo] = 0
+        name = self.rays.photos[photo]
+        most = int(shared.max(initial=0))
+        if best is None or not best.placed.oriented.any():
+            return f"photo {name} shares {most} points with its neighbours, 5 are needed"
+        placed = best.placed
+        known = int(placed.known[self.index.points[photo]].sum())
+        shared[~placed.oriented] = 0
+        most = int(shared.max(initial=0))
+        if most < 5 and known < 4:
+            shortage = f"photo {name} shares {most} points with its neighbours, 5 are needed"
+            return f"{shortage}; of its points {known} are known, 4 are needed"
+        return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"

@@ -1,0 +1,173 @@
+"""Growing from photo to photo: resection from the points that are known, intersection of the points that are then seen.
+
+Where a photo sees too few known points for resection, the model that it makes with an oriented photo is joined on: its
+rotation and base come from all points of the two photos, and one known point gives the scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.preliminary import ImageRays, RelativeOrientation, SubBlock
+from orip.prelim.intersection import intersect
+from orip.prelim.joining import Joined, join
+from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.placed import Placed
+from orip.prelim.refinement import refine
+from orip.prelim.relative_orientation import orient_pair
+from orip.prelim.resection import Resected, resect
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+_WELL, _BARELY = 8, 4
+"""Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
+
+_FITTING = 0.6
+"""Least part of the known points that has to fit a resection."""
+
+_FEWEST_FOR_MODEL = 5
+
+_MODELS_TRIED = 6
+"""Models with oriented photos that are tried for one photo."""
+
+_REFINED_AT = 1.5
+"""Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """What a system grows with.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    index : PhotoIndex
+    common : array (photos, photos)
+        Numbers of common points.
+    held : array (number of points, 3)
+        Coordinates of points that do not change; NaN for the others.
+    """
+
+    rays: ImageRays
+    index: PhotoIndex
+    common: IntArray
+    held: FloatArray
+
+    def grown(self, start: Placed) -> Placed:
+        """Return the system with all photos that can be added to it, adjusted as a whole."""
+        placed, refined = start, int(start.oriented.sum())
+        refused: dict[int, int] = {}
+        while (added := self._with_more_photos(placed, refused)) is not None:
+            placed = self.intersected(added)
+            if (count := int(placed.oriented.sum())) >= _REFINED_AT * refined + 1:
+                placed, refined = self.refined(placed), count
+        return self.refined(placed)
+
+    def intersected(self, placed: Placed) -> Placed:
+        """Return the system with all points that its photos determine."""
+        found = intersect(placed.rotations, placed.centres, placed.oriented, self.rays)
+        return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
+
+    def refined(self, placed: Placed) -> Placed:
+        """Return the system after an adjustment of all its photos and points."""
+        held: BoolArray = np.asarray(np.isfinite(self.held).all(axis=1))
+        found = refine(
+            self.rays, placed.rotations, placed.centres, placed.oriented, placed.coordinates, held_points=held
+        )
+        moved = replace(placed, rotations=found.rotations, centres=found.centres)
+        return self.intersected(moved)
+
+    def _with_held(self, placed: Placed) -> Placed:
+        rows = np.isfinite(self.held).all(axis=1)
+        if not rows.any():
+            return placed
+        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+        coordinates[rows], deviations[rows] = self.held[rows], 0.0
+        return replace(placed, coordinates=coordinates, deviations=deviations)
+
+    def _with_more_photos(self, placed: Placed, refused: dict[int, int]) -> Placed | None:
+        """Return the system with the photos that can be added in the safest way there is, None if there is none."""
+        return (
+            self._resected(placed, _WELL, refused)
+            or self._with_model(placed)
+            or self._resected(placed, _BARELY, refused)
+        )
+
+    def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
+        """Return the system with the photos that see at least so many of its points."""
+        known = placed.known
+        counts = np.array([int(known[points].sum()) for points in self.index.points])
+        counts[placed.oriented] = 0
+        result = None
+        for photo in np.flatnonzero(counts >= fewest):
+            # what failed is tried again when it has more to go by
+            if refused.get(int(photo), 0) >= counts[photo]:
+                continue
+            found = self.resection(placed, int(photo))
+            if found is None:
+                refused[int(photo)] = int(counts[photo])
+            else:
+                result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
+        return result
+
+    def resection(self, placed: Placed, photo: int) -> Resected | None:
+        """Return the orientation of a photo from the known points that it sees, if they agree on one."""
+        rows = self.index.rows[photo][placed.known[self.index.points[photo]]]
+        points = self.rays.point[rows]
+        deviation = np.sqrt(np.mean(placed.deviations[points] ** 2, axis=1))
+        error = float(np.median(self.rays.error[rows]))
+        found = resect(self.rays.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
+        if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
+            return None
+        return found if np.mean(found.weight_factor >= 1.0) >= _FITTING else None
+
+    def _with_model(self, placed: Placed) -> Placed | None:
+        """Return the system with the photo that shares most points with an oriented one, joined on by their model."""
+        for oriented, photo in self._models_to_try(placed):
+            model = orient_pair(
+                self.rays, oriented, photo, model=self.rays.photos[oriented], row=None, column=None, index=self.index
+            )
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
+                continue
+            joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
+            if isinstance(joined, Joined):
+                place = int(np.flatnonzero(joined.block.photos == photo)[0])
+                how = (
+                    f"model with photo {model.left} ({len(model.points)} points), joined on by "
+                    f"{len(joined.step.points)} known points"
+                )
+                return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+        return None
+
+    def _models_to_try(self, placed: Placed) -> Iterator[tuple[int, int]]:
+        """Yield pairs of an oriented photo and one that is not, those with most common points first."""
+        oriented = placed.oriented
+        counts = np.where(oriented[:, None] & ~oriented, self.common, 0)
+        tried = np.zeros(len(oriented), dtype=int)
+        for flat in np.argsort(-counts, axis=None, kind="stable"):
+            first, photo = divmod(int(flat), counts.shape[1])
+            if counts[first, photo] < _FEWEST_FOR_MODEL:
+                return
+            if tried[photo] < _MODELS_TRIED:
+                tried[photo] += 1
+                yield first, photo
+
+
+def _part(placed: Placed, photo: int, points: IntArray) -> SubBlock:
+    """Return one photo of a system, with those of its points that are known."""
+    known = points[placed.known[points]]
+    return SubBlock(
+        placed.name,
+        np.array([photo]),
+        placed.rotations[[photo]],
+        placed.centres[[photo]],
+        known,
+        placed.coordinates[known],
+        np.nan_to_num(placed.deviations[known]),
+    )

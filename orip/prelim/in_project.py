@@ -1,0 +1,62 @@
+"""Preliminary values in the project's coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.geometry.rotation import angles_from_rotation
+from orip.model.control import PreliminaryPoint
+from orip.model.ground import GroundSystem
+from orip.model.preliminary import ImageRays, PhotoStart, PointStart, PreliminaryValues, SubBlock
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+
+
+def orientations_in_frame(photos: Sequence[PhotoStart]) -> FloatArray:
+    """Return X0 Y0 Z0 omega phi kappa (number of photos, 6) in the frame of the block, radians; NaN where not found."""
+    found = np.full((len(photos), 6), np.nan)
+    for row, photo in enumerate(photos):
+        if photo.centre is not None and photo.rotation is not None:
+            found[row] = np.r_[photo.centre, angles_from_rotation(photo.rotation)]
+    return found
+
+
+def orientations_in_project(photos: Sequence[PhotoStart], ground: GroundSystem) -> FloatArray:
+    """Return X0 Y0 Z0 omega phi kappa (number of photos, 6) as in the files, degrees; NaN where not found."""
+    result = np.full((len(photos), 6), np.nan)
+    rows = [row for row, photo in enumerate(photos) if photo.rotation is not None]
+    if rows:
+        local = np.array([photos[row].centre for row in rows])
+        centres = ground.to_project(local)
+        rotations = ground.axes_at(centres) @ np.array([photos[row].rotation for row in rows])
+        result[rows] = np.hstack([centres, angles_from_rotation(rotations) * DEGREES_PER_RADIAN])
+    return result
+
+
+def points_in_project(points: Sequence[PointStart], ground: GroundSystem) -> list[PreliminaryPoint]:
+    """Return points as a .PRE file has them; deviations are those along the axes of the frame."""
+    xyz = ground.to_project(np.array([point.coordinates for point in points], dtype=np.float64).reshape(-1, 3))
+    return [
+        PreliminaryPoint(point.name, (float(x), float(y), float(z)), point.deviations)
+        for point, (x, y, z) in zip(points, xyz, strict=True)
+    ]
+
+
+def block_in_frame(values: PreliminaryValues, rays: ImageRays) -> SubBlock:
+    """Return the oriented photos and placed points as one sub-block, in the frame of the block."""
+    photos = [row for row, photo in enumerate(values.photos) if photo.rotation is not None]
+    place = {name: row for row, name in enumerate(rays.points)}
+    empty = np.empty((0, 3))
+    return SubBlock(
+        "",
+        np.array(photos, dtype=np.int64),
+        np.array([values.photos[row].rotation for row in photos]).reshape(-1, 3, 3),
+        np.array([values.photos[row].centre for row in photos]).reshape(-1, 3),
+        np.array([place[point.name] for point in values.points], dtype=np.int64),
+        np.array([point.coordinates for point in values.points]) if values.points else empty,
+        np.array([point.deviations or (np.nan,) * 3 for point in values.points]) if values.points else empty,
+    )

@@ -1,0 +1,323 @@
+"""Joining two sub-blocks: the similarity that takes one to the system of the other, from what both contain.
+
+Both contain points, and often a photo. A common photo gives the rotation at once, and its projection centre is a point
+that no one can have numbered wrongly and that lies far off the ground points, which may all be near one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.geometry.rotation import angles_from_rotation
+from orip.geometry.similarity import Similarity, several
+from orip.model.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.prelim.similarity_adjustment import (
+    ALL_UNKNOWNS,
+    NO_ROTATION,
+    CommonPoints,
+    SimilarityAdjustment,
+    adjusted,
+    best_start,
+    start_from_triples,
+)
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+Step = Literal["bridge", "connect", "absolute"]
+
+_AGREEMENT = 0.05
+"""Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
+however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
+
+_STEADY = 0.3
+"""Of the median: the spread of two determinations may be nothing by chance, and is then no measure of precision."""
+
+
+class Names(Protocol):
+    """What indices of photos and points count in, such as `ImageRays`."""
+
+    @property
+    def photos(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def points(self) -> tuple[str, ...]: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """A sub-block in the system of another one, or on the ground.
+
+    Parameters
+    ----------
+    similarity : Similarity
+        That took it there.
+    block : SubBlock
+        In the target system. Points that do not fit have their residuals as deviations.
+    step : SimilarityStep
+        For the listing.
+    """
+
+    similarity: Similarity
+    block: SubBlock
+    step: SimilarityStep
+
+
+def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined | NotOriented:
+    """Take a sub-block to the system of another one, by their common points and photos.
+
+    Parameters
+    ----------
+    source, target : SubBlock
+        The one that is moved, and the one that stays.
+    names : Names
+        For the points and photos of remarks.
+    step : {"bridge", "connect"}
+        What the listing calls it.
+
+    Returns
+    -------
+    Joined or NotOriented
+        Without a common photo three points off one line are needed; with one, a single point. With fewer than four
+        common places (points and projection centres) the rotation is that of the common photo.
+    """
+    return _Joint(source, target, names, step).joined()
+
+
+class _Joint:
+    """What two sub-blocks have in common: points first, then the projection centres of photos."""
+
+    def __init__(self, source: SubBlock, target: SubBlock, names: Names, step: Step) -> None:
+        self.source, self.target, self.names, self.step = source, target, names, step
+        _, at_source, at_target = np.intersect1d(source.points, target.points, return_indices=True)
+        self.points = [names.points[k] for k in source.points[at_source]]
+        self.at_source = at_source
+        _, self.photo_source, self.photo_target = np.intersect1d(source.photos, target.photos, return_indices=True)
+        self.photos = [names.photos[k] for k in source.photos[self.photo_source]]
+        centres = len(self.photos)
+        self.common = CommonPoints(
+            np.vstack([source.coordinates[at_source], source.centres[self.photo_source]]),
+            np.vstack([target.coordinates[at_target], target.centres[self.photo_target]]),
+            _with_centres(steady_deviations(source)[at_source], centres),
+            _with_centres(steady_deviations(target)[at_target], centres),
+            np.arange(len(self.points) + centres) >= len(self.points),
+        )
+
+    def joined(self) -> Joined | NotOriented:
+        missing = self._missing()
+        if missing:
+            return self._failed(missing)
+        remarks: list[str] = []
+        try:
+            found = self._by_photos(remarks) if self.photos else adjusted(self.common, start_from_triples(self.common))
+            reason = self._disagreement(found)
+            if reason and self.photos and len(self.points) >= 3:
+                remarks.append("the rotations of the common photo do not agree; joined by the points")
+                found = adjusted(self.common, start_from_triples(self.common))
+                reason = self._disagreement(found)
+        except ValueError as error:
+            return self._failed(f"{error}; {self._shared()}")
+        if reason:
+            return self._failed(reason)
+        remarks += misfits(self.points, found, "at photo scale")
+        return self._result(found, remarks)
+
+    def _missing(self) -> str:
+        points, photos = len(self.points), len(self.photos)
+        if photos and points + photos < 2:
+            return f"photo {self.photos[0]} is common, but no point: there is no scale; measure common points"
+        if not photos and points < 3:
+            return f"{_counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
+        return ""
+
+    def _shared(self) -> str:
+        photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
+        return f"common are {_counted(len(self.points), 'point')}{photos}"
+
+    def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
+        """Adjust from the rotations and centres of the common photos."""
+        starts = several([self._start(k) for k in range(len(self.photos))])
+        start = best_start(self.common, starts)
+        if len(self.common.source) >= 4:
+            try:
+                return adjusted(self.common, start, ALL_UNKNOWNS)
+            except ValueError:
+                remarks.append("the common points and the projection centre lie on one line")
+        remarks.append(
+            f"with {_counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
+        )
+        return adjusted(self.common, start, NO_ROTATION)
+
+    def _start(self, photo: int) -> Similarity:
+        """Return the similarity that one common photo gives: only its scale comes from the points."""
+        at_source, at_target = self.photo_source[photo], self.photo_target[photo]
+        rotation = self.target.rotations[at_target] @ self.source.rotations[at_source].T
+        own, other = self.source.centres[at_source], self.target.centres[at_target]
+        lengths = np.linalg.norm(self.common.source - own, axis=1)
+        images = np.linalg.norm(self.common.target - other, axis=1)
+        far = lengths > 1e-9 * lengths.max()
+        scale = float(np.median(images[far] / lengths[far])) if far.any() else 1.0
+        return Similarity(scale, rotation, other - scale * (rotation @ own))
+
+    def _disagreement(self, found: SimilarityAdjustment) -> str:
+        """Return why the common points cannot be those of the same object, or nothing."""
+        extent = self.common.extent
+        typical = float(np.median(found.lengths[: len(self.points)])) if self.points else 0.0
+        if typical > _AGREEMENT * extent:
+            return (
+                f"the common points do not agree: their residuals are {typical:.2g} with an extent of {extent:.2g} "
+                f"(at photo scale); {self._shared()}: are points of one model numbered wrongly?"
+            )
+        fits = int(np.count_nonzero(found.fits[: len(self.points)]))
+        if 2 * fits < len(self.points) and typical > 0.1 * _AGREEMENT * extent:
+            return (
+                f"only {fits} of {len(self.points)} common points agree: are points of one model numbered wrongly? "
+                f"The residuals are {typical:.2g} with an extent of {extent:.2g} (at photo scale)"
+            )
+        return ""
+
+    def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> Joined:
+        count = len(self.points)
+        own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
+        moved = transformed(self.source, found.similarity)
+        deviations = moved.deviations.copy()
+        off = ~own.fits
+        deviations[self.at_source[off]] = np.maximum(deviations[self.at_source[off]], np.abs(own.residuals[off]))
+        step = similarity_step(
+            own, self.step, (self.source.name, self.target.name), self.points, self.common.target[:count]
+        )
+        return Joined(
+            found.similarity,
+            replace(moved, deviations=deviations),
+            replace(step, common_photo=self.photos[0] if self.photos else "", remarks=tuple(remarks)),
+        )
+
+    def _failed(self, reason: str) -> NotOriented:
+        return NotOriented(self.source.name, self.target.name, reason)
+
+
+def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
+    """Return deviations of points and, below them, of projection centres, which weigh like the points' middle one."""
+    middle = np.median(deviations) if deviations.size else 0.0
+    return np.vstack([deviations, np.full((centres, 3), middle)])
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def steady_deviations(block: SubBlock) -> FloatArray:
+    """Return the deviations of a sub-block as weights need them: none far below the median of its axis.
+
+    One that is not known is taken for the median, and all for 0 where none is known.
+    """
+    known = np.isfinite(block.deviations)
+    middle = np.array(
+        [
+            float(np.median(column[has])) if has.any() else 0.0
+            for column, has in zip(block.deviations.T, known.T, strict=True)
+        ]
+    )
+    return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
+
+
+def misfits(points: Sequence[str], found: SimilarityAdjustment, unit: str) -> list[str]:
+    """Return a sentence for each point that does not fit."""
+    usual = found.lengths[: len(points)][found.fits[: len(points)]]
+    others = f" (the others: {float(np.sqrt(np.mean(usual**2))):.2g})" if len(usual) else ""
+    lengths = found.lengths
+    return [
+        f"point {points[k]} does not fit: it is {lengths[k]:.2g} {unit} off{others}"
+        for k in np.argsort(-lengths[: len(points)])
+        if not found.fits[k]
+    ]
+
+
+def similarity_step(
+    found: SimilarityAdjustment, step: Step, systems: tuple[str, str], points: Sequence[str], coordinates: FloatArray
+) -> SimilarityStep:
+    """Return what a listing says of an adjustment whose points are all named."""
+    return SimilarityStep(
+        step=step,
+        source=systems[0],
+        target=systems[1],
+        common_photo="",
+        points=tuple(points),
+        coordinates=coordinates,
+        residuals=found.residuals,
+        weight_factor=found.weight_factor,
+        scale=found.similarity.scale,
+        scale_deviation=found.scale_deviation,
+        shift=found.similarity.shift,
+        shift_deviation=found.shift_deviation,
+        angles=angles_from_rotation(found.similarity.rotation),
+        angle_deviation=found.angle_deviation,
+        iterations=found.iterations,
+        s0=found.s0,
+        max_residual=found.max_residual,
+    )
+
+
+def transformed(block: SubBlock, similarity: Similarity) -> SubBlock:
+    """Return a sub-block in the target system of a similarity; deviations are propagated from axis to axis."""
+    variances = similarity.scale**2 * (block.deviations**2 @ (similarity.rotation**2).T)
+    return replace(
+        block,
+        rotations=similarity.rotation @ block.rotations,
+        centres=similarity.apply(block.centres),
+        coordinates=similarity.apply(block.coordinates),
+        deviations=np.sqrt(variances),
+    )
+
+
+def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
+    """Return several sub-blocks of one system as one.
+
+    A point that occurs more than once has the weighted mean of its determinations, and their root mean square spread
+    as its deviation. A photo that occurs more than once is as in the first.
+
+    Parameters
+    ----------
+    blocks : sequence of SubBlock
+        One at least; the first gives the name.
+
+    Returns
+    -------
+    SubBlock
+        Photos and points in ascending order.
+    """
+    photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
+    points, place = np.unique(np.concatenate([each.points for each in blocks]), return_inverse=True)
+    coordinates = np.vstack([each.coordinates for each in blocks])
+    deviations = np.vstack([each.deviations for each in blocks])
+    weights = 1.0 / np.maximum(np.vstack([steady_deviations(each) for each in blocks]), _tiny(coordinates)) ** 2
+    count = np.bincount(place)
+    mean = _sums(place, weights * coordinates) / _sums(place, weights)
+    spread = np.sqrt(_sums(place, (coordinates - mean[place]) ** 2) / np.maximum(count - 1, 1)[:, None])
+    once = count == 1
+    spread[once] = _sums(place, deviations)[once]
+    mean[once] = _sums(place, coordinates)[once]
+    return SubBlock(
+        blocks[0].name,
+        photos,
+        np.vstack([each.rotations for each in blocks])[first],
+        np.vstack([each.centres for each in blocks])[first],
+        points,
+        mean,
+        spread,
+    )
+
+
+def _tiny(coordinates: FloatArray) -> float:
+    """Return a deviation that is nothing beside the coordinates, where none is given."""
+    return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))
+
+
+def _sums(place: IntArray, values: FloatArray) -> FloatArray:
+    result = np.zeros((int(place.max(initial=-1)) + 1, 3))
+    np.add.at(result, place, values)
+    return result

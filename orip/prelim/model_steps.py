@@ -1,0 +1,53 @@
+"""The steps by models: relative orientation of each, bridging along the rows, connection of the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+from orip.model.names import record_key
+from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.model.project import StereoModel
+from orip.prelim.bridging import JoinedSystems, bridge_row
+from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.relative_orientation import orient_pair
+from orip.prelim.strip_connection import connect_strips
+
+
+def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:
+    """Return models by row and column: the order of 'next model'."""
+    return sorted(models, key=lambda model: (model.row, model.column))
+
+
+def orient_model(rays: ImageRays, model: StereoModel, index: PhotoIndex) -> RelativeOrientation | NotOriented:
+    """Orient one model relatively; a photo that has no photo points is the reason why not."""
+    places = {record_key(name): place for place, name in enumerate(rays.photos)}
+    missing = [name for name in (model.left, model.right) if record_key(name) not in places]
+    if missing:
+        return NotOriented(model.name, "", f"photo {' and photo '.join(missing)} has no photo points")
+    left, right = places[record_key(model.left)], places[record_key(model.right)]
+    return orient_pair(rays, left, right, model=model.name, row=model.row, column=model.column, index=index)
+
+
+def orient_models(
+    rays: ImageRays, models: Sequence[StereoModel], index: PhotoIndex
+) -> tuple[list[RelativeOrientation], list[NotOriented]]:
+    """Orient all models relatively, in driving order."""
+    found = [orient_model(rays, model, index) for model in in_driving_order(models)]
+    oriented = [each for each in found if isinstance(each, RelativeOrientation)]
+    return oriented, [each for each in found if isinstance(each, NotOriented)]
+
+
+def bridge_rows(relative: Sequence[RelativeOrientation], rays: ImageRays) -> JoinedSystems:
+    """Bridge oriented models, given in driving order, to strips."""
+    rows = [bridge_row([each.block for each in row], rays) for _, row in groupby(relative, lambda each: each.row)]
+    return JoinedSystems(
+        tuple(system for row in rows for system in row.systems),
+        tuple(step for row in rows for step in row.steps),
+        tuple(failure for row in rows for failure in row.failures),
+    )
+
+
+def connect_rows(bridged: JoinedSystems, rays: ImageRays) -> JoinedSystems:
+    """Connect strips, in the order of their rows, to a block."""
+    return connect_strips(bridged.systems, rays)

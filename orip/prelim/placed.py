@@ -1,0 +1,103 @@
+"""Photos and points that have their place in one system, while it grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.preliminary import ImageRays, SubBlock
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """All photos and points of a block as far as they are placed in one system.
+
+    Parameters
+    ----------
+    name : str
+        Of the system's first model.
+    rotations : array (number of photos, 3, 3)
+        Photo to system; NaN where not placed.
+    centres : array (number of photos, 3)
+    coordinates, deviations : arrays (number of points, 3)
+        NaN where not placed.
+    how : tuple of str, one a photo
+        How it was oriented, as a sentence; "" where it was not.
+    """
+
+    name: str
+    rotations: FloatArray
+    centres: FloatArray
+    coordinates: FloatArray
+    deviations: FloatArray
+    how: tuple[str, ...]
+
+    @property
+    def oriented(self) -> BoolArray:
+        """Return which photos are placed, array (number of photos,)."""
+        return np.asarray(np.isfinite(self.centres).all(axis=1))
+
+    @property
+    def known(self) -> BoolArray:
+        """Return which points are placed, array (number of points,)."""
+        return np.asarray(np.isfinite(self.coordinates).all(axis=1))
+
+    def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> Placed:
+        """Return the system with one more photo."""
+        rotations, centres, sentences = self.rotations.copy(), self.centres.copy(), list(self.how)
+        rotations[photo], centres[photo], sentences[photo] = rotation, centre, how
+        return replace(self, rotations=rotations, centres=centres, how=tuple(sentences))
+
+    def without_photos(self, photos: BoolArray) -> Placed:
+        """Return the system without some of its photos."""
+        rotations, centres = self.rotations.copy(), self.centres.copy()
+        rotations[photos], centres[photos] = np.nan, np.nan
+        how = tuple("" if out else sentence for out, sentence in zip(photos, self.how, strict=True))
+        return replace(self, rotations=rotations, centres=centres, how=how)
+
+    def sub_block(self) -> SubBlock:
+        """Return what is placed."""
+        photos, points = np.flatnonzero(self.oriented), np.flatnonzero(self.known)
+        return SubBlock(
+            self.name,
+            photos,
+            self.rotations[photos],
+            self.centres[photos],
+            points,
+            self.coordinates[points],
+            np.nan_to_num(self.deviations[points]),
+        )
+
+
+def nothing_placed(rays: ImageRays, name: str = "") -> Placed:
+    """Return a system without photos and points."""
+    photos, points = len(rays.photos), len(rays.points)
+    return Placed(
+        name,
+        np.full((photos, 3, 3), np.nan),
+        np.full((photos, 3), np.nan),
+        np.full((points, 3), np.nan),
+        np.full((points, 3), np.nan),
+        ("",) * photos,
+    )
+
+
+def placed_block(rays: ImageRays, block: SubBlock, how: str) -> Placed:
+    """Return a system with the photos, all oriented in one way, and the points of a sub-block."""
+    empty = nothing_placed(rays, block.name)
+    sentences = list(empty.how)
+    for photo in block.photos:
+        sentences[photo] = how
+    for target, values, rows in (
+        (empty.rotations, block.rotations, block.photos),
+        (empty.centres, block.centres, block.photos),
+        (empty.coordinates, block.coordinates, block.points),
+        (empty.deviations, block.deviations, block.points),
+    ):
+        target[rows] = values
+    return replace(empty, how=tuple(sentences))

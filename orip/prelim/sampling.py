@@ -1,0 +1,46 @@
+"""Subsets of observations that an orientation without initial values is tried from."""
+
+from __future__ import annotations
+
+import math
+from itertools import chain, combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+IntArray = NDArray[np.int64]
+
+
+def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
+    """Return subsets of `count` things: all of them if there are at most `limit`, else `limit` random ones.
+
+    Random subsets come in random order, each with different members, and may repeat. Equal arguments give equal
+    subsets.
+
+    Parameters
+    ----------
+    count, size : int
+        `size` of the indices 0 to `count` - 1; none if `count` is less.
+    limit : int
+    seed : int
+
+    Returns
+    -------
+    array (s, size)
+    """
+    total = math.comb(count, size)
+    if total <= limit:
+        members = np.fromiter(chain.from_iterable(combinations(range(count), size)), dtype=np.int64, count=total * size)
+        return members.reshape(total, size)
+    return _random_subsets(count, size, limit, np.random.default_rng(seed))
+
+
+def _random_subsets(count: int, size: int, number: int, generator: np.random.Generator) -> IntArray:
+    """Draw the k-th member from the count - k things left: its rank among them, moved past those drawn before."""
+    result = np.empty((number, size), dtype=np.int64)
+    for k in range(size):
+        drawn = generator.integers(count - k, size=number)
+        for before in np.sort(result[:, :k], axis=1).T:
+            drawn += drawn >= before
+        result[:, k] = drawn
+    return result

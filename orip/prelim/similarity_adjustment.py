@@ -1,0 +1,331 @@
+"""Adjustment of a spatial similarity: a start that wrong points do not spoil, then least squares with Danish weights.
+
+How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
+Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; what lies
+beyond three times of it is weighted down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.weights import danish_weights
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, fit_similarities, similarity_with_partials
+from orip.prelim.sampling import subsets
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+ALL_UNKNOWNS = np.arange(UNKNOWNS)
+NO_ROTATION = np.arange(4)
+"""Scale and shift: the rotation is held."""
+
+_TRIPLES = 500
+"""All triples up to 15 points. With half of the points wrong one triple of eight is good; 500 miss it never."""
+
+_MEDIAN_OF_CHI2 = 2.37
+"""Median of the square sum of three standard normal residuals."""
+
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the size of one standard normal residual."""
+
+_LIMIT = 3.0
+"""Standard residuals up to it keep their weight."""
+
+_FLOOR = 1e-3
+"""Of the median: no coordinate is taken for so much better than the others that it alone decides."""
+
+_SINGULAR = 1e-9
+"""Smallest eigenvalue of the normal equations with unit diagonal: points a 30000th of their extent off one line."""
+
+_STEPS, _FREE_STEPS = 40, 20
+"""Weights that still jump from one state to another after the second are kept as they are."""
+
+_LARGEST_TURN = 0.5
+"""Radians; a longer step leaves what the linear equations are good for."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommonPoints:
+    """n points in two systems.
+
+    Parameters
+    ----------
+    source, target : arrays (n, 3)
+        NaN in `target` where a coordinate is not known.
+    source_deviation, target_deviation : arrays (n, 3)
+        Standard deviations, each in its own system.
+    trusted : array (n,) of bool
+        Never weighted down: a projection centre, which cannot be taken for another one.
+    """
+
+    source: FloatArray
+    target: FloatArray
+    source_deviation: FloatArray
+    target_deviation: FloatArray
+    trusted: BoolArray
+
+    @property
+    def known(self) -> BoolArray:
+        """Return which target coordinates are known, array (n, 3)."""
+        return np.isfinite(self.target)
+
+    @property
+    def full(self) -> BoolArray:
+        """Return which points are known in all three coordinates, array (n,)."""
+        return np.asarray(self.known.all(axis=1))
+
+    @property
+    def extent(self) -> float:
+        """Return the root mean square distance of the points from their centroid in the target system."""
+        reduced = self.target - np.nanmean(self.target, axis=0)
+        return float(np.sqrt(np.nanmean(reduced**2, axis=0).sum()))
+
+    def errors(self, at: Similarity) -> FloatArray:
+        """Return the standard deviations (n, 3) of differences in the target system."""
+        moved = (at.scale**2) * (self.source_deviation**2 @ (at.rotation**2).T)
+        errors = np.sqrt(moved + self.target_deviation**2)
+        known = errors[self.known]
+        median = float(np.median(known[known > 0])) if (known > 0).any() else 0.0
+        return np.maximum(errors, _FLOOR * median if median else 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SimilarityAdjustment:
+    """What an adjustment found; parameters as in `orip.model.preliminary.SimilarityStep`.
+
+    Parameters
+    ----------
+    similarity : Similarity
+    scale_deviation : float
+    shift_deviation, angle_deviation : arrays (3,)
+        0 for what was held.
+    residuals : array (n, 3)
+        Transformed minus target; NaN where not known.
+    weight_factor : array (n, 3)
+        1 where not known.
+    iterations : int
+    s0 : float
+        Of the observations of full weight; 0 with no redundancy.
+    """
+
+    similarity: Similarity
+    scale_deviation: float
+    shift_deviation: FloatArray
+    angle_deviation: FloatArray
+    residuals: FloatArray
+    weight_factor: FloatArray
+    iterations: int
+    s0: float
+
+    @property
+    def fits(self) -> BoolArray:
+        """Return which points keep their full weight in all coordinates, array (n,)."""
+        return np.asarray((self.weight_factor == 1.0).all(axis=1))
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Return the lengths (n,) of the residuals, of the coordinates that are known."""
+        return np.asarray(np.sqrt(np.nansum(self.residuals**2, axis=1)))
+
+    @property
+    def max_residual(self) -> float:
+        """Return the largest residual of full weight."""
+        full = np.abs(self.residuals[(self.weight_factor == 1.0) & np.isfinite(self.residuals)])
+        return float(full.max()) if full.size else 0.0
+
+
+def start_from_triples(common: CommonPoints) -> Similarity:
+    """Return the similarity of the three points that most others agree with.
+
+    Parameters
+    ----------
+    common : CommonPoints
+        Three full points at least.
+
+    Returns
+    -------
+    Similarity
+
+    Raises
+    ------
+    ValueError
+        When all triples lie on lines.
+    """
+    full = np.flatnonzero(common.full)
+    triples = full[subsets(len(full), 3, _TRIPLES, 0)]
+    starts = fit_similarities(common.source[triples], common.target[triples])
+    if not len(starts.scale):
+        message = "the common points lie on one line"
+        raise ValueError(message)
+    return best_start(common, starts)
+
+
+def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
+    """Return the start with the least of `truncated_costs`."""
+    return starts.one(int(truncated_costs(common, starts).argmin()))
+
+
+def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
+    """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
+    squares = _squares(common, starts)
+    count = squares.shape[1]
+    # least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm
+    rank = min(count // 2 + 2, count - 1) if count > 3 else count
+    factor = max(1.0, float(np.sort(squares, axis=1)[:, rank - 1].min()) / _MEDIAN_OF_CHI2)
+    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1))
+
+
+def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:
+    """Return d²/s² (s, n) of the points at each start, as of three coordinates."""
+    known = common.known
+    difference = np.where(known, starts.apply(common.source) - common.target, 0.0)
+    source = (common.source_deviation**2).mean(axis=1)
+    target = np.nanmean(np.where(known, common.target_deviation, np.nan) ** 2, axis=1)
+    variance = target + starts.scale[:, None] ** 2 * source
+    floor = _FLOOR**2 * np.median(variance, axis=1, keepdims=True)
+    variance = np.maximum(variance, np.where(floor > 0.0, floor, 1.0))
+    return np.asarray((difference**2).sum(axis=2) / variance * (3.0 / known.sum(axis=1)))
+
+
+def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_UNKNOWNS) -> SimilarityAdjustment:
+    """Adjust a similarity by Gauss-Newton with Danish weights for every coordinate.
+
+    Parameters
+    ----------
+    common : CommonPoints
+    start : Similarity
+    unknowns : array of int
+        `ALL_UNKNOWNS` or `NO_ROTATION`.
+
+    Returns
+    -------
+    SimilarityAdjustment
+
+    Raises
+    ------
+    ValueError
+        When the coordinates are fewer than the unknowns or do not determine them.
+    """
+    if np.count_nonzero(common.known) < len(unknowns):
+        message = f"{np.count_nonzero(common.known)} coordinates, {len(unknowns)} are needed"
+        raise ValueError(message)
+    equations = _Equations(common, start, unknowns)
+    at = equations.start
+    factors, previous = equations.factors(at), None
+    for iteration in range(1, _STEPS + 1):
+        at, step = equations.corrected(at, factors)
+        previous = factors
+        if iteration < _FREE_STEPS:
+            factors = equations.factors(at)
+        if step < 1e-4 and np.abs(factors - previous).max() < 0.01:
+            break
+    return equations.result(at, factors, iteration)
+
+
+class _Equations:
+    """The equations of an adjustment: source points reduced to their centroid, so that the shift is its image."""
+
+    def __init__(self, common: CommonPoints, start: Similarity, unknowns: IntArray) -> None:
+        self.common, self.unknowns = common, unknowns
+        self.centroid = common.source.mean(axis=0)
+        self.reduced = common.source - self.centroid
+        self.known = common.known
+        self.errors = common.errors(start)[self.known]
+        self.trusted = np.repeat(common.trusted[:, None], 3, axis=1)[self.known]
+        self.redundancy = len(self.errors) - len(unknowns)
+        self.start = Similarities(
+            np.array([start.scale]), start.rotation[None], np.asarray(start.apply(self.centroid))[None]
+        )
+
+    def linearised(self, at: Similarities) -> tuple[FloatArray, FloatArray]:
+        """Return standard residuals (k,) and the design matrix (k, u), both divided by the errors."""
+        found = similarity_with_partials(at, self.reduced)
+        residual = (found.value[0] - self.common.target)[self.known] / self.errors
+        design = found.by_unknowns[0][self.known][:, self.unknowns] / self.errors[:, None]
+        return residual, design
+
+    def factors(self, at: Similarities) -> FloatArray:
+        """Return the weight factors (k,) at a state."""
+        residual = np.abs(at.apply(self.reduced)[0] - self.common.target)[self.known] / self.errors
+        if self.redundancy <= 0 or self.trusted.all():
+            return np.ones(len(residual))
+        shrunk = np.sqrt(len(residual) / self.redundancy)
+        scale = float(np.median(residual[~self.trusted])) * shrunk / _MEDIAN_OF_NORMAL
+        limit = _LIMIT if scale <= 1.0 else scale * student_limit(self.redundancy)
+        return np.where(self.trusted, 1.0, danish_weights(residual, limit))
+
+    def corrected(self, at: Similarities, factors: FloatArray) -> tuple[Similarities, float]:
+        """Return the next state, and the length of the step in standard deviations of the unknowns."""
+        residual, design = self.linearised(at)
+        normal, scaling = _scaled_normals(design, factors)
+        right = scaling * (design.T @ (factors * residual))
+        change = -np.linalg.solve(normal, right)
+        step = float(np.sqrt(max(0.0, -float(change @ right)) / len(self.unknowns)))
+        changes = np.zeros((1, UNKNOWNS))
+        changes[0, self.unknowns] = change * scaling
+        turn = float(np.linalg.norm(changes[0, 4:]))
+        return at.moved(changes * min(1.0, _LARGEST_TURN / max(turn, 1e-300))), step
+
+    def result(self, at: Similarities, factors: FloatArray, iterations: int) -> SimilarityAdjustment:
+        residual, design = self.linearised(at)
+        normal, scaling = _scaled_normals(design, factors)
+        cofactor = scaling[:, None] * np.linalg.inv(normal) * scaling
+        redundancy = 1.0 - factors * np.einsum("ij,jk,ik->i", design, cofactor, design)
+        full = factors == 1.0
+        used = float(redundancy[full].sum())
+        # redundancy numbers add up to whole numbers but for rounding
+        s0 = float(np.sqrt((residual[full] ** 2).sum() / used)) if used > 1e-6 else 0.0
+        similarity = Similarity(
+            float(at.scale[0]), at.rotation[0], at.shift[0] - at.scale[0] * (at.rotation[0] @ self.centroid)
+        )
+        covariance = np.zeros((UNKNOWNS, UNKNOWNS))
+        covariance[np.ix_(self.unknowns, self.unknowns)] = cofactor * (s0**2 if used > 1e-6 else 1.0)
+        deviations = _deviations(similarity, self.centroid, covariance)
+        residuals, weights = np.full(self.known.shape, np.nan), np.ones(self.known.shape)
+        residuals[self.known], weights[self.known] = residual * self.errors, factors
+        return SimilarityAdjustment(
+            similarity, float(deviations[0]), deviations[1:4], deviations[4:], residuals, weights, iterations, s0
+        )
+
+
+def _scaled_normals(design: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations with unit diagonal, and the scaling of the unknowns that made it."""
+    normal = design.T @ (factors[:, None] * design)
+    diagonal = np.diag(normal)
+    if not (diagonal > 0.0).all():
+        message = "the points do not determine the transformation"
+        raise ValueError(message)
+    scaling = 1.0 / np.sqrt(diagonal)
+    normal = scaling[:, None] * normal * scaling
+    if np.linalg.eigvalsh(normal)[0] < _SINGULAR:
+        message = "the points do not determine the transformation"
+        raise ValueError(message)
+    return normal, scaling
+
+
+def _deviations(similarity: Similarity, centroid: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the deviations of scale, shift and angles from the covariance of the unknowns at the centroid."""
+    unit = Similarities(np.array([similarity.scale]), similarity.rotation[None], np.zeros((1, 3)))
+    lever = similarity_with_partials(unit, centroid[None]).by_unknowns[0, 0]
+    change = np.eye(UNKNOWNS)
+    change[0, 0] = similarity.scale
+    # T = (image of the centroid) - m R centroid
+    change[1:4, 0], change[1:4, 4:] = -lever[:, 0], -lever[:, 4:]
+    change[4:, 4:] = angle_rates_from_axes_rotation(angles_from_rotation(similarity.rotation))
+    return np.asarray(np.sqrt(np.maximum(np.diag(change @ covariance @ change.T), 0.0)))
+
+
+def student_limit(redundancy: float) -> float:
+    """Return what a residual exceeds as rarely as a normal one exceeds 3, when s0 comes from few redundancies.
+
+    Expansion of Student's distribution (Abramowitz and Stegun 1964, 26.7.5).
+    """
+    z = _LIMIT
+    first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
+    return z + first / redundancy + second / redundancy**2

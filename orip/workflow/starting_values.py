@@ -1,0 +1,61 @@
+"""Where an adjustment starts: at given values, and where some are missing, at those that the chain finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.bundle.assemble import with_starting_values
+from orip.errors import NotSolvableError, ProjectWarning
+from orip.model.block import Block
+from orip.model.control import PreliminaryPoint
+from orip.model.preliminary import PreliminaryValues
+from orip.prelim.chain import preliminary_values
+from orip.prelim.in_project import orientations_in_frame, points_in_project
+
+
+def started_block(
+    block: Block, preliminary: Sequence[PreliminaryPoint], found: Callable[[PreliminaryValues], None]
+) -> tuple[Block, list[ProjectWarning]]:
+    """Return a gathered block as its adjustment starts.
+
+    Parameters
+    ----------
+    block : Block
+    preliminary : sequence of PreliminaryPoint
+    found : callable
+        Told what the chain found, if it had to be asked.
+
+    Raises
+    ------
+    NotSolvableError
+        With the reason for each photo that could not be oriented.
+    """
+    if np.isfinite(block.photo_orientation).all():
+        return with_starting_values(block, preliminary)
+    values = preliminary_values(block)
+    found(values)
+    if complaint := not_oriented(values):
+        raise NotSolvableError(complaint)
+    orientation = np.where(
+        np.isnan(block.photo_orientation), orientations_in_frame(values.photos), block.photo_orientation
+    )
+    placed = {point.name for point in preliminary}
+    placed |= {point.name for point in block.control_points if None not in point.coordinates}
+    points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
+    return with_starting_values(replace(block, photo_orientation=orientation), [*preliminary, *points])
+
+
+def not_oriented(values: PreliminaryValues) -> str:
+    """Return why photos could not be oriented, a line each after what is wrong with the block; "" if all could."""
+    reasons = [photo.how for photo in values.photos if photo.rotation is None]
+    if not reasons:
+        return ""
+    title = f"{len(reasons)} of {len(values.photos)} photos could not be oriented"
+    advice = (
+        "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows "
+        "each step"
+    )
+    return "\n".join([f"{title}; {advice}", *values.findings, *dict.fromkeys(reasons)])
