@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-_FLOOR = 1e-30
-"""A removed observation never makes an exact zero on the diagonal."""
+_FLOOR = 1e-10
+"""Least weight: next to nothing, and yet what hangs on down-weighted observations alone remains determined."""
 
 _SETTLING_FLOOR = 1e-3
 """What seems to be a blunder at first may be a whole photo that is not in its place yet: it must not come loose."""

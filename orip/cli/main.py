@@ -11,10 +11,17 @@ import typer
 
 from orip import __version__
 from orip.cli import (
+    cmd_camera_plot,
     cmd_check,
     cmd_compare,
+    cmd_control,
+    cmd_drive,
+    cmd_export_toml,
     cmd_init,
     cmd_measure,
+    cmd_observations,
+    cmd_prelim,
+    cmd_records,
     cmd_results,
     cmd_run,
     cmd_solve,
@@ -37,14 +44,21 @@ app = typer.Typer(
 for module in (
     cmd_init,
     cmd_measure,
+    cmd_prelim,
     cmd_solve,
     cmd_run,
     cmd_status,
     cmd_results,
+    cmd_drive,
+    cmd_observations,
     cmd_update,
     cmd_check,
     cmd_compare,
     cmd_stores,
+    cmd_records,
+    cmd_camera_plot,
+    cmd_control,
+    cmd_export_toml,
 ):
     module.register(app)
 

@@ -60,10 +60,9 @@ class _RecordList(Generic[Record]):
 
 
 def _read(
-    path: Path, shown: str, read_record: Callable[[FieldReader, _RecordList[Record]], None]
+    text: Parsed[list[str]], shown: str, read_record: Callable[[FieldReader, _RecordList[Record]], None]
 ) -> Parsed[tuple[Record, ...]]:
-    """Read a control file line by line; one that is absent has no records."""
-    text = read_lines(path, shown, may_be_absent=True)
+    """Read the text of a control file line by line."""
     found: _RecordList[Record] = _RecordList(shown)
     for line in field_lines(text.records):
         read_record(FieldReader(line, shown), found)
@@ -76,7 +75,12 @@ def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
     A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point. A file that is
     absent has no records.
     """
-    parsed = _read(path, shown, _read_point)
+    return parse_points(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
+    """Do what `read_points` does with a text that is at hand."""
+    parsed = _read(text, shown, _read_point)
     lines = {point.name: point.line for point in parsed.records}
     warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
     return Parsed(parsed.records, parsed.complaints, warnings)
@@ -132,7 +136,12 @@ def read_elements(path: Path, shown: str) -> Parsed[tuple[ControlElement, ...]]:
 
     A file that is absent has no records.
     """
-    return _read(path, shown, _read_element)
+    return parse_elements(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_elements(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlElement, ...]]:
+    """Do what `read_elements` does with a text that is at hand."""
+    return _read(text, shown, _read_element)
 
 
 def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> None:
@@ -156,7 +165,12 @@ def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]
 
     A file that is absent has no records.
     """
-    return _read(path, shown, _read_distance)
+    return parse_distances(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_distances(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDistance, ...]]:
+    """Do what `read_distances` does with a text that is at hand."""
+    return _read(text, shown, _read_distance)
 
 
 def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> None:
@@ -190,7 +204,12 @@ def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ..
     All directions of a set are of one station, because a set has one zero direction. A file that is absent has no
     records.
     """
-    parsed = _read(path, shown, _read_direction)
+    return parse_directions(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
+    """Do what `read_directions` does with a text that is at hand."""
+    parsed = _read(text, shown, _read_direction)
     return Parsed(parsed.records, (*parsed.complaints, *_moved_sets(parsed.records, shown)))
 
 
@@ -217,6 +236,12 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
         reader.complain(
             f"set '{reader.shown_text(0)}' points from '{reader.shown_text(1)}' to itself; name two points", 2
         )
+    for index, error in ((4, direction_error), (6, zenith_error)):
+        if error == 0.0:
+            reader.complain(
+                "an a-priori error of 0 is not possible for a direction; write one above 0, or below to disregard",
+                index,
+            )
     record = ControlDirection(name, station, target, direction, direction_error, zenith, zenith_error, reader.number)
     title = f"the direction of set '{reader.shown_text(0)}' to '{reader.shown_text(2)}'"
     found.add((name, station, target), title, record, reader)

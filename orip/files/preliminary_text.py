@@ -19,7 +19,11 @@ def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, .
 
     A file that is absent has no records: nothing was computed yet.
     """
-    text = read_lines(path, shown, may_be_absent=True)
+    return parse_preliminary(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
+    """Do what `read_preliminary` does with a text that is at hand."""
     points: list[PreliminaryPoint] = []
     complaints: list[Complaint] = list(text.complaints)
     first_lines: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Other forms of giving a radial distortion, taken to the polynomial D = A1 R + A3 R³ + A5 R⁵ + A7 R⁷."""
+"""Other forms of giving a radial distortion, taken to the polynomial D = A1 R + A3 R³ + A5 R⁵ + A7 R⁷ and back."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+_POWERS = np.array([1, 3, 5, 7])
+
+_REAL = 1e-6
+"""A double root comes out of an eigenvalue problem with an imaginary part of the root of the machine's precision."""
 
 
 def polynomial_from_isp(parameters: Sequence[float]) -> FloatArray:
@@ -25,6 +30,40 @@ def polynomial_from_isp(parameters: Sequence[float]) -> FloatArray:
     r0, a1, a2, a3 = parameters
     square = r0 * r0
     return np.array([-(a1 * square + a2 * square**2 + a3 * square**3), a1, a2, a3])
+
+
+def isp_from_polynomial(coefficients: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return (R0, a1, a2, a3) of the ISP form of a polynomial; R0 is the least radius at which it has no distortion.
+
+    Parameters
+    ----------
+    coefficients : (A1, A3, A5, A7)
+
+    Raises
+    ------
+    ValueError
+        If the distortion vanishes nowhere but at the centre: the ISP form has no such curve, unless A1 is 0 and with it
+        R0.
+    """
+    a1, a3, a5, a7 = (float(value) for value in coefficients)
+    if a1 == 0.0:
+        return 0.0, a3, a5, a7
+    # A1 + A3 s + A5 s² + A7 s³ = 0 with s = R²; scaled so that coefficients of such different size do no harm
+    size = max(abs(value / a1) ** (1.0 / power) for power, value in ((1, a3), (2, a5), (3, a7)))
+    if size == 0.0:
+        message = "a distortion of A1 alone grows with the radius and has no ISP form; give C its scale instead"
+        raise ValueError(message)
+    roots = np.roots([a7 / a1 / size**3, a5 / a1 / size**2, a3 / a1 / size, 1.0])
+    real = roots.real[(np.abs(roots.imag) <= _REAL * np.abs(roots)) & (roots.real > 0.0)]
+    if not real.size:
+        message = "the distortion is zero at no radius, and the ISP form (R0, a1, a2, a3) needs one"
+        raise ValueError(message)
+    return float(np.sqrt(real.min() / size)), a3, a5, a7
+
+
+def curve_from_polynomial(coefficients: Sequence[float], radii: FloatArray) -> FloatArray:
+    """Return the distortion (mm), array (n,), of (A1, A3, A5, A7) at radii (n,) in mm."""
+    return np.asarray(radii[:, None] ** _POWERS @ np.asarray(coefficients, dtype=np.float64))
 
 
 def polynomial_from_curve(points: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
@@ -53,6 +92,6 @@ def polynomial_from_curve(points: Sequence[tuple[float, float]]) -> tuple[FloatA
         raise ValueError(message)
     largest = radius.max()
     # powers of R / Rmax keep the columns of one size; R⁷ in mm would span ten decades
-    powers = (radius[:, None] / largest) ** np.array([1, 3, 5, 7])
+    powers = (radius[:, None] / largest) ** _POWERS
     scaled, *_ = np.linalg.lstsq(powers[used], distortion[used], rcond=None)
-    return scaled / largest ** np.array([1, 3, 5, 7]), powers @ scaled - distortion
+    return scaled / largest**_POWERS, powers @ scaled - distortion

@@ -19,9 +19,12 @@ FloatArray = NDArray[np.float64]
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""
 
+PixelSizes = Callable[[str, int], tuple[float, float]]
+"""Photo and mounting to the size of a pixel (mm) along the photo axes; asked of scans and digital frames alone."""
+
 
 class MeasuredPoint(NamedTuple):
-    """One measured point: coordinates in the mounting of that number, own a-priori errors (mm)."""
+    """One measured point: coordinates in the mounting of that number, own a-priori errors (mm, or pixels if so)."""
 
     x: float
     y: float
@@ -29,6 +32,7 @@ class MeasuredPoint(NamedTuple):
     y_error: float
     disregarded: bool
     mounting: int
+    errors_in_pixels: tuple[bool, bool] = (False, False)
 
 
 PointsOfPhoto = dict[str, MeasuredPoint]
@@ -65,11 +69,11 @@ class MeasuredPoints:
         return {point.mounting for photos in self._bundles.values() for point in photos.get(photo, {}).values()}
 
     def observations(
-        self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored
+        self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
     ) -> dict[str, PhotoObservations]:
         """Return the points of the defined bundles and photos in stored coordinates, photos in their given order."""
         return {
-            key: _observations(bundles[key], by_photo, photos, to_stored)
+            key: _observations(bundles[key], by_photo, photos, to_stored, pixel_sizes)
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
@@ -98,18 +102,30 @@ def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto
 
 
 def _observations(
-    bundle: str, by_photo: Mapping[str, PointsOfPhoto], photos: Mapping[str, Photo], to_stored: ToStored
+    bundle: str,
+    by_photo: Mapping[str, PointsOfPhoto],
+    photos: Mapping[str, Photo],
+    to_stored: ToStored,
+    pixel_sizes: PixelSizes,
 ) -> PhotoObservations:
     found = [(key, by_photo[key]) for key in photos if by_photo.get(key)]
     points = [point for _, of_photo in found for point in of_photo.values()]
+    errors = [_errors_in_millimetres(key, point, pixel_sizes) for key, of_photo in found for point in of_photo.values()]
     return PhotoObservations(
         bundle,
         tuple(photos[key].name for key, of_photo in found for _ in of_photo),
         tuple(name for _, of_photo in found for name in of_photo),
         np.vstack([np.empty((0, 2)), *(_stored_coordinates(key, of_photo, to_stored) for key, of_photo in found)]),
-        np.array([(point.x_error, point.y_error) for point in points], dtype=np.float64).reshape(-1, 2),
+        np.array(errors, dtype=np.float64).reshape(-1, 2),
         np.array([point.disregarded for point in points], dtype=bool),
     )
+
+
+def _errors_in_millimetres(photo: str, point: MeasuredPoint, pixel_sizes: PixelSizes) -> tuple[float, float]:
+    if not any(point.errors_in_pixels):
+        return point.x_error, point.y_error
+    (x_size, y_size), (x_in_pixels, y_in_pixels) = pixel_sizes(photo, point.mounting), point.errors_in_pixels
+    return point.x_error * (x_size if x_in_pixels else 1.0), point.y_error * (y_size if y_in_pixels else 1.0)
 
 
 def _stored_coordinates(photo: str, points: PointsOfPhoto, to_stored: ToStored) -> FloatArray:

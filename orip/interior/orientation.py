@@ -52,7 +52,7 @@ def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> 
     ------
     OrientationError
     """
-    given = _given_coordinates(orientation.marks, ticks, f"template {orientation.template}", "its temtick record")
+    given = given_coordinates_of_template(orientation, ticks)
     return _orient(
         orientation.transformation,
         orientation.marks,
@@ -71,11 +71,32 @@ def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: boo
     ------
     OrientationError
     """
-    given = _given_coordinates(
-        orientation.marks, camera.fiducials, f"photo {orientation.photo}", f"camera {camera.name}"
-    )
+    given = given_coordinates_of_photo(orientation, camera)
     system: Literal["plate", "template"] = "template" if on_template else "plate"
     return _orient(orientation.transformation, orientation.marks, given, "photos", orientation.photo, system, None)
+
+
+def given_coordinates_of_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> FloatArray:
+    """Return the template coordinates (n, 2) of measured ticks: their own, else those of the temtick record.
+
+    Raises
+    ------
+    OrientationError
+        If a mark has none.
+    """
+    return _given_coordinates(orientation.marks, ticks, f"template {orientation.template}", "its temtick record")
+
+
+def given_coordinates_of_photo(orientation: PhotoOrientation, camera: Camera) -> FloatArray:
+    """Return the photo coordinates (n, 2) of measured fiducial marks: their own, else those of the camera.
+
+    Raises
+    ------
+    OrientationError
+        If a mark has none.
+    """
+    owner, record = f"photo {orientation.photo}", f"camera {camera.name}"
+    return _given_coordinates(orientation.marks, camera.fiducials, owner, record)
 
 
 def _given_coordinates(marks: MeasuredMarks, record: Iterable[Mark], owner: str, record_name: str) -> FloatArray:

@@ -26,10 +26,31 @@ def scan_transformation(scan: Scan) -> PlaneTransformation:
     )
 
 
-def pixel_size(photo: Photo, camera: Camera, template: Template | None) -> tuple[float, float] | None:
-    """Return the pixel size (mm, x and y) of a photo's sensor or scan, or None where it has neither."""
+def pixel_size(
+    photo: Photo, camera: Camera, template: Template | None, plate_to_photo: PlaneTransformation | None
+) -> tuple[float, float] | None:
+    """Return the size (mm) of a photo's pixels along its x and y axes, or None where it has neither sensor nor scan.
+
+    Parameters
+    ----------
+    photo : Photo
+    camera : Camera
+    template : Template or None
+        The template that the photo is on.
+    plate_to_photo : PlaneTransformation or None
+        How the photo lies in its scan: columns may run along its y axis. None, where that is not known, stands for an
+        upright one.
+
+    Notes
+    -----
+    Columns and rows are taken as equally precise, in pixels: where the photo lies askew, the size along an axis is the
+    root of the square sum of what a column and a row contribute to it.
+    """
     if camera.sensor is not None:
         sensor = camera.sensor
         return sensor.width / sensor.columns, sensor.height / sensor.rows
     scan = photo.scan or (template.scan if template else None)
-    return scan.pixel if scan else None
+    if scan is None or plate_to_photo is None:
+        return scan.pixel if scan else None
+    along_x, along_y = np.hypot(*(plate_to_photo.matrix * scan.pixel).T)
+    return float(along_x), float(along_y)

@@ -129,7 +129,9 @@ class _Replay:
         return Measured(
             stored.template_orientations(),
             stored.photo_orientations(),
-            self.points.observations(self.definitions.bundles, self.definitions.photos, stored.of_points),
+            self.points.observations(
+                self.definitions.bundles, self.definitions.photos, stored.of_points, stored.pixel_size
+            ),
             self.digitised_cameras,
             self.digitised_temticks,
         )
@@ -185,15 +187,18 @@ class _Replay:
     def _measure_points(self, record: PointsRecord) -> None:
         bundle, photo = self._bundle_and_photo(record.bundle, record.photo, record.place)
         camera = self.definitions.camera_of(photo)
-        errors = self._errors_in_millimetres(record, photo, camera)
+        self._require_pixels(record, photo, camera)
         if camera.sensor is not None:
             measured, mounting = record.measured, STORED
         else:
             measured, mounting = self._to_plate(photo).apply(record.measured), self._mounting_in_force(photo)
-        rows = zip(record.names, measured.tolist(), errors.tolist(), record.disregarded.tolist(), strict=True)
+        rows = zip(
+            record.names, measured.tolist(), record.errors.tolist(), record.errors_in_pixels.tolist(),
+            record.disregarded.tolist(), strict=True,
+        )  # fmt: skip
         points = (
-            (name, MeasuredPoint(x, y, x_error, y_error, disregarded, mounting))
-            for name, (x, y), (x_error, y_error), disregarded in rows
+            (name, MeasuredPoint(x, y, x_error, y_error, disregarded, mounting, (x_in_pixels, y_in_pixels)))
+            for name, (x, y), (x_error, y_error), (x_in_pixels, y_in_pixels), disregarded in rows
         )
         self.points.measure(record_key(bundle), record_key(photo.name), points)
 
@@ -203,16 +208,13 @@ class _Replay:
         # points measured before the first PHOTO record belong to the mounting that it describes
         return max(len(self.photos.of(record_key(photo.name))) - 1, 0)
 
-    def _errors_in_millimetres(self, record: PointsRecord, photo: Photo, camera: Camera) -> FloatArray:
-        if not record.errors_in_pixels.any():
-            return record.errors
-        pixel = pixel_size(photo, camera, self.definitions.template_of(photo))
-        if pixel is None:
-            line = int(record.lines[record.errors_in_pixels.any(axis=1)][0])
+    def _require_pixels(self, record: PointsRecord, photo: Photo, camera: Camera) -> None:
+        """Complain of errors in pixels where there are none; how large they are is known when the log has ended."""
+        in_pixels = record.errors_in_pixels.any(axis=1)
+        if in_pixels.any() and pixel_size(photo, camera, self.definitions.template_of(photo), None) is None:
+            line = int(record.lines[in_pixels][0])
             message = f"an a-priori error in px needs a sensor or scan, and photo {photo.name} has neither; write mm"
             self.findings.complain(Place(record.place.path, line), message)
-            return record.errors
-        return np.where(record.errors_in_pixels, record.errors * np.array(pixel), record.errors)
 
     # edits
 

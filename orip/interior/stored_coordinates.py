@@ -17,6 +17,7 @@ from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints
 from orip.interior.mounting import STORED, MountedFilms, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
+from orip.interior.pixels import pixel_size
 from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.model.names import record_key
 from orip.model.photo import Photo
@@ -75,6 +76,30 @@ class StoredCoordinates:
             return IDENTITY
         to_photo, to_plate = self._measured_to_photo(photo_key, first), self._measured_to_photo(photo_key, in_force)
         return to_plate.inverse().after(to_photo) if to_photo and to_plate else None
+
+    def pixel_size(self, photo_key: str, mounting: int) -> tuple[float, float]:
+        """Return the size (mm) along the photo axes of the pixels in which points were measured in a mounting.
+
+        1 where there are none: that has been complained of.
+        """
+        photo = self._definitions.photos[photo_key]
+        camera, template = self._definitions.camera_of(photo), self._definitions.template_of(photo)
+        return pixel_size(photo, camera, template, self._plate_to_photo(photo_key, photo, mounting)) or (1.0, 1.0)
+
+    def _plate_to_photo(self, key: str, photo: Photo, mounting: int) -> PlaneTransformation | None:
+        """Return plate to photo coordinates in a mounting of the film; None where the photo is not oriented."""
+        last = len(self._photos.of(key)) - 1
+        if last < 0:
+            return None
+        if photo.template is None:
+            return self._measured_to_photo(key, max(mounting, 0))
+        template = record_key(photo.template)
+        marks_to_photo = self._measured_to_photo(key, last)
+        marks_to_template = self._plate_to_template(template, self._photos.of(key)[last].template_mounting)
+        points_to_template = self._plate_to_template(template, mounting)
+        if marks_to_photo is None or marks_to_template is None or points_to_template is None:
+            return None
+        return marks_to_photo.after(marks_to_template.inverse()).after(points_to_template)
 
     def _mountings_used(self, template: str) -> set[int]:
         """Return the mountings of a template in which anything was measured."""

@@ -14,7 +14,8 @@ def name_fault(name: str) -> str | None:
     if not name:
         return "an empty name"
     if any(character.isspace() for character in name):
-        return f"'{name}' has a blank; names are one word"
+        shown = f"'{name}'" if name.isprintable() else repr(name)
+        return f"{shown} has a blank; names are one word"
     if not name.isprintable():
         return f"{name!r} has a character that cannot be printed"
     if name in RESERVED_NAMES or name.startswith(COMMENT_MARKS):

@@ -36,7 +36,7 @@ _FEWEST_FOR_MODEL = 5
 _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
-_REFINED_AT = 1.5
+_REFINED_AT = 2.0
 """Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
 
 
@@ -64,7 +64,7 @@ class Growth:
         placed, refined = start, int(start.oriented.sum())
         refused: dict[int, int] = {}
         while (added := self._with_more_photos(placed, refused)) is not None:
-            placed = self.intersected(added)
+            placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
             if (count := int(placed.oriented.sum())) >= _REFINED_AT * refined + 1:
                 placed, refined = self.refined(placed), count
         return self.refined(placed)
@@ -73,6 +73,26 @@ class Growth:
         """Return the system with all points that its photos determine."""
         found = intersect(placed.rotations, placed.centres, placed.oriented, self.rays)
         return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
+
+    def _intersected_anew(self, placed: Placed, photos: BoolArray) -> Placed:
+        """Return the system with the points that some of its photos see intersected anew."""
+        points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
+        concerned = np.zeros(len(self.rays.points), dtype=bool)
+        concerned[points] = True
+        rows = np.flatnonzero(concerned[self.rays.point])
+        part = replace(
+            self.rays,
+            points=tuple(self.rays.points[point] for point in points),
+            photo=self.rays.photo[rows],
+            point=np.searchsorted(points, self.rays.point[rows]),
+            xy=self.rays.xy[rows],
+            vectors=self.rays.vectors[rows],
+            error=self.rays.error[rows],
+        )
+        found = intersect(placed.rotations, placed.centres, placed.oriented, part)
+        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+        coordinates[points], deviations[points] = found.coordinates, found.deviations
+        return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
 
     def refined(self, placed: Placed) -> Placed:
         """Return the system after an adjustment of all its photos and points."""

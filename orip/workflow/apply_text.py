@@ -29,7 +29,7 @@ def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) 
     """Apply the records of orip.toml to those of the stores; nothing is written."""
     text, name = project.definition, project.definition.name
     cameras = reconcile(
-        "camera", [_with_polynomial(each) for each in text.cameras], old.cameras, name, prefer, shared=True
+        "camera", [with_polynomial(each) for each in text.cameras], old.cameras, name, prefer, shared=True
     )
     temticks = reconcile("temtick", text.temticks, old.temticks, name, prefer, shared=True)
     templates = reconcile("template", text.templates, old.templates, name, prefer, shared=False)
@@ -43,7 +43,7 @@ def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) 
     )
 
 
-def _with_polynomial(camera: Camera) -> Camera:
+def with_polynomial(camera: Camera) -> Camera:
     """Return the camera with its distortion taken to the polynomial, if it was given in another form."""
     if camera.distortion_isp is not None:
         polynomial = polynomial_from_isp(camera.distortion_isp)

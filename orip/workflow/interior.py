@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
-from orip.geometry.plane import PlaneTransformation
+from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.measured import Measured
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
@@ -23,16 +23,19 @@ class Interior:
     ----------
     adjustments : tuple of MarkAdjustment
         Templates first, each kind in the order of its definition.
+    to_template : mapping by `record_key`
+        Plate to template millimetres, for templates that are oriented.
     to_photo : mapping by `record_key`
         Stored coordinates to photo millimetres, for photos that are oriented.
     pixel_sizes : mapping by `record_key`
-        mm in x and y, for photos with a sensor or scan.
+        mm along the photo's x and y axes, for photos with a sensor or scan.
     complaints : tuple of Complaint
         Orientations that are not valid.
     warnings : tuple of ProjectWarning
     """
 
     adjustments: tuple[MarkAdjustment, ...]
+    to_template: Mapping[str, PlaneTransformation]
     to_photo: Mapping[str, PlaneTransformation]
     pixel_sizes: Mapping[str, tuple[float, float]]
     complaints: tuple[Complaint, ...]
@@ -43,23 +46,23 @@ def interior_orientation(definitions: Definitions, measured: Measured) -> Interi
     """Orient all templates and photos from their measured marks."""
     adjustments: list[MarkAdjustment] = []
     complaints: list[Complaint] = []
+    to_template: dict[str, PlaneTransformation] = {}
     for key, template in definitions.templates.items():
         if key in measured.templates:
             ticks = definitions.temticks[record_key(template.temtick)].ticks
             try:
-                adjustments.append(orient_template(measured.templates[key], ticks).adjustment)
+                mounted = orient_template(measured.templates[key], ticks)
             except OrientationError as error:
                 complaints.append(Complaint(str(error)))
+                continue
+            to_template[key] = mounted.transformation
+            adjustments.append(mounted.adjustment)
     to_photo: dict[str, PlaneTransformation] = {}
-    pixel_sizes = {}
     for key, photo in definitions.photos.items():
         camera = definitions.cameras[record_key(photo.camera)]
         without_marks = transformation_without_marks(camera)
         if without_marks is not None:
             to_photo[key] = without_marks
-        size = pixel_size(photo, camera, definitions.templates[record_key(photo.template)] if photo.template else None)
-        if size is not None:
-            pixel_sizes[key] = size
         if key in measured.photos:
             try:
                 oriented = orient_photo(measured.photos[key], camera, photo.template is not None)
@@ -69,7 +72,25 @@ def interior_orientation(definitions: Definitions, measured: Measured) -> Interi
             to_photo[key] = oriented.transformation
             adjustments.append(oriented.adjustment)
     warnings = tuple(warning for each in adjustments for warning in _warnings(each))
-    return Interior(tuple(adjustments), to_photo, pixel_sizes, tuple(complaints), warnings)
+    pixel_sizes = _pixel_sizes(definitions, to_template, to_photo)
+    return Interior(tuple(adjustments), to_template, to_photo, pixel_sizes, tuple(complaints), warnings)
+
+
+def _pixel_sizes(
+    definitions: Definitions,
+    to_template: Mapping[str, PlaneTransformation],
+    to_photo: Mapping[str, PlaneTransformation],
+) -> dict[str, tuple[float, float]]:
+    sizes = {}
+    for key, photo in definitions.photos.items():
+        camera, template = definitions.camera_of(photo), definitions.template_of(photo)
+        mounted = IDENTITY if template is None else to_template.get(record_key(template.name))
+        oriented = to_photo.get(key)
+        plate_to_photo = oriented.after(mounted) if oriented and mounted else None
+        size = pixel_size(photo, camera, template, plate_to_photo)
+        if size is not None:
+            sizes[key] = size
+    return sizes
 
 
 def _warnings(adjustment: MarkAdjustment) -> list[ProjectWarning]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -78,8 +78,19 @@ def measure(folder: Path, files: Sequence[Path] = ()) -> MeasureOutcome:
     return measure_project(project, log, on_top=bool(files))
 
 
-def measure_project(project: Project, log: Parsed[MeasurementLog], *, on_top: bool) -> MeasureOutcome:
-    """Do what `measure` does with a log that has been read."""
+def measure_project(
+    project: Project,
+    log: Parsed[MeasurementLog],
+    *,
+    on_top: bool,
+    write_log: Callable[[], None] = lambda: None,
+) -> MeasureOutcome:
+    """Do what `measure` does with a log that has been read.
+
+    `write_log` writes what the log has and no file has yet. It is called when nothing can be refused any more, with the
+    stores locked and before they change: killed in between, the text is ahead of the stores, and the next replay gives
+    what this one would have.
+    """
     raise_complaints(log.complaints)
     before = _read_before(project, with_observations=on_top)
     require_initialised(project, before.definitions)
@@ -93,6 +104,7 @@ def measure_project(project: Project, log: Parsed[MeasurementLog], *, on_top: bo
     if changed:
         with writing({*project.record_stores, *measured_stores(project)}) as stores:
             _require_unchanged(project, stores, before)
+            write_log()
             write_definitions(project, stores, before.definitions, digitised)
             write_measured(project, stores, outcome.measured, run)
             write_inputs(stores[project.photos], "measure", inputs)

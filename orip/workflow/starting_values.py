@@ -42,8 +42,8 @@ def started_block(
     orientation = np.where(
         np.isnan(block.photo_orientation), orientations_in_frame(values.photos), block.photo_orientation
     )
+    # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
     placed = {point.name for point in preliminary}
-    placed |= {point.name for point in block.control_points if None not in point.coordinates}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
     return with_starting_values(replace(block, photo_orientation=orientation), [*preliminary, *points])
 

@@ -1,22 +1,35 @@
-"""Whatever a file holds, a reader returns what it found and raises nothing."""
+"""Whatever a text holds, a reader returns what it found, and a refused text changes no store.
+
+The long tests do the same as the quick ones with so many more texts: over 100 000 in all.
+"""
 
 from __future__ import annotations
 
 import random
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from cli.command_line import orip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from workflow.small_projects import contents, film_project
 
+from orip.errors import InputError, OripError
 from orip.files.control_text import read_directions, read_distances, read_elements, read_points
+from orip.files.gate_text import parse_gate
 from orip.files.measurement_text import read_measurements
 from orip.files.parsed import Parsed
 from orip.files.preliminary_text import read_preliminary
 from orip.files.project_toml import read_project
+from orip.files.stores.dump import dump
+from orip.files.stores.load import load
 from orip.files.toml_lines import TomlLines
+from orip.workflow.initialise import initialise
+from orip.workflow.measure import measure
+from orip.workflow.observations_edit import edit_observations
 
 Reader = Callable[[Path, str], Parsed[Any]]
 
@@ -108,20 +121,182 @@ def test_any_text_is_read_or_complained_of(tmp_path: Path, reader: Reader, sampl
     assert_reads(reader, tmp_path / "F")
 
 
-@READERS
-@given(seed=st.integers(0, 2**32), edits=st.integers(1, 6))
-@settings(ANY_FILE, max_examples=300)
-def test_nearly_valid_text_is_read_or_complained_of(
-    tmp_path: Path, reader: Reader, sample: str, seed: int, edits: int
-) -> None:
+def spoilt(text: str, seed: int, edits: int) -> str:
+    """Return a text with so many places struck out, doubled, moved or overwritten with what is unlikely there."""
     chance = random.Random(seed)
-    text = sample
     for _ in range(edits):
         start = chance.randrange(len(text) + 1)
         end = min(len(text), start + chance.choice([0, 0, 1, 1, 5, 20]))
         text = text[:start] + chance.choice([*PIECES, "", text[end : end + 20]]) + text[end:]
-    (tmp_path / "F").write_text(text, encoding="utf-8", newline="")
-    assert_reads(reader, tmp_path / "F")
+        if chance.random() < 0.1:
+            lines = text.splitlines(keepends=True) or [""]
+            lines.insert(chance.randrange(len(lines) + 1), lines.pop(chance.randrange(len(lines))))
+            text = "".join([*lines, chance.choice(["", *lines])])
+    return text
+
+
+SPOILT = given(seed=st.integers(0, 2**32), edits=st.integers(1, 6))
+
+
+def read_spoilt(reader: Reader, sample: str, path: Path, seed: int, edits: int) -> None:
+    path.write_text(spoilt(sample, seed, edits), encoding="utf-8", newline="")
+    assert_reads(reader, path)
+
+
+@READERS
+@SPOILT
+@settings(ANY_FILE, max_examples=200)
+def test_nearly_valid_text_is_read_or_complained_of(
+    tmp_path: Path, reader: Reader, sample: str, seed: int, edits: int
+) -> None:
+    read_spoilt(reader, sample, tmp_path / "F", seed, edits)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@READERS
+@SPOILT
+@settings(ANY_FILE, max_examples=12_000)
+def test_many_nearly_valid_texts_are_read_or_complained_of(
+    tmp_path: Path, reader: Reader, sample: str, seed: int, edits: int
+) -> None:
+    read_spoilt(reader, sample, tmp_path / "F", seed, edits)
+
+
+# gates
+
+
+def gate_fault(text: str) -> str:
+    """Return what is wrong with a gate; empty for a sound one."""
+    try:
+        gate = parse_gate(text)
+    except ValueError as fault:
+        return str(fault)
+    assert gate.name
+    assert abs(gate.limit) < float("inf")
+    return ""
+
+
+def parse_spoilt_gate(text: str) -> None:
+    fault = gate_fault(text)
+    assert not fault or fault.isprintable()
+    assert len(fault) < 600
+
+
+GATES = st.text(max_size=40) | st.builds(
+    spoilt, st.sampled_from(["sigma0<=1.5", "singular == 0", "rms.x>-1e-3"]), st.integers(0, 2**32), st.integers(1, 3)
+)
+
+
+@given(GATES)
+def test_any_gate_is_parsed_or_complained_of(text: str) -> None:
+    parse_spoilt_gate(text)
+
+
+@pytest.mark.long
+@given(GATES)
+@settings(deadline=None, max_examples=12_000)
+def test_many_gates_are_parsed_or_complained_of(text: str) -> None:
+    parse_spoilt_gate(text)
+
+
+# stores: dumps that are loaded, and the texts of a project
+
+STORES = ("CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO")
+TEXTS = {
+    "FIRST.PNT": None,
+    "FIRST.MEA": None,
+    "orip.toml": None,
+    "EDITS.MEA": "DISREGARD POINT MAIN left P1\nINCLUDE MARK * *\nPOINTS MAIN left\n P1 104.4 100.9 0.01 -1 -\n",
+    "MAIN.PRE": "1 1 2 3\nP1 1100 2050 100 1 1 1\n",
+    "FIRST.ELE": "C35 CAMERA C 35 0.1\nleft PHOTO X0 1070 1\n",
+    "FIRST.LEN": "D 1 2 XYZ 100 0.1\n",
+    "FIRST.DIR": "S 1 2 30 0.1\nS 1 3 45 0.1 90 0.1\n",
+}
+"""Texts of a project; those that the small project does not have are written beside its own."""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An adjusted project."""
+    folder = film_project(tmp_path_factory.mktemp("any") / "film")
+    assert orip(folder, "run").code == 0
+    return folder
+
+
+def load_complaints(store: Path, text: str) -> list[str] | None:
+    """Load a dump and return what is wrong with it; None if nothing is."""
+    try:
+        load(text.splitlines(keepends=True), store)
+    except InputError as error:
+        return [each.message for each in error.complaints]
+    return None
+
+
+def load_spoilt(store: Path, seed: int, edits: int) -> None:
+    held = store.read_bytes()
+    found = load_complaints(store, spoilt("".join(f"{line}\n" for line in dump(store)), seed, edits))
+    if found is None:
+        assert list(dump(store))
+        store.write_bytes(held)
+    else:
+        assert found
+        assert all(map(str.isprintable, found))
+        assert store.read_bytes() == held
+
+
+@pytest.mark.parametrize("name", STORES)
+@SPOILT
+@settings(ANY_FILE, max_examples=25)
+def test_spoilt_dump_is_loaded_or_leaves_the_store(project: Path, name: str, seed: int, edits: int) -> None:
+    load_spoilt(project / name, seed, edits)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("name", STORES)
+@SPOILT
+@settings(ANY_FILE, max_examples=2_500)
+def test_many_spoilt_dumps_are_loaded_or_leave_the_store(project: Path, name: str, seed: int, edits: int) -> None:
+    load_spoilt(project / name, seed, edits)
+
+
+def use_spoilt(project: Path, folder: Path, name: str, seed: int, edits: int) -> None:
+    """Spoil one text of a project and do what its stores depend on."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(project, folder)
+    sample = TEXTS[name] or (folder / name).read_text(encoding="utf-8")
+    (folder / name).write_text(spoilt(sample, seed, edits), encoding="utf-8", newline="")
+    for work in (initialise, measure, lambda place: edit_observations(place, "DISREGARD", "POINT", "left", ["1"])):
+        before = contents(folder)
+        try:
+            work(folder)
+        except OripError:
+            assert contents(folder) == before
+    before = contents(folder)
+    code = orip(folder, "-q", "solve").code
+    assert code in {0, 3, 4}
+    assert code != InputError.exit_code or contents(folder) == before
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@SPOILT
+@settings(ANY_FILE, max_examples=6)
+def test_spoilt_text_is_used_or_changes_nothing(
+    project: Path, tmp_path: Path, name: str, seed: int, edits: int
+) -> None:
+    use_spoilt(project, tmp_path / "film", name, seed, edits)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("name", TEXTS)
+@SPOILT
+@settings(ANY_FILE, max_examples=150)
+def test_many_spoilt_texts_are_used_or_change_nothing(
+    project: Path, tmp_path: Path, name: str, seed: int, edits: int
+) -> None:
+    use_spoilt(project, tmp_path / "film", name, seed, edits)
 
 
 @given(st.text(alphabet="[]{}=,.#\"'\\\n ab1", max_size=60))

@@ -13,7 +13,12 @@ from orip.interior.distortion import (
     distortion_with_partials,
     remove_distortion,
 )
-from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
+from orip.interior.distortion_forms import (
+    curve_from_polynomial,
+    isp_from_polynomial,
+    polynomial_from_curve,
+    polynomial_from_isp,
+)
 from orip.model.camera import CAMERA_PARAMETERS
 
 SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
@@ -194,3 +199,44 @@ def test_curve_with_the_centre_and_a_radius_twice_counts_different_radii():
     assert len(residuals) == 6
     with pytest.raises(ValueError, match="0 different radii"):
         polynomial_from_curve([])
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [(10.0, 1e-5, -2e-8, 3e-11), (148.0, -3e-8, 2e-13, 5e-18), (12.5, 8e-5, 0.0, 0.0), (0.0, 1e-5, -2e-8, 1e-12)],
+)
+def test_isp_form_comes_back_from_its_polynomial(parameters):
+    r0, *rest = isp_from_polynomial(polynomial_from_isp(parameters))
+    # the polynomials of these have no second zero nearer to the centre
+    assert r0 == pytest.approx(parameters[0], rel=1e-12)
+    assert rest == list(parameters[1:])
+
+
+@given(st.floats(1.0, 200.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.1, 1.0))
+def test_isp_form_found_is_the_same_curve_as_the_polynomial(r0, a1, a2, a3):
+    # of millimetres anywhere on the frame
+    polynomial = polynomial_from_isp((r0, a1 / r0**2, a2 / r0**4, a3 / r0**6))
+    found = isp_from_polynomial(polynomial)
+    assert found[0] <= r0 * (1.0 + 1e-4)  # it may have a zero nearer to the centre
+    back = polynomial_from_isp(found)
+    assert back[1:].tolist() == polynomial[1:].tolist()
+    # R0 is as exact as a root is, and A1 with it
+    assert back[0] == pytest.approx(polynomial[0], rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("polynomial", [(1e-3, 0.0, 0.0, 0.0), (1e-3, 1e-6, 0.0, 0.0), (-1e-3, -1e-6, -1e-9, -1e-12)])
+def test_polynomial_without_a_zero_has_no_isp_form(polynomial):
+    with pytest.raises(ValueError, match="ISP form"):
+        isp_from_polynomial(polynomial)
+
+
+def test_polynomial_as_a_curve_of_16_points_and_back():
+    truth = polynomial_from_isp((8.0, 4e-5, -3e-8, 2e-11))
+    radii = np.linspace(1.0, 16.0, 16)
+    distortion = curve_from_polynomial(truth, radii)
+    by_hand = [
+        radius * (truth[0] + truth[1] * radius**2 + truth[2] * radius**4 + truth[3] * radius**6) for radius in radii
+    ]
+    assert np.allclose(distortion, by_hand, rtol=1e-13, atol=1e-16)
+    found, _ = polynomial_from_curve(list(zip(radii.tolist(), distortion.tolist(), strict=True)))
+    assert np.allclose(found, truth, rtol=1e-9, atol=0.0)

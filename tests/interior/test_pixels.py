@@ -46,10 +46,10 @@ def test_pixel_size_is_the_sensors_or_the_photos_scan_or_the_templates():
     film, digital = Camera("C", NO_PARAMETERS), Camera("D", NO_PARAMETERS, sensor=SENSOR)
     scanned = Template("T", "TT", scan=Scan((0.03, 0.03)))
     own = Photo("P", "C", scan=Scan((0.01, 0.02)))
-    assert pixel_size(Photo("P", "D"), digital, None) == (8.245 / 1280, 6.6 / 1024)
-    assert pixel_size(own, film, scanned) == (0.01, 0.02)
-    assert pixel_size(Photo("P", "C"), film, scanned) == (0.03, 0.03)
-    assert pixel_size(Photo("P", "C"), film, None) is None
+    assert pixel_size(Photo("P", "D"), digital, None, None) == (8.245 / 1280, 6.6 / 1024)
+    assert pixel_size(own, film, scanned, None) == (0.01, 0.02)
+    assert pixel_size(Photo("P", "C"), film, scanned, None) == (0.03, 0.03)
+    assert pixel_size(Photo("P", "C"), film, None, None) is None
 
 
 @pytest.mark.parametrize("origin", ["corner", "centre"])

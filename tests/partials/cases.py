@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from support.drive_tables import cameras as driven_cameras
+from support.drive_tables import parameter_set
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.additional_parameter import base_of_camera
@@ -20,15 +22,19 @@ from orip.bundle.observation import Observations
 from orip.bundle.problem import starting_state
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
+from orip.geometry.essential import TwoPhotos
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
+from orip.geometry.similarity import Similarities, similarity_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
 from orip.model.block import Block, TheodoliteSet
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import ControlDirection, ControlDistance, ControlElement
 from orip.model.ground import PLAIN
+from orip.multimodel import camera_model as driving
+from orip.prelim.parallax import Pairs, parallaxes_with_partials
 
 SUFFIX = "_with_partials"
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
@@ -66,7 +72,10 @@ class Case:
 
 
 def all_cases() -> list[Case]:
-    return [*_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_kinds()]
+    return [
+        *_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_similarity(),
+        *_parallaxes(), *_kinds(), *_driving(),
+    ]  # fmt: skip
 
 
 def full_name(function: object) -> str:
@@ -143,6 +152,21 @@ def _plain_ground() -> Iterator[Case]:
         )  # fmt: skip
 
 
+def _similarity() -> Iterator[Case]:
+    generator = np.random.default_rng(9)
+    at = Similarities(
+        np.array([0.8, 4.0]), rotation_from_angles(generator.uniform(-3.0, 3.0, (2, 3))), generator.normal(size=(2, 3))
+    )
+    xyz = generator.normal(0.0, 2.0, (5, 3))
+    for k in range(2):
+        one = at.only(np.arange(2) == k)
+        yield Case(
+            full_name(similarity_with_partials), f"similarity {k + 1}", np.zeros(7),
+            lambda x, one=one: similarity_with_partials(one.moved(x[None]), xyz).value.ravel(),
+            similarity_with_partials(one, xyz).by_unknowns.reshape(-1, 7),
+        )  # fmt: skip
+
+
 # interior
 
 
@@ -179,6 +203,32 @@ def _additional() -> Iterator[Case]:
             lambda x, name=name: additional_with_partials(name, FRAME, base, x).value.ravel(),
             found.by_values.reshape(-1, count),
         )  # fmt: skip
+
+
+# preliminary values
+
+
+def _parallaxes() -> Iterator[Case]:
+    generator = np.random.default_rng(8)
+    for label, base, angles in (
+        ("aerial", (90.0, 3.0, -2.0), (0.02, -0.03, 0.05)),
+        ("forward", (1.0, 2.0, -40.0), (0.1, 0.2, 3.0)),
+        ("at right angles", (-150.0, 5.0, 150.0), (0.4, -np.pi / 2.0, 0.0)),
+    ):
+        rotation = rotation_from_angles(np.array(angles))
+        # rays that miss each other by millimetres, so that the partials of the gradient count
+        left, right = (
+            np.hstack([generator.uniform(-100.0, 100.0, (6, 2)), np.full((6, 1), -c)]) for c in (153.0, 152.0)
+        )
+        pairs = Pairs(left, right, np.full(6, 0.007))
+        at = np.array([*base, 0.0, 0.0, 0.0])
+
+        def value(x: np.ndarray, rotation: np.ndarray = rotation, pairs: Pairs = pairs) -> np.ndarray:
+            return parallaxes_with_partials(TwoPhotos(x[:3], rotation_about_axes(x[3:]) @ rotation), pairs).value
+
+        found = parallaxes_with_partials(TwoPhotos(at[:3], rotation), pairs)
+        partials = np.hstack([found.by_base, found.by_rotation])
+        yield Case(full_name(parallaxes_with_partials), label, at, value, partials)
 
 
 # kinds of observation
@@ -337,3 +387,31 @@ def _kinds() -> Iterator[Case]:
 def _move(block: Block, observations: Observations) -> float:
     """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
     return 1e-3 if block.ground is PLAIN or observations.rows.kind == "photo" else 0.1
+
+
+# driving
+
+
+def _driving() -> Iterator[Case]:
+    for name, camera in driven_cameras().items():
+        model = driving.camera_model(camera)
+        function = model._corrected_with_partials if model.at_measured else model._distorted_with_partials
+        yield _driving_case(function, name)
+    distortion = driving._distortion_with_partials
+    yield _driving_case(lambda x, y: distortion(tuple(SMALL_FORMAT), x, y), "coordinates", distortion)
+    additional = driving._additional_with_partials
+    for name in PARAMETER_SETS:
+        polynomial = driving.image_polynomial(parameter_set(name))
+        yield _driving_case(
+            lambda x, y, polynomial=polynomial: additional(polynomial, x, y), f"{name} coordinates", additional
+        )
+
+
+def _driving_case(function: Callable[..., tuple], label: str, of: object = None) -> Case:
+    """Return the case of a function of x and y (n,) that returns two values and their partials xx, xy, yx, yy."""
+    places = 0.6 * FRAME
+    by_xy = np.stack(function(*places.T)[2:], axis=1).reshape(-1, 2, 2)
+    return Case(
+        full_name(of or function), label, places.ravel(),
+        lambda x: np.stack(function(*x.reshape(-1, 2).T)[:2], axis=1).ravel(), _block_diagonal(by_xy),
+    )  # fmt: skip

@@ -1,0 +1,27 @@
+"""Asking before something is done that cannot be taken back by the command itself."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from orip.errors import UsageError
+
+
+def require_confirmation(question: str, yes: bool) -> None:
+    """Go on if the user has said so already (``--yes``) or says so on the terminal.
+
+    Raises
+    ------
+    UsageError
+        If there is nobody to ask, as in a script.
+    typer.Abort
+        If the answer is no.
+    """
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        message = f"{question} Say so with --yes"
+        raise UsageError(message)
+    typer.confirm(question, abort=True, err=True)

@@ -1,0 +1,171 @@
+"""Commands that move the plates, one point at a time.
+
+All of them return the new state and a `Driven`, or the old state and a `DriveFault`: a movement that cannot be done
+moves nothing. Coordinates must be finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from orip.model.drive_table import STAGES, DriveCode, DriveFault, Triple
+from orip.model.photo import Stage
+from orip.multimodel.oriented_block import OrientedBlock
+from orip.multimodel.photo_loop import PhotoLoop, PlatePlace
+from orip.multimodel.readout import object_position
+from orip.multimodel.state import Condition, Outcome, Position, State, active_model, driven
+from orip.multimodel.switching import Selected, places_in_model, select_model
+
+_NOT_DRIVEN = {
+    DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",
+    DriveCode.OUTSIDE_STAGE: "the point is outside the limits of the {stage} stage with photo {photo}",
+    DriveCode.NOT_INVERTIBLE: "the point is beyond what the distortion of photo {photo} is a model of",
+}
+
+
+def drive_object(block: OrientedBlock, state: State, xyz: Triple) -> Outcome:
+    """Drive to a point of the object; the model changes where the point is not inside the active one.
+
+    A locked plate stays, and so does then the model.
+    """
+    select = select_model if state.switches else places_in_model
+    return _driven_to(block, state, select(block, state.model, xyz), xyz)
+
+
+def drive_model(block: OrientedBlock, state: State, xyz: Triple) -> Outcome:
+    """Drive to a point given in the axes of the active model, ground units."""
+    return drive_object(block, state, active_model(block, state).object_of_model(*xyz))
+
+
+def drive_plate(block: OrientedBlock, state: State, stage: Stage, xy: Position) -> Outcome:
+    """Drive one stage to plate coordinates; the model never changes."""
+    return _plates_to(block, state, {stage: xy})
+
+
+def drive_photo(block: OrientedBlock, state: State, photo: str, xy: Position) -> Outcome:
+    """Drive the stage of a photo, of whatever model, to photo coordinates (mm); the model never changes."""
+    found = block.photo(photo)
+    if found is None:
+        return state, DriveFault(DriveCode.UNKNOWN_PHOTO, f"the table has no photo {photo}")
+    return _plates_to(block, state, {found.stage: found.plate_of_photo(*xy)})
+
+
+def move(block: OrientedBlock, state: State, increments: Sequence[float]) -> Outcome:
+    """Move by increments in the guiding system: two or three numbers, plate units, or ground units in MODEL and OBJECT.
+
+    Wheels in MODEL and OBJECT go on from where the mark was driven to, or from where the rays meet after the plates
+    were moved by themselves.
+    """
+    if state.guide in ("MODEL", "OBJECT"):
+        return _move_mark(block, state, increments)
+    if len(increments) != 2:
+        text = f"guiding system {state.guide} moves in x and y; {len(increments)} increments were given"
+        return state, DriveFault(DriveCode.WRONG_GUIDE, text)
+    dx, dy = increments
+    wanted = {}
+    for stage in STAGES:
+        if state.guide in (stage, "BOTH"):
+            x, y = state.plate(stage)
+            wanted[stage] = x + dx, y + dy
+    return _plates_to(block, state, wanted)
+
+
+def change_model(block: OrientedBlock, state: State, name: str) -> Outcome:
+    """Make a model the active one, at the same place of the object as far as the plates can be driven there.
+
+    Where they cannot, they stay, the state is OUTSIDE, and the next movement in the object goes on from the mark.
+    """
+    index = block.model_index(name)
+    if index is None:
+        return state, DriveFault(DriveCode.UNKNOWN_MODEL, f"the table has no model {name}")
+    return _change(block, state, index)
+
+
+def next_model(block: OrientedBlock, state: State) -> Outcome:
+    """Change to the next model of the row, else to the first of the next row; after the last comes the first."""
+    return _change(block, state, (state.model + 1) % len(block.models))
+
+
+def forward(block: OrientedBlock, state: State) -> Outcome:
+    """Bring both plates to the front for mounting films: the middle in x, the lower end in y."""
+    wanted = {}
+    for stage in STAGES:
+        limits = block.table.limits(stage)
+        wanted[stage] = 0.5 * (limits.x_min + limits.x_max), limits.y_min
+    after, reply = _plates_to(block, state, wanted)
+    return (
+        (state, reply) if isinstance(reply, DriveFault) else (replace(after, mark=state.mark, condition="LIMIT"), reply)
+    )
+
+
+def _driven_to(block: OrientedBlock, state: State, selected: Selected, xyz: Triple) -> Outcome:
+    photos = block.models[selected.model].photos
+    plates = list(state.plates)
+    for photo, place in zip(photos, selected.places, strict=True):
+        if photo.stage == state.locked:
+            continue
+        if place.code != DriveCode.NONE:
+            return state, _fault(photo, place)
+        plates[STAGES.index(photo.stage)] = place.plate
+    condition: Condition = "IN" if selected.inside else "OUTSIDE"
+    upper, lower = plates
+    after = State(
+        selected.model, (upper, lower), xyz, condition, state.guide, state.automatic, state.locked, state.prisms,
+        state.events,
+    )  # fmt: skip
+    return after, driven(block, after)
+
+
+def _fault(photo: PhotoLoop, place: PlatePlace) -> DriveFault:
+    return DriveFault(place.code, _NOT_DRIVEN[place.code].format(photo=photo.name, stage=photo.stage))
+
+
+def _plates_to(block: OrientedBlock, state: State, wanted: dict[Stage, Position]) -> Outcome:
+    """Drive stages to plate coordinates, all or none."""
+    if state.locked in wanted:
+        text = f"the {state.locked} plate is locked; unlock it, or move the other one"
+        return state, DriveFault(DriveCode.LOCKED, text)
+    after = state
+    for stage, (x, y) in wanted.items():
+        limits = block.table.limits(stage)
+        if not (limits.x_min <= x <= limits.x_max and limits.y_min <= y <= limits.y_max):
+            text = f"the position is outside the limits of the {stage} stage"
+            return state, DriveFault(DriveCode.OUTSIDE_STAGE, text)
+        after = after.with_plate(stage, (x, y))
+    after = replace(after, mark=None)
+    after = replace(after, condition="IN" if _is_within_frames(block, after) else "OUTSIDE")
+    return after, driven(block, after)
+
+
+def _is_within_frames(block: OrientedBlock, state: State) -> bool:
+    return all(
+        photo.frame_ratio(*photo.photo_of_plate(*state.plate(photo.stage))) <= 1.0
+        for photo in active_model(block, state).photos
+    )
+
+
+def _move_mark(block: OrientedBlock, state: State, increments: Sequence[float]) -> Outcome:
+    dx, dy, dz = (*increments, 0.0)[:3]
+    mark = state.mark
+    if mark is None:
+        found = object_position(block, state)
+        if isinstance(found, DriveFault):
+            return state, found
+        mark = found.xyz
+    if state.guide == "MODEL":
+        dx, dy, dz = active_model(block, state).object_direction(dx, dy, dz)
+    return drive_object(block, state, (mark[0] + dx, mark[1] + dy, mark[2] + dz))
+
+
+def _change(block: OrientedBlock, state: State, index: int) -> Outcome:
+    mark = state.mark
+    if mark is None:
+        found = object_position(block, state)
+        mark = None if isinstance(found, DriveFault) else found.xyz
+    after = replace(state, model=index, mark=mark, condition="OUTSIDE")
+    if mark is not None:
+        moved, reply = _driven_to(block, after, places_in_model(block, index, mark), mark)
+        if not isinstance(reply, DriveFault):
+            return moved, reply
+    return after, driven(block, after)

@@ -1,0 +1,225 @@
+"""The drive table of a solution: orientations as adjusted, interior orientation as it is in force.
+
+With a coordinate reference system the project's coordinates are curved, and collinearity does not hold in them. The
+table's object system is then a local topocentric frame: x east, y north, z up, in the ground unit, at the median of the
+adjusted points; `object_ground` gives it again from the same solution, to take coordinates there and back.
+
+Stage limits of films are 240 mm, the usual travel of a stage, around everything that is shown or was measured on that
+stage, and more if that takes more; those of digital frames are the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.bundle.additional_parameter import base_of_camera
+from orip.bundle.local_frame import ground_system
+from orip.geometry.plane import PlaneTransformation
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.model.camera import Camera
+from orip.model.drive_table import (
+    STAGES,
+    DriveCamera,
+    DriveModel,
+    DriveParameterSet,
+    DrivePhoto,
+    DriveTable,
+    DriveTemplate,
+    Optics,
+    StageLimits,
+    Triple,
+)
+from orip.model.ground import GroundSystem
+from orip.model.names import record_key
+from orip.model.photo import Photo, Stage
+from orip.model.project import StereoModel
+from orip.model.solution import Solution
+from orip.units import RADIANS_PER_DEGREE
+
+FloatArray = NDArray[np.float64]
+
+STAGE_TRAVEL_MM = 240.0
+LEAST_COUNT = 0.001
+"""Millimetres on film, pixels on a digital frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableIngredients:
+    """What a drive table is made from; mappings are by `record_key`.
+
+    Parameters
+    ----------
+    solution : Solution
+        Its photos are in the project's coordinates.
+    models : tuple of StereoModel
+        Those to be driven: both photos are in the solution, have an interior orientation, and are on different stages.
+    cameras, photos : mappings
+    stages : mapping to stage
+        Of the photos in models.
+    to_photo : mapping to PlaneTransformation
+        Plate to photo, of the photos in models.
+    ground : GroundSystem
+        See `object_ground`.
+    """
+
+    solution: Solution
+    models: tuple[StereoModel, ...]
+    cameras: Mapping[str, Camera]
+    photos: Mapping[str, Photo]
+    stages: Mapping[str, Stage]
+    to_photo: Mapping[str, PlaneTransformation]
+    ground: GroundSystem
+
+    def used_photos(self) -> tuple[Photo, ...]:
+        """Return the photos of the models, in the order of the solution."""
+        used = {record_key(name) for model in self.models for name in (model.left, model.right)}
+        return tuple(self.photos[key] for key in map(record_key, self.solution.photos.names) if key in used)
+
+    def used_cameras(self) -> tuple[Camera, ...]:
+        """Return the cameras of these photos, in the order of the solution."""
+        used = {record_key(photo.camera) for photo in self.used_photos()}
+        return tuple(self.cameras[key] for key in map(record_key, self.solution.cameras.names) if key in used)
+
+
+def object_ground(crs: str | None, ground_unit: str, solution: Solution) -> GroundSystem:
+    """Return the object system of a solution's drive table: the project's own without a crs, else a local frame.
+
+    Raises
+    ------
+    InputError
+        If the crs does not fit, or a grid for its heights is missing.
+    """
+    return ground_system(crs, ground_unit, (), solution.points.values)
+
+
+def frame_size(camera: Camera) -> tuple[float, float]:
+    """Return the frame that models change at, mm: the camera's, else that of its sensor, else none (zero)."""
+    if camera.frame is not None:
+        return camera.frame
+    return (camera.sensor.width, camera.sensor.height) if camera.sensor is not None else (0.0, 0.0)
+
+
+def drive_table(ingredients: TableIngredients) -> DriveTable:
+    """Make the table; `table_faults` tells whether it can be driven with."""
+    solution = ingredients.solution
+    photos = ingredients.used_photos()
+    in_order = sorted(ingredients.models, key=lambda model: (model.row, model.column))
+    templates = {record_key(photo.template): photo for photo in photos if photo.template is not None}
+    digital = any(ingredients.cameras[record_key(photo.camera)].sensor is not None for photo in photos)
+    upper, lower = (_limits(ingredients, stage) for stage in STAGES)
+    return DriveTable(
+        block=record_key(solution.bundle),
+        project=solution.project,
+        plate_unit="px" if digital else "mm",
+        object_unit=solution.ground_unit,
+        upper=upper,
+        lower=lower,
+        cameras=tuple(_camera(camera, solution) for camera in ingredients.used_cameras()),
+        templates=tuple(
+            DriveTemplate(name, ingredients.stages[record_key(photo.name)]) for name, photo in templates.items()
+        ),
+        photos=tuple(_photos(ingredients, photos)),
+        models=tuple(_model(model, ingredients.stages) for model in in_order),
+        start=_start(ingredients, in_order[0]),
+    )
+
+
+def _camera(camera: Camera, solution: Solution) -> DriveCamera:
+    row = list(map(record_key, solution.cameras.names)).index(record_key(camera.name))
+    return DriveCamera(
+        record_key(camera.name),
+        tuple(solution.cameras.values[row].tolist()),
+        frame_size(camera),
+        camera.distortion_at,
+        _parameter_set(camera, solution),
+    )
+
+
+def _parameter_set(camera: Camera, solution: Solution) -> DriveParameterSet | None:
+    key = record_key(camera.name)
+    found = {each.name: each.value for each in solution.additional if record_key(each.camera) == key}
+    for name, parameter_set in PARAMETER_SETS.items():
+        if any(parameter in found for parameter in parameter_set.parameter_names):
+            # a parameter that was held at zero is none of the estimates
+            values = tuple(float(found.get(parameter, 0.0)) for parameter in parameter_set.parameter_names)
+            return DriveParameterSet(name, base_of_camera(camera), values)
+    return None
+
+
+def _photos(ingredients: TableIngredients, photos: Sequence[Photo]) -> Iterator[DrivePhoto]:
+    solution = ingredients.solution
+    row_of = {record_key(name): row for row, name in enumerate(solution.photos.names)}
+    adjusted = solution.photos.values[[row_of[record_key(photo.name)] for photo in photos]]
+    centres = ingredients.ground.to_local(adjusted[:, :3])
+    axes = np.swapaxes(ingredients.ground.axes_at(adjusted[:, :3]), 1, 2)
+    rotations = axes @ rotation_from_angles(adjusted[:, 3:] * RADIANS_PER_DEGREE)
+    for photo, centre, rotation in zip(photos, centres, rotations, strict=True):
+        to_plate = ingredients.to_photo[record_key(photo.name)].inverse()
+        yield DrivePhoto(
+            record_key(photo.name),
+            record_key(photo.camera),
+            record_key(photo.template) if photo.template is not None else None,
+            ingredients.stages[record_key(photo.name)],
+            _triple(centre),
+            tuple(rotation.ravel().tolist()),
+            tuple(np.column_stack([to_plate.shift, to_plate.matrix]).ravel().tolist()),
+        )
+
+
+def _model(model: StereoModel, stages: Mapping[str, Stage]) -> DriveModel:
+    left, right = record_key(model.left), record_key(model.right)
+    optics: Optics = "NORMAL" if stages[left] == "UPPER" else "SWAPPED"
+    return DriveModel(record_key(model.name), model.row, model.column, left, right, optics)
+
+
+def _start(ingredients: TableIngredients, model: StereoModel) -> Triple:
+    """Return the mean of the adjusted points that both photos of a model show, of all points where there are none."""
+    found = ingredients.solution.residuals
+    seen: dict[str, set[str]] = {record_key(model.left): set(), record_key(model.right): set()}
+    for kind, photo, point in zip(found.kind, found.photo, found.point, strict=True):
+        if kind == "photo" and record_key(photo) in seen:
+            seen[record_key(photo)].add(point)
+    both = set.intersection(*seen.values())
+    points = ingredients.solution.points
+    rows = [row for row, name in enumerate(points.names) if name in both]
+    local = ingredients.ground.to_local(points.values[rows] if rows else points.values)
+    return _triple(local[np.isfinite(local).all(axis=1)].mean(axis=0))
+
+
+def _limits(ingredients: TableIngredients, stage: Stage) -> StageLimits:
+    photos = [photo for photo in ingredients.used_photos() if ingredients.stages[record_key(photo.name)] == stage]
+    cameras = [ingredients.cameras[record_key(photo.camera)] for photo in photos]
+    sensors = [camera.sensor for camera in cameras if camera.sensor is not None]
+    if sensors:
+        columns, rows = max(each.columns for each in sensors), max(each.rows for each in sensors)
+        return StageLimits(0.0, float(columns), 0.0, float(rows), LEAST_COUNT)
+    shown = np.vstack([_shown_on_plate(ingredients, *each) for each in zip(photos, cameras, strict=True)])
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    half_travel = np.maximum(high - low, STAGE_TRAVEL_MM) / 2.0
+    x_min, y_min = np.floor((low + high) / 2.0 - half_travel).tolist()
+    x_max, y_max = np.ceil((low + high) / 2.0 + half_travel).tolist()
+    return StageLimits(x_min, x_max, y_min, y_max, LEAST_COUNT)
+
+
+def _shown_on_plate(ingredients: TableIngredients, photo: Photo, camera: Camera) -> FloatArray:
+    """Return where the corners of the frame and the measured points of a photo are on the plate, (n, 2)."""
+    found = ingredients.solution.residuals
+    rows = [
+        row
+        for row, (kind, name) in enumerate(zip(found.kind, found.photo, strict=True))
+        if kind == "photo" and record_key(name) == record_key(photo.name)
+    ]
+    corners = np.array([(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * frame_size(camera)
+    # x and y of a point follow each other
+    points = found.observed[rows].reshape(-1, 2)
+    return ingredients.to_photo[record_key(photo.name)].inverse().apply(np.vstack([corners, points]))
+
+
+def _triple(values: FloatArray) -> Triple:
+    x, y, z = values.tolist()
+    return x, y, z
