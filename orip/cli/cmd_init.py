@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -16,6 +17,8 @@ PreferOption = Annotated[
     Literal["text", "store"] | None,
     typer.Option("--prefer", help="Which side wins where orip.toml and a store have both changed a record."),
 ]
+
+_SHOWN_VALUES = 12
 
 
 def register(app: typer.Typer) -> None:
@@ -42,6 +45,7 @@ def register(app: typer.Typer) -> None:
                         {"kind": change.kind, "name": change.name, "action": change.action}
                         for change in outcome.changes
                     ],
+                    "differences": [asdict(each) for each in outcome.differences],
                     "warnings": warning_rows(outcome.warnings),
                 }
             )
@@ -61,3 +65,22 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
     for change in outcome.changes:
         if change.action == "detached":
             terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")
+    _tell_differences(terminal, outcome)
+
+
+def _tell_differences(terminal: Terminal, outcome: Initialised) -> None:
+    """Show the values that have changed, a few of them always."""
+    from orip.workflow.record_values import shown_value
+
+    lines = [
+        f"         {each.kind} {each.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
+        for each in outcome.differences
+        if each.action == "changed"
+        for value in each.values
+    ]
+    for line in lines[:_SHOWN_VALUES]:
+        terminal.say(line)
+    for line in lines[_SHOWN_VALUES:]:
+        terminal.detail(line)
+    if (more := len(lines) - _SHOWN_VALUES) > 0 and not terminal.verbose:
+        terminal.say(f"         and {more} more; -v lists all")

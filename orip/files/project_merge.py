@@ -37,13 +37,15 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
     Returns
     -------
     str
-        Records come in the order of the definition. One that is as it was stands as it stood; in one that has changed
-        the lines of the keys that have changed are written anew. Where a text of another build (arrays in place of
-        headers) is in the way of that, more of it is written anew, at most all.
+        Records of a kind come in the order of the definition, kinds in that of the text. One that is as it was stands
+        as it stood; in one that has changed the lines of the keys that have changed are written anew. Where a text of
+        another build (arrays in place of headers) is in the way of that, more of it is written anew, at most all.
     """
     old = parse_project(text)
     if old.records is None or old.complaints:
         return project_text(project_document(definition))
+    if old.records.definition == definition:
+        return text if text.endswith("\n") else f"{text}\n"
     merged = _merged(text, old.records.definition, definition)
     again = parse_project(merged)
     if again.complaints or again.records is None or again.records.definition != definition:
@@ -54,7 +56,8 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
 def _merged(text: str, old: ProjectDefinition, new: ProjectDefinition) -> str:
     blocks, before, document = _blocks(text), project_document(old), project_document(new)
     parts = [f"{blocks[place].above}{blocks[place].own}" for place in (("project",), ("check",)) if place in blocks]
-    for section in RECORD_SECTIONS:
+    found = list(dict.fromkeys(place[0] for place in blocks))
+    for section in sorted(RECORD_SECTIONS, key=lambda each: found.index(each) if each in found else len(found)):
         known = {record_key(table["name"]): index for index, table in enumerate(before[section])}
         for table in document[section]:
             index = known.get(record_key(table["name"]), -1)

@@ -17,7 +17,7 @@ from orip.model.block import Block
 from orip.model.preliminary import PhotoStart, PointStart, PreliminaryValues, SimilarityStep
 from orip.prelim.absolute_orientation import absolute_orientation
 from orip.prelim.ground_control import known_centres, known_points
-from orip.prelim.growing import Growth
+from orip.prelim.growing import Growth, misplaced, residual_lengths
 from orip.prelim.image_rays import image_rays
 from orip.prelim.joining import Joined
 from orip.prelim.pair_selection import common_point_counts
@@ -30,9 +30,6 @@ BoolArray = NDArray[np.bool_]
 
 _STARTING_PAIRS = 3
 """First pairs that are tried one after the other."""
-
-_OUT_OF_PLACE = 5.0
-"""Median residual of a photo, over that of all photos, from which on it is in the wrong place."""
 
 _ROUGH = 20.0
 """Median residual over the a-priori error from which on another way is tried as well."""
@@ -182,26 +179,11 @@ class _Chain:
 
     def _worth(self, outcome: _Outcome) -> tuple[int, int, float]:
         """Return the photos that are in their place on the ground, those that are oriented at all, and minus misfit."""
-        lengths = self._residual_lengths(outcome.placed)
-        photo = self.rays.photo[np.isfinite(lengths)]
-        lengths = lengths[np.isfinite(lengths)]
-        overall = float(np.median(lengths)) if len(lengths) else np.inf
-        limit = _OUT_OF_PLACE * max(overall, 1.0)
-        in_place = sum(
-            bool((photo == each).any()) and float(np.median(lengths[photo == each])) <= limit
-            for each in np.flatnonzero(outcome.placed.oriented)
-        )
+        lengths = residual_lengths(self.rays, outcome.placed)
+        finite = ~np.isnan(lengths)
+        overall = float(np.median(lengths[finite])) if finite.any() else np.inf
+        in_place = int(np.sum(outcome.placed.oriented & ~misplaced(self.rays, outcome.placed)))
         return in_place if outcome.on_ground else 0, in_place, -overall
-
-    def _residual_lengths(self, placed: Placed) -> FloatArray:
-        """Return the lengths (n,) of the rays' residuals over their a-priori errors, NaN where nothing is known."""
-        rays = self.rays
-        offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
-        u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
-            length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
-        return np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf))
 
     # what is told
 

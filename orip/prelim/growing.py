@@ -28,6 +28,9 @@ IntArray = NDArray[np.int64]
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
 
+_SCALE_CHECKED = 3
+"""Known points of a model: with three a wrong one is found."""
+
 _FITTING = 0.6
 """Least part of the known points that has to fit a resection."""
 
@@ -36,7 +39,16 @@ _FEWEST_FOR_MODEL = 5
 _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
-_REFINED_AT = 2.0
+_REMOVALS = 2
+"""Times that a photo may be taken out again; then it stays, and tells of itself by its residuals."""
+
+_MISFIT = 5.0
+"""Residual over the median of all from which on a point does not fit its photo."""
+
+_OUT_OF_PLACE = 0.4
+"""Part of the points of a photo that do not fit it from which on the photo is in the wrong place."""
+
+_REFINED_AT = 1.5
 """Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
 
 
@@ -60,14 +72,28 @@ class Growth:
     held: FloatArray
 
     def grown(self, start: Placed) -> Placed:
-        """Return the system with all photos that can be added to it, adjusted as a whole."""
+        """Return the system with all photos that can be added to it, adjusted as a whole.
+
+        Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
+        """
         placed, refined = start, int(start.oriented.sum())
         refused: dict[int, int] = {}
-        while (added := self._with_more_photos(placed, refused)) is not None:
-            placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
-            if (count := int(placed.oriented.sum())) >= _REFINED_AT * refined + 1:
-                placed, refined = self.refined(placed), count
-        return self.refined(placed)
+        removals = np.zeros(len(self.rays.photos), dtype=np.int64)
+        while True:
+            added = self._with_more_photos(placed, refused)
+            if added is not None:
+                placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
+            count = int(placed.oriented.sum())
+            if added is not None and count < _REFINED_AT * refined + 1:
+                continue
+            placed, refined = self.refined(placed), count
+            wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
+            if wrong.any() and not wrong[placed.oriented].all():
+                removals += wrong
+                refused.clear()
+                placed = self.intersected(placed.without_photos(wrong))
+            elif added is None:
+                return placed
 
     def intersected(self, placed: Placed) -> Placed:
         """Return the system with all points that its photos determine."""
@@ -115,8 +141,9 @@ class Growth:
         """Return the system with the photos that can be added in the safest way there is, None if there is none."""
         return (
             self._resected(placed, _WELL, refused)
-            or self._with_model(placed)
+            or self._with_model(placed, _SCALE_CHECKED)
             or self._resected(placed, _BARELY, refused)
+            or self._with_model(placed, 1)
         )
 
     def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
@@ -147,8 +174,11 @@ class Growth:
             return None
         return found if np.mean(found.weight_factor >= 1.0) >= _FITTING else None
 
-    def _with_model(self, placed: Placed) -> Placed | None:
-        """Return the system with the photo that shares most points with an oriented one, joined on by their model."""
+    def _with_model(self, placed: Placed, fewest: int) -> Placed | None:
+        """Return the system with the photo that shares most points with an oriented one, joined on by their model.
+
+        At least `fewest` known points must fit: they give the scale.
+        """
         for oriented, photo in self._models_to_try(placed):
             model = orient_pair(
                 self.rays, oriented, photo, model=self.rays.photos[oriented], row=None, column=None, index=self.index
@@ -156,7 +186,7 @@ class Growth:
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
-            if isinstance(joined, Joined):
+            if isinstance(joined, Joined) and _fitting_points(joined) >= fewest:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
                     f"model with photo {model.left} ({len(model.points)} points), joined on by "
@@ -177,6 +207,41 @@ class Growth:
             if tried[photo] < _MODELS_TRIED:
                 tried[photo] += 1
                 yield first, photo
+
+
+def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
+    """Return the lengths (n,) of the rays' residuals over their a-priori errors.
+
+    Infinite for a point behind the photo, or one that several oriented photos see and none of them determines; NaN where
+    the photo is not oriented, or alone in seeing its point.
+    """
+    offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
+    u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
+        length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
+    oriented = placed.oriented[rays.photo]
+    together = np.bincount(rays.point[oriented], minlength=len(rays.points))[rays.point] > 1
+    lost = oriented & together & ~placed.known[rays.point]
+    return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
+
+
+def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
+    """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
+
+    A photo none of whose points is seen by another one is among them.
+    """
+    lengths = residual_lengths(rays, placed)
+    judged = ~np.isnan(lengths)
+    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
+    count = len(rays.photos)
+    number = np.bincount(rays.photo[judged], minlength=count)
+    misfits = np.bincount(rays.photo[judged & ~(lengths <= _MISFIT * max(overall, 1.0))], minlength=count)
+    return placed.oriented & (misfits >= _OUT_OF_PLACE * number)
+
+
+def _fitting_points(joined: Joined) -> int:
+    return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
 
 
 def _part(placed: Placed, photo: int, points: IntArray) -> SubBlock:

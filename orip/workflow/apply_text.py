@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from orip.errors import Complaint
+from orip.errors import Complaint, InputError
 from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
 from orip.model.camera import CAMERA_PARAMETERS, Camera
 from orip.model.names import record_key
@@ -44,16 +45,36 @@ def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) 
 
 
 def with_polynomial(camera: Camera) -> Camera:
-    """Return the camera with its distortion taken to the polynomial, if it was given in another form."""
-    if camera.distortion_isp is not None:
-        polynomial = polynomial_from_isp(camera.distortion_isp)
-    elif camera.distortion_curve is not None:
-        polynomial, _ = polynomial_from_curve(camera.distortion_curve)
-    else:
+    """Return the camera with its distortion taken to the polynomial, if it was given in another form.
+
+    Raises
+    ------
+    InputError
+        If that form has no polynomial.
+    """
+    if camera.distortion_isp is None and camera.distortion_curve is None:
         return camera
+    try:
+        polynomial = _polynomial(camera)
+    except (ValueError, ArithmeticError) as fault:
+        form = "distortion_curve" if camera.distortion_isp is None else "distortion_isp"
+        message = f"{form} of camera '{camera.name}' has no polynomial ({fault}); correct it"
+        raise InputError.single(message) from fault
     parameters = list(camera.parameters)
-    parameters[_POLYNOMIAL] = (float(value) for value in polynomial)
+    parameters[_POLYNOMIAL] = polynomial
     return replace(camera, parameters=tuple(parameters))
+
+
+def _polynomial(camera: Camera) -> list[float]:
+    if camera.distortion_isp is not None:
+        coefficients = polynomial_from_isp(camera.distortion_isp)
+    else:
+        coefficients, _ = polynomial_from_curve(camera.distortion_curve or ())
+    polynomial: list[float] = coefficients.tolist()
+    if not all(map(math.isfinite, polynomial)):
+        message = "its numbers are too large"
+        raise ArithmeticError(message)
+    return polynomial
 
 
 def _complaints(project: Project, conflicts: Iterable[Conflict]) -> list[Complaint]:

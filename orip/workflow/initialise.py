@@ -18,16 +18,19 @@ from orip.workflow.apply_text import TextApplied, apply_text
 from orip.workflow.outputs import rewrite_stale_outputs
 from orip.workflow.project import Project
 from orip.workflow.reconcile import Change, Prefer
-from orip.workflow.records import read_definitions, write_definitions
+from orip.workflow.record_changes import RecordChange, record_changes
+from orip.workflow.record_document import stored_document
+from orip.workflow.records import StoredDefinitions, read_definitions, write_definitions
 from orip.workflow.texts import Texts, open_project_with_texts, raise_complaints
 
 
 @dataclass(frozen=True, slots=True)
 class Initialised:
-    """What `orip init` did: the changes of records (none: nothing had changed), and what to know."""
+    """What `orip init` did: the changes of records (none: nothing had changed), value by value, and what to know."""
 
     project: Project
     changes: tuple[Change, ...]
+    differences: tuple[RecordChange, ...]
     warnings: tuple[ProjectWarning, ...]
 
 
@@ -62,7 +65,13 @@ def initialise_project(project: Project, texts: Parsed[Texts], prefer: Prefer | 
         raise_complaints(applied.complaints)
         write_definitions(project, stores, old, applied.definitions)
     rewrite_stale_outputs(project)
-    return Initialised(project, applied.changes, (*project.warnings, *texts.warnings))
+    differences = _differences(project, old, applied) if applied.changes else ()
+    return Initialised(project, applied.changes, differences, (*project.warnings, *texts.warnings))
+
+
+def _differences(project: Project, old: StoredDefinitions, applied: TextApplied) -> tuple[RecordChange, ...]:
+    before, after = stored_document(project, old), stored_document(project, applied.definitions)
+    return record_changes(before, after, None, project.definition.ground_unit)
 
 
 def _log_complaints(texts: Parsed[Texts], applied: TextApplied) -> Sequence[Complaint]:

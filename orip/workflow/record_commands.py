@@ -128,7 +128,8 @@ def _change(folder: Path, edit: Edit, *, dry_run: bool, alone: RecordName | None
         plan = _plan(project, stores, edit, alone)
     if plan.changes and not dry_run:
         renamed = plan.renaming if plan.renaming is not None and plan.renaming.kind == "bundle" else None
-        _require_free_files(project, renamed)
+        if renamed:
+            _require_free_file(project, renamed)
         new = [project.observations(renamed.new)] if renamed and is_written(project.observations(renamed.old)) else []
         with writing([*paths, *new]) as stores:
             plan = _plan(project, stores, edit, alone)  # another run may have changed them meanwhile
@@ -231,14 +232,14 @@ def _write(project: Project, stores: Stores, plan: _Plan) -> None:
         delete_measurements(project, stores, plan.bundles, kind, gone)
 
 
-def _require_free_files(project: Project, renamed: Renaming | None) -> None:
-    """Raise InputError if a bundle's new name would take files that are there already."""
-    if renamed is None or record_key(renamed.old) == record_key(renamed.new):
+def _require_free_file(project: Project, renamed: Renaming) -> None:
+    """Raise InputError if a bundle's new name would take preliminary coordinates that are there already."""
+    old, new = project.preliminary(renamed.old), project.preliminary(renamed.new)
+    if record_key(renamed.old) == record_key(renamed.new) or not new.is_file():
         return
-    for path in (project.observations(renamed.new), project.preliminary(renamed.new)):
-        if is_written(path):
-            message = f"{project.shown(path)} is there already; move it away, or choose another name"
-            raise InputError.single(message)
+    if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
+        message = f"{project.shown(new)} is there already; move it away, or choose another name"
+        raise InputError.single(message)
 
 
 def _copy_preliminary(project: Project, renamed: Renaming) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -51,8 +52,9 @@ def in_given_form(camera: Camera) -> Camera:
 
     Of a camera with such a form the polynomial is computed, so the other coefficients are 0.
     """
-    if with_polynomial(camera) == camera:
-        return camera
+    with suppress(InputError):  # a form that no text may have
+        if with_polynomial(camera) == camera:
+            return camera
     return replace(camera, distortion_isp=None, distortion_curve=None)
 
 

@@ -183,6 +183,11 @@ def test_added_before_another(project: Path) -> None:
         ("camera add O c=1 fiducials.1.x=5", "has no y; it is required"),
         ("camera add O c=1 distortion_curve.1=5", "have no names; write all of them in one list"),
         ("camera add O c=1 distortion.A3=1 distortion_isp.A1=1", "give the distortion in one form"),
+        (
+            "camera add O c=1 distortion_isp.R0=1e200 distortion_isp.A1=1",
+            "distortion_isp of camera 'O' has no polynomial",
+        ),
+        ("camera add O c=1 distortion_curve=[[0,0],[1,0],[2,0],[3,0]]", "curve of camera 'O'"),
         ("camera add O c=1 c.x=1", "c has no parts"),
         ("camera add C35 c=1", "camera C35 is there already, with other values; change it with 'orip camera edit'"),
         ("camera add !O c=1", "'!O' is not allowed as a name"),
@@ -294,6 +299,16 @@ def test_the_other_form_of_a_distortion(project: Path) -> None:
     refused(project, "give the distortion in one form", "camera", "edit", "C35", "distortion.A3=1e-5")
     done(orip(project, "camera", "edit", "C35", "distortion_isp=", "distortion.A3=1e-5"))
     assert done(orip(project, "init")).err.startswith("init     unchanged")
+
+
+def test_init_shows_the_difference(project: Path) -> None:
+    replace_in(project / "orip.toml", "c = 35.0", "c = 35.2")
+    replace_in(project / "orip.toml", "X0 = 1070.0", "X0 = 1071.0")
+    copy = Path(shutil.copytree(project, project.parent / "copy"))
+    said = done(orip(project, "init"))
+    assert "         camera C35: c 35.0 -> 35.2\n         photo left: X0 1070.0 -> 1071.0\n" in said.err
+    document = done(orip(copy, "init", "--json")).document
+    assert [each["values"][0]["new"] for each in document["differences"]] == [35.2, 1071.0]
 
 
 def test_changed_in_text_and_store_is_a_conflict(project: Path) -> None:

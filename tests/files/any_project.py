@@ -45,13 +45,15 @@ stages = some(st.sampled_from(["UPPER", "LOWER"]))
 def cameras(draw: Any, name: str) -> Camera:
     form = draw(st.sampled_from(["polynomial", "isp", "curve"]))
     polynomial = draw(st.tuples(*[st.just(0.0) | numbers] * 8)) if form == "polynomial" else (0.0,) * 8
-    radii = draw(st.lists(st.floats(0.0, 1e3), unique=True, min_size=4, max_size=6)) if form == "curve" else []
+    radii = (
+        draw(st.lists(st.integers(1, 150).map(float), unique=True, min_size=4, max_size=6)) if form == "curve" else []
+    )
     small = st.floats(-1.0, 1.0)
     camera = Camera(
         name,
         (draw(positive), draw(numbers), draw(numbers), *polynomial),
         draw(st.sampled_from(["ideal", "measured"])),
-        draw(st.tuples(numbers, numbers, numbers, numbers)) if form == "isp" else None,
+        draw(st.tuples(*[st.floats(-1e3, 1e3)] * 4)) if form == "isp" else None,
         tuple((radius, draw(small)) for radius in radii) if form == "curve" else None,
         draw(some(st.tuples(positive, positive))),
         unknown=draw(some_of(CAMERA_PARAMETERS)),

@@ -27,6 +27,7 @@ from orip.files.project_toml import read_project
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.toml_lines import TomlLines
+from orip.model.names import name_fault
 from orip.workflow.initialise import initialise
 from orip.workflow.measure import measure
 from orip.workflow.observations_edit import edit_observations
@@ -308,3 +309,28 @@ def test_deep_nesting_is_a_complaint(tmp_path: Path) -> None:
     (tmp_path / "F").write_text("a = " + "[" * 100_000 + "]" * 100_000)
     (complaint,) = read_project(tmp_path / "F", "F").complaints
     assert "nested too deeply" in complaint.message
+
+
+# found by these tests
+
+
+def test_name_with_a_blank_that_cannot_be_printed_is_shown_as_an_escape() -> None:
+    assert name_fault("MA\u00a0N") == "'MA\\xa0N' has a blank; names are one word"
+    assert name_fault("\x1b[2J x") == "'\\x1b[2J x' has a blank; names are one word"
+    assert name_fault("P 1") == "'P 1' has a blank; names are one word"
+
+
+@pytest.mark.parametrize(("line", "column"), [("S 1 2 30 0", 10), ("S 1 2 30 0.1 90 0", 17)])
+def test_direction_with_the_a_priori_error_0_is_complained_of(tmp_path: Path, line: str, column: int) -> None:
+    (tmp_path / "F").write_text(line)
+    (complaint,) = read_directions(tmp_path / "F", "F").complaints
+    assert (complaint.line, complaint.column) == (1, column)
+    assert "an a-priori error of 0 is not possible for a direction" in complaint.message
+
+
+def test_dump_whose_kind_cannot_be_printed_is_shown_with_an_escape(tmp_path: Path) -> None:
+    header = '{"format": "orip.dump/1", "kind": ".\u00a0AM", "schema": 1, "run": null}'
+    found = load_complaints(tmp_path / "A.CAM", header)
+    assert found
+    assert ".\\xa0AM" in found[0]
+    assert all(map(str.isprintable, found))

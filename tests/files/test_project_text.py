@@ -124,6 +124,13 @@ def test_a_deleted_record_takes_its_comments_along() -> None:
     assert "# ---- photos ----" in text
 
 
+def test_kinds_of_records_stay_in_their_order() -> None:
+    text = '[project]\nname = "Z"\n\n# first\n[[bundle]]\nname = "M"\n\n[[camera]]\nname = "C"\nc = 1.0\n'
+    old = read(text)
+    new = replace(old, cameras=(replace(old.cameras[0], unknown=("C",)),))
+    assert merged_project_text(text, new) == f'{text}unknown = ["C"]\n'
+
+
 INLINE = """\
 project = { name = "Z" }
 camera = [{ name = "O", c = 8.5 }, { name = "N", c = 9 }]

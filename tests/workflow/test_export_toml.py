@@ -91,6 +91,7 @@ def test_any_stores_exported_and_applied_are_the_same(
 
 
 def test_records_edited_in_the_stores(project: Path) -> None:
+    replace_in(project / "FIRST.MEA", "MAIN left", "MAIN west")
     edit_record(project, RecordName("camera", "C35"), ["c=35.1", "unknown=C"])
     rename_record(project, RecordName("photo", "left"), "west")
     add_record(project, RecordName("temtick", "GRID"), ["ticks.1={x=1.5,y=2}"])
@@ -100,6 +101,7 @@ def test_records_edited_in_the_stores(project: Path) -> None:
 
 
 def test_a_record_deleted_in_the_store_leaves_the_text(project: Path) -> None:
+    (project / "FIRST.MEA").unlink()
     delete_record(project, RecordName("photo", "left"), with_referents=True)
     warnings = export_toml(project).warnings
     assert [str(each) for each in warnings] == [
@@ -110,12 +112,12 @@ def test_a_record_deleted_in_the_store_leaves_the_text(project: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "form", ["distortion_isp={R0=10.0, A1=1e-4}", "distortion_curve=[[0,0],[5,0.01],[9,0.02],[12,0.05]]"]
+    "form", ["distortion_isp={R0=10.0, A1=1e-4}", "distortion_curve=[[5,0.01],[9,0.02],[12,0.05],[15,0.1]]"]
 )
 def test_the_given_form_of_a_distortion_is_kept(project: Path, form: str) -> None:
     edit_record(project, RecordName("camera", "C35"), [form])
     export_and_init(project)
-    assert form.split("=")[0] in (project / "orip.toml").read_text()
+    assert form.partition("=")[0] in (project / "orip.toml").read_text()
 
 
 def test_a_form_that_is_not_what_the_polynomial_is_goes(project: Path) -> None:
@@ -183,7 +185,7 @@ def test_stores_that_no_text_can_say(project: Path) -> None:
     lines = "\n".join(dump(project / "FIRST.PHO")).replace('"C35"', '"C99"')
     (project / "dump.txt").write_text(lines + "\n")
     assert orip(project, "load", "FIRST.PHO", "dump.txt").code == 0
-    with pytest.raises(InputError, match="the stores hold records that orip.toml may not have: photo 'left' names"):
+    with pytest.raises(InputError, match=r"the stores hold records that orip\.toml may not have: photo 'left' names"):
         export_toml(project)
 
 

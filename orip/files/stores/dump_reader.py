@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from orip.errors import Complaint, InputError
+from orip.files.shown_text import printable
 from orip.files.stores.dump import FORMAT, dumped_tables
 from orip.files.stores.schema import SCHEMA_VERSION
 from orip.files.stores.store import Store, stored_fault
@@ -46,12 +47,12 @@ class _Complaints:
     found: list[Complaint] = field(default_factory=list)
 
     def add(self, line: int, message: str, column: int | None = None) -> None:
-        self.found.append(Complaint(message, self.source, line, column))
+        self.found.append(Complaint(printable(message), self.source, line, column))
         if len(self.found) == MOST_COMPLAINTS:
             self.stop(line, "too many faults; the rest was not read")
 
     def stop(self, line: int, message: str) -> None:
-        self.found.append(Complaint(message, self.source, line))
+        self.found.append(Complaint(printable(message), self.source, line))
         raise _StopReadingError
 
 

@@ -1,0 +1,121 @@
+"""The plate processor with what is loaded into it: the bare stages, or an oriented block.
+
+Without a table the stages can be driven in plate coordinates and be read, as the measurement of templates and photos
+needs it: `bare_stages` is a block of one model that stands for the two of them. Whatever asks for an orientation is
+refused then.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from orip.model.drive_table import (
+    DriveCamera,
+    DriveFault,
+    DriveModel,
+    DrivePhoto,
+    DriveTable,
+    StageLimits,
+    Triple,
+)
+from orip.multimodel.oriented_block import OrientedBlock, oriented_block
+from orip.multimodel.processor import Loaded
+from orip.multimodel.state import Condition, Position, State
+
+TableLoader = Callable[[bytes], Loaded | tuple[DriveFault, ...]]
+"""Makes a block from the bytes of a drive table, or tells all that is wrong with it."""
+
+NO_MODEL = "-"
+"""Name of the model without a table."""
+
+_REACH = 20_000.0
+"""Plate units; where on their stages films or digital frames lie, only a table tells."""
+
+
+class Mark(NamedTuple):
+    """Where the measuring mark is: the active model, the plates, and the place in the object if it was driven there."""
+
+    model: str
+    plates: tuple[Position, Position]
+    xyz: Triple | None
+    condition: Condition
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """A plate processor.
+
+    Parameters
+    ----------
+    block : OrientedBlock
+    state : State
+        Where everything is, or is going to.
+    table : bytes
+        The drive table as it was loaded; empty: none.
+    digest : str
+        Its SHA-256, hexadecimal.
+    on_the_way : State or None
+        What shows while the stages are on their way.
+    is_paced : bool
+        Travel takes time.
+    """
+
+    block: OrientedBlock
+    state: State
+    table: bytes = b""
+    digest: str = ""
+    on_the_way: State | None = None
+    is_paced: bool = False
+
+    @property
+    def is_ready(self) -> bool:
+        """Return whether a table is loaded."""
+        return bool(self.table)
+
+    @property
+    def shown(self) -> State:
+        """Return the state that read-outs show."""
+        return self.on_the_way or self.state
+
+    @property
+    def mark(self) -> Mark:
+        """Return where the measuring mark is."""
+        state = self.state
+        return Mark(self.block.models[state.model].name, state.plates, state.mark, state.condition)
+
+    def loaded(self, data: bytes, load: TableLoader) -> Station | tuple[DriveFault, ...]:
+        """Return the station with another table, or all that is wrong with that."""
+        found = load(data)
+        if not isinstance(found, Loaded):
+            return found
+        return Station(*found, data, hashlib.sha256(data).hexdigest(), is_paced=self.is_paced)
+
+    def at(self, mark: Mark) -> Station | None:
+        """Return the station with its measuring mark elsewhere; None if it has no such model or position."""
+        model = self.block.model_index(mark.model)
+        limits = (self.block.table.upper, self.block.table.lower)
+        for (x, y), stage in zip(mark.plates, limits, strict=True):
+            if not (stage.x_min <= x <= stage.x_max and stage.y_min <= y <= stage.y_max):
+                return None
+        if model is None:
+            return None
+        state = replace(self.state, model=model, plates=mark.plates, mark=mark.xyz, condition=mark.condition)
+        return replace(self, state=state)
+
+
+def bare_stages(*, is_paced: bool = False) -> Station:
+    """Return a station without a table, in the middle of its stages, guiding the upper one."""
+    limits = StageLimits(-_REACH, _REACH, -_REACH, _REACH, 0.001)
+    camera = DriveCamera("-", (1.0, *(0.0,) * 10), (0.0, 0.0), "ideal")
+    level, unit = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    photos = (
+        DrivePhoto("LEFT", "-", None, "UPPER", (0.0, 0.0, 1.0), level, unit),
+        DrivePhoto("RIGHT", "-", None, "LOWER", (1.0, 0.0, 1.0), level, unit),
+    )
+    model = DriveModel(NO_MODEL, 1, 1, "LEFT", "RIGHT", "NORMAL")
+    table = DriveTable("-", "-", "mm", "-", limits, limits, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
+    state = State(0, ((0.0, 0.0), (0.0, 0.0)), None, "IN", guide="UPPER")
+    return Station(oriented_block(table), state, is_paced=is_paced)
