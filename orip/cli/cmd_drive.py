@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli import cmd_drive_emulator, cmd_drive_link
 from orip.cli.options import Invocation, command
-from orip.cli.terminal import warning_rows
+from orip.cli.terminal import Terminal, warning_rows
+from orip.errors import InputError, ProjectWarning
+
+if TYPE_CHECKING:
+    from orip.workflow.drive_table import DriveTableOutcome
 
 BundleArgument = Annotated[
     str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
@@ -20,6 +25,8 @@ drive = typer.Typer(name="drive", help=_ABOUT, no_args_is_help=True)
 
 def register(app: typer.Typer) -> None:
     """Add the group of commands."""
+    cmd_drive_link.register(drive)
+    cmd_drive_emulator.register(drive)
     app.add_typer(drive)
 
 
@@ -34,12 +41,32 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
     from orip.workflow.drive_table import write_drive_table
 
     outcome = write_drive_table(invocation.folder, bundle)
-    terminal, table = invocation.terminal, outcome.table
-    shown = outcome.project.shown(outcome.path)
+    tell_table(invocation.terminal, outcome)
+    if invocation.terminal.json:
+        document = {
+            "command": "drive table",
+            "file": outcome.project.shown(outcome.path),
+            "changed": outcome.changed,
+            **_counts(outcome),
+            "start": list(outcome.table.start),
+            "warnings": warning_rows(outcome.warnings),
+        }
+        invocation.terminal.document(document)
+
+
+def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
+    """Say what the drive table holds."""
     terminal.warn(outcome.warnings)
-    counts = {"cameras": len(table.cameras), "photos": len(table.photos), "models": len(table.models)}
-    what = ", ".join(f"{number} {name if number != 1 else name[:-1]}" for name, number in counts.items())
-    terminal.say(f"drive table  {shown} {'written' if outcome.changed else 'is unchanged'}: {what}", "green")
-    if terminal.json:
-        document = {"command": "drive table", "file": shown, "changed": outcome.changed, **counts}
-        terminal.document({**document, "start": list(table.start), "warnings": warning_rows(outcome.warnings)})
+    what = ", ".join(f"{number} {name if number != 1 else name[:-1]}" for name, number in _counts(outcome).items())
+    state = "wrote    " if outcome.changed else "kept     "
+    terminal.say(f"{state}{outcome.project.shown(outcome.path)}: {what}")
+
+
+def tell_no_table(terminal: Terminal, error: InputError) -> None:
+    """Say why a bundle with models has no drive table."""
+    terminal.warn(ProjectWarning("no-drive-table", "", f"no drive table: {each}") for each in error.complaints)
+
+
+def _counts(outcome: DriveTableOutcome) -> dict[str, int]:
+    table = outcome.table
+    return {"cameras": len(table.cameras), "photos": len(table.photos), "models": len(table.models)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-import webbrowser
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,10 +25,10 @@ Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in t
 
 
 def register(_app: typer.Typer) -> None:
-    """Do nothing: the command is in the group already."""
+    """Add the command to the group `orip drive`."""
+    command(drive, "watch")(watch_command)
 
 
-@command(drive, "watch")
 def watch_command(
     invocation: Invocation, bundle: BundleArgument = None, link: Link = None, port: Port = 0, browser: Open = True
 ) -> None:
@@ -68,6 +67,8 @@ def _server(watch: Watch, port: int) -> WatchServer:
 
 def _serve(server: WatchServer, *, browser: bool) -> None:
     """Serve until Ctrl-C or SIGTERM, which are the way to end and no error."""
+    import webbrowser
+
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if browser:

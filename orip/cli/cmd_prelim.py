@@ -30,7 +30,8 @@ After = Annotated[
 ]
 
 prelim_group = typer.Typer(
-    name="prelim", help="Preliminary values of photos and points, from nothing but measurements and control."
+    name="prelim",
+    help="Preliminary values of photos and points, from nothing but measurements and control.\n\nExample: orip prelim",
 )
 
 

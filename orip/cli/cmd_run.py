@@ -7,7 +7,7 @@ from functools import partial
 
 import typer
 
-from orip.cli import cmd_init, cmd_measure
+from orip.cli import cmd_drive, cmd_init, cmd_measure
 from orip.cli.options import Invocation, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 
@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "run")
     def run_command(invocation: Invocation, prefer: cmd_init.PreferOption = None) -> None:
-        """Do the whole project: init, measure, and solve all bundles.
+        """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables.
 
         All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
 
@@ -32,6 +32,8 @@ def register(app: typer.Typer) -> None:
             measured=partial(cmd_measure.tell, terminal),
             solving=solve_watcher(terminal),
             solved=partial(tell_solution, terminal),
+            tabled=partial(cmd_drive.tell_table, terminal),
+            not_tabled=partial(cmd_drive.tell_no_table, terminal),
         )
         with limited_threads(terminal):
             checked = run(invocation.folder, prefer, watcher)

@@ -50,10 +50,10 @@ class Invocation:
     terminal: Terminal
 
 
-def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function ``f(invocation, ...)`` as a command that also takes the shared options.
 
-    Errors of orip end the command with their message and exit code.
+    Errors of orip end the command with their message and exit code. Settings are those of typer's commands.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
@@ -67,7 +67,7 @@ def command(app: typer.Typer, name: str) -> Callable[[Callable[..., None]], Call
                 function(invocation, **given)
 
         _give_signature(run, inspect.signature(function, eval_str=True))
-        app.command(name)(run)
+        app.command(name, **settings)(run)
         return run
 
     return register

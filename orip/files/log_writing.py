@@ -7,7 +7,7 @@ machine went down, has a log that can be replayed, with everything that was meas
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
@@ -24,11 +24,8 @@ class Log(Protocol):
     def chapter(self, title: str) -> None:
         """Begin a chapter."""
 
-    def put(self, header: str, lines: Mapping[str, str]) -> None:
-        """Put lines by name into the block of that header: new ones at its end, others in the place of the old."""
-
-    def take_out(self, header: str, name: str) -> None:
-        """Take the line of a name out of the block of that header."""
+    def put(self, header: str, lines: Iterable[str]) -> None:
+        """Put a block in the place of the chapter's one with that header; without lines there is none."""
 
     def edit(self, line: str) -> None:
         """Put an edit behind all that was measured so far."""
@@ -40,11 +37,8 @@ class NoLog:
     def chapter(self, title: str) -> None:
         """Begin no chapter."""
 
-    def put(self, header: str, lines: Mapping[str, str]) -> None:
+    def put(self, header: str, lines: Iterable[str]) -> None:
         """Put nothing."""
-
-    def take_out(self, header: str, name: str) -> None:
-        """Take nothing out."""
 
     def edit(self, line: str) -> None:
         """Edit nothing."""
@@ -69,51 +63,48 @@ class LogFile:
     def __init__(self, path: Path, shown: str) -> None:
         self._path, self._shown = path, shown
         self._before = self._written = self._read()
-        self._chapter: list[str] = []
-        self._blocks: dict[str, dict[str, str]] = {}
+        self._chapter = "! digitised"
+        self._blocks: dict[str, tuple[str, ...]] = {}
 
     def chapter(self, title: str) -> None:
         """Begin a chapter; it is written with its first measurement."""
         self._before = self._text()
-        self._chapter = [f"! {title}"]
+        self._chapter = f"! {title}"
         self._blocks = {}
 
-    def put(self, header: str, lines: Mapping[str, str]) -> None:
-        """Put lines into a block, and write.
+    def put(self, header: str, lines: Iterable[str]) -> None:
+        """Put a block in the place of the chapter's one with that header, and write.
 
         Raises
         ------
         OripError
             If the file cannot be written; it is then as it was.
         """
-        self._blocks.setdefault(header, {}).update(lines)
+        self._catch_up()
+        self._blocks[header] = tuple(lines)
         self._write()
 
-    def take_out(self, header: str, name: str) -> None:
-        """Take a line out of a block, and write; a block without lines goes too."""
-        block = self._blocks.get(header, {})
-        if block.pop(name, None) is not None:
-            self._blocks = {each: lines for each, lines in self._blocks.items() if lines}
-            self._write()
-
     def edit(self, line: str) -> None:
-        """Put an edit behind all that was measured so far, and write; what is measured later stands behind it."""
+        """Put an edit behind all that was measured so far, and write; blocks begin anew behind it."""
+        self._catch_up()
         self._before = _ended(self._text()) + f"{line}\n"
-        self._chapter, self._blocks = [], {}
+        self._blocks = {}
         self._write()
 
     def _text(self) -> str:
-        if not self._blocks:
+        blocks = ["\n".join([header, *lines]) for header, lines in self._blocks.items() if lines]
+        if not blocks:
             return self._before
-        blocks = ("\n".join([header, *lines.values()]) for header, lines in self._blocks.items())
         gap = "\n" if self._before else ""
-        return _ended(self._before) + gap + "\n".join([*self._chapter, *blocks]) + "\n"
+        return _ended(self._before) + gap + "\n".join([self._chapter, *blocks]) + "\n"
 
-    def _write(self) -> None:
+    def _catch_up(self) -> None:
+        """Let all that somebody else has written to the file stay: this chapter then stands behind it, whole."""
         found = self._read()
         if found != self._written:
-            # somebody else has written to the file: it keeps all of that, and this chapter stands behind it, whole
-            self._before = found
+            self._before = self._written = found
+
+    def _write(self) -> None:
         text = self._text()
         try:
             replace_text(self._path, text)

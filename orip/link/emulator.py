@@ -123,7 +123,8 @@ class Emulator:
 
     async def _converse(self, client: _Client) -> None:
         goes_on = True
-        while goes_on and (line := await client.lines.next()) is not None:
+        # once the connection is lost there is nobody to answer
+        while goes_on and not client.writer.is_closing() and (line := await client.lines.next()) is not None:
             found = answer(self._seen(), line, self._other_operator(client))
             if found.connection is None:
                 self._set(found.station)

@@ -186,7 +186,8 @@ def _frame(photo: PhotoLoop) -> list[list[float]]:
         return []
     signs = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     x, y = photo.plate_of_photo(half_x * signs[:, 0], half_y * signs[:, 1])
-    return np.stack([x, y], axis=1).tolist()
+    corners: list[list[float]] = np.stack([x, y], axis=1).tolist()
+    return corners
 
 
 def _moving(processor: WatchedProcessor) -> Document:

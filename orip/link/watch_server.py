@@ -130,14 +130,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such command")
             return
         try:
-            request = json.loads(body)
-            if not isinstance(request, dict):
-                message = "expected a JSON object"
-                raise RequestError(message)
-            self._send(HTTPStatus.OK, "application/json", _json(command(request)))
-        except (RequestError, ValueError, RecursionError) as error:
-            text = str(error) if isinstance(error, RequestError) else "the request is no JSON"
-            self._refuse(HTTPStatus.BAD_REQUEST, text)
+            reply = command(_request(body))
+        except RequestError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+        else:
+            self._send(HTTPStatus.OK, "application/json", _json(reply))
 
     def log_message(self, *_: object) -> None:
         """Say nothing of requests."""
@@ -219,6 +216,17 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
         if self.close_connection:
             self.send_header("Connection", "close")
+
+
+def _request(body: bytes) -> Document:
+    try:
+        request = json.loads(body)
+    except (ValueError, RecursionError):
+        request = None
+    if not isinstance(request, dict):
+        message = "a command is one JSON object"
+        raise RequestError(message)
+    return request
 
 
 def _json(document: Document) -> bytes:

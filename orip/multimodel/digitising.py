@@ -66,7 +66,7 @@ Wanted = Mapping[str, Collection[str]]
 
 @dataclass(frozen=True, slots=True)
 class DigitisedBlock:
-    """The models of a block by row and column, and the stage of each photo."""
+    """The models of a block by row and column, and the stage of each photo; one without a stage is no partner."""
 
     models: tuple[PhotoPair, ...]
     stages: Mapping[str, Stage]
@@ -119,10 +119,10 @@ class DigitisedBlock:
             (partner, photo)
             for partner in measured
             for photo in turn.photos
-            if partner != photo and self.stages[partner] != self.stages[photo]
+            if self.stages.get(partner) not in (None, self.stages[photo])
         ]
         if together:
-            partner, photo = min(together, key=lambda each: self._rank(*each))
+            partner, photo = min(together, key=lambda each: self._rank(turn, *each))
             return Step((photo,), partner, self._model_to_see(turn, partner, photo))
         for model in self._first(turn.model):
             if set(model.photos) <= set(turn.photos):
@@ -152,12 +152,12 @@ class DigitisedBlock:
         return next((model.model for model in self.models if set(photos) <= set(model.photos)), None)
 
     def _model_to_see(self, turn: Turn, partner: str, photo: str) -> str | None:
-        """Return the model that photo and partner make, else that of the turn if it has the photo, else any that has."""
+        """Return the model of photo and partner, else that of the turn if it has the photo, else any that has."""
         of_turn = [model.model for model in self._first(turn.model)[:1] if photo in model.photos and turn.model]
         return self._model_of(partner, photo) or next(iter(of_turn), self._model_of(photo))
 
-    def _rank(self, partner: str, photo: str) -> tuple[bool, int, int]:
-        """Rank a partner: those that make a model with the photo first, then by the distance of their models."""
+    def _rank(self, turn: Turn, partner: str, photo: str) -> tuple[bool, bool, int, int]:
+        """Rank a partner: first in a model with the photo, that of the turn before others; then by their distance."""
         distances = [
             (abs(a.row - b.row), abs(a.column - b.column))
             for a in self.models
@@ -165,7 +165,8 @@ class DigitisedBlock:
             if partner in a.photos and photo in b.photos
         ]
         rows, columns = min(distances, key=sum, default=(len(self.models), 0))
-        return self._model_of(partner, photo) is None, rows + columns, rows
+        model = self._model_of(partner, photo)
+        return model is None, model != turn.model, rows + columns, rows
 
 
 def from_point(turns: Sequence[Turn], point: str) -> Sequence[Turn] | None:

@@ -154,7 +154,8 @@ def _outlines(
     for model in range(len(block.models)):
 
         def shows(at: FloatArray, model: int = model) -> NDArray[np.bool_]:
-            return inside_model(block, model, places(at.reshape(-1, 2))).reshape(at.shape[:-1])
+            inside: NDArray[np.bool_] = inside_model(block, model, places(at.reshape(-1, 2)))
+            return inside.reshape(at.shape[:-1])
 
         seen = plan[inside_model(block, model, surface)]
         if not len(seen):

@@ -28,6 +28,9 @@ IntArray = NDArray[np.int64]
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
 
+_NEARLY_MOST = 0.7
+"""Of the most known points that any photo sees: photos with fewer wait, and will see more."""
+
 _SCALE_CHECKED = 3
 """Known points of a model: with three a wrong one is found."""
 
@@ -147,15 +150,14 @@ class Growth:
         )
 
     def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
-        """Return the system with the photos that see at least so many of its points."""
+        """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
         counts = np.array([int(known[points].sum()) for points in self.index.points])
         counts[placed.oriented] = 0
+        # what failed is tried again when it has more to go by
+        counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
         result = None
-        for photo in np.flatnonzero(counts >= fewest):
-            # what failed is tried again when it has more to go by
-            if refused.get(int(photo), 0) >= counts[photo]:
-                continue
+        for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
             found = self.resection(placed, int(photo))
             if found is None:
                 refused[int(photo)] = int(counts[photo])
@@ -212,8 +214,8 @@ class Growth:
 def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
     """Return the lengths (n,) of the rays' residuals over their a-priori errors.
 
-    Infinite for a point behind the photo, or one that several oriented photos see and none of them determines; NaN where
-    the photo is not oriented, or alone in seeing its point.
+    Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
+    photo is not oriented, or alone in seeing its point.
     """
     offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
     u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]

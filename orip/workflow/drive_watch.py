@@ -45,8 +45,8 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     data = path.read_bytes()
     loaded = load_drive_table(data)
     if not isinstance(loaded, Loaded):
-        shown = project.shown(path)
-        raise InputError([Complaint(f"{fault.text}; run 'orip drive table' to make it again", shown) for fault in loaded])
+        remedy = "run 'orip drive table' to make it again"
+        raise InputError([Complaint(f"{fault.text}; {remedy}", project.shown(path)) for fault in loaded])
     plan = plan_view(loaded.block, _points(project, name))
     processor = OwnProcessor(loaded) if link is None else LinkedProcessor(link, hashlib.sha256(data).hexdigest())
     return Watch(loaded.block, plan, processor, AXES if project.definition.crs is None else LOCAL_AXES)

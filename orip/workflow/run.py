@@ -6,10 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from orip.errors import InputError
 from orip.files.parsed import Parsed
+from orip.workflow.drive_table import DriveTableOutcome, write_bundle_drive_table
 from orip.workflow.gates import check_solution, project_gates
 from orip.workflow.initialise import Initialised, initialise_project
 from orip.workflow.measure import MeasureOutcome, measure_project
+from orip.workflow.project import Project
 from orip.workflow.reconcile import Prefer
 from orip.workflow.solve import SolveWatcher, solve_bundle
 from orip.workflow.solve_checked import CheckedSolve
@@ -24,10 +27,12 @@ class RunWatcher:
     measured: Callable[[MeasureOutcome], None]
     solving: SolveWatcher
     solved: Callable[[CheckedSolve], None]
+    tabled: Callable[[DriveTableOutcome], None]
+    not_tabled: Callable[[InputError], None]
 
 
 def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[CheckedSolve, ...]:
-    """Initialise, measure and solve all bundles, and hold the gates of orip.toml against each.
+    """Initialise, measure and solve all bundles, hold the gates of orip.toml against each, and write drive tables.
 
     Every text file is read once, and checked before any store is touched.
 
@@ -44,6 +49,22 @@ def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[Check
         outcome = solve_bundle(project, bundle, ground, watcher.solving)
         checked.append(CheckedSolve(outcome, check_solution(outcome.solution, gates)))
         watcher.solved(checked[-1])
+        if outcome.solution.status in {"converged", "doubtful"} and _has_models(project, bundle):
+            _write_table(project, bundle, watcher)
         if outcome.solution.status == "stopped":
             break
     return tuple(checked)
+
+
+def _has_models(project: Project, bundle: str) -> bool:
+    return any(each.models for each in project.definition.bundles if each.name == bundle)
+
+
+def _write_table(project: Project, bundle: str, watcher: RunWatcher) -> None:
+    """Write the drive table; an adjustment is worth no less for models that cannot be driven."""
+    try:
+        outcome = write_bundle_drive_table(project, bundle)
+    except InputError as error:
+        watcher.not_tabled(error)
+    else:
+        watcher.tabled(outcome)

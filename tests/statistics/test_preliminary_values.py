@@ -41,7 +41,7 @@ def test_true_minimum_fits_the_truth(family):
     assert compared(found, found).end == "reached"
 
 
-@pytest.mark.parametrize("u", [0.0, 3.0, 4.999, 5.001, 20.0, 1000.0])
+@pytest.mark.parametrize("u", [0.0, 3.0, 4.999, 5.001, 20.0, 100.0])
 def test_loss_is_the_integral_of_residual_times_weight(u):
     expected, _ = quad(lambda v: v * float(danish_weights(np.array([v]), 5.0)[0]), 0.0, u, points=[5.0], limit=500)
     # quad is good to 1e-8 of what it returns
