@@ -1,23 +1,32 @@
-"""How fast the real-time loop is: object points a second, all at once and one command after the other.
+"""How fast the real-time loop is: object points a second, all at once, one command after the other, and over TCP.
 
     python benchmarks/drive.py
 
 The block has five strips of vertical photos, 100 models, and a lens with radial and tangential distortion; the points
 are a raster that crosses the frame lines of every strip, and points at random, where the model changes nearly every
-time. Prints the best of five, by the CPU time of one core.
+time. Prints the best of five, by the CPU time of one core. Over TCP the emulated plate processor runs in a process of
+its own, and shares one core with its client; there it is the time on the clock, with DRIVE commands one at a time, each
+after the reply to the last, and sent without waiting for replies.
 """
 
 from __future__ import annotations
 
 import os
+import socket
+import subprocess
+import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 
+from orip.files.drive_table_text import drive_table_text
+from orip.link.client import open_link
 from orip.model.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits
 from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import drive_object
@@ -88,8 +97,58 @@ def one_by_one(block: OrientedBlock, state: State, points: list[tuple[float, ...
         state, _ = drive_object(block, state, point)
 
 
+@contextmanager
+def emulator() -> Iterator[str]:
+    """Start an emulated plate processor and yield its address."""
+    command = [sys.executable, "-m", "orip.cli.main", "drive", "emulate", "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().split()[-1]
+        finally:
+            process.terminate()
+
+
+def request_and_reply(url: str, table: bytes, points: list[tuple[float, ...]]) -> float:
+    """Return how many points a second are driven to, each after the reply to the last."""
+    with open_link(url) as link:
+        link.download(table)
+        start = time.perf_counter()
+        for x, y, z in points:
+            link.drive_object(x, y, z)
+        return len(points) / (time.perf_counter() - start)
+
+
+def pipelined(address: str, points: list[tuple[float, ...]]) -> float:
+    """Return how many points a second are driven to when nobody waits for a reply before the next command."""
+    host, port = address.rsplit(":", 1)
+    commands = "".join(f"DRIVE OBJECT {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in points).encode()
+    with socket.create_connection((host, int(port))) as connection, connection.makefile("rb") as replies:
+        replies.readline()
+        start = time.perf_counter()
+        sender = threading.Thread(target=connection.sendall, args=(commands,))
+        sender.start()
+        driven = sum(replies.readline().startswith(b"OK MODEL ") for _ in points)
+        sender.join()
+        assert driven == len(points)
+        return len(points) / (time.perf_counter() - start)
+
+
+def over_tcp(loaded: Loaded, points: np.ndarray) -> tuple[float, float]:
+    """Return the best of some times, one command after the other and pipelined."""
+    can_be_driven_to = drive_objects(*loaded, points)[1].code == 0
+    some = [tuple(point) for point in points[can_be_driven_to][:COMMANDS].tolist()]
+    data = drive_table_text(loaded.block.table).encode()
+    with emulator() as address:
+        one_by_one = [request_and_reply(f"tcp://{address}", data, some) for _ in range(TIMES)]
+        at_once = [pipelined(address, some) for _ in range(TIMES)]
+    return max(one_by_one), max(at_once)
+
+
 def main() -> None:
     """Measure and print."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     print(f"{STRIPS * MODELS} models; points or commands a second of CPU time")
     for distortion_at in ("ideal", "measured"):
         loaded = block(distortion_at)
@@ -103,6 +162,10 @@ def main() -> None:
                 f"distortion at {distortion_at:8s}  {name:9s}  at once {at_once:9.0f}   one by one {single:8.0f}   "
                 f"{changes} changes of model in {len(points)} points"
             )
+    print("DRIVE commands a second over TCP, emulator and client on one core")
+    for name, points in (("raster", raster()), ("at random", scattered())):
+        each, at_once = over_tcp(block("ideal"), points)
+        print(f"{name:9s}  each after the last reply {each:7.0f}   pipelined {at_once:7.0f}")
 
 
 if __name__ == "__main__":

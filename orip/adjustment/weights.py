@@ -14,9 +14,6 @@ FloatArray = NDArray[np.float64]
 _FLOOR = 1e-10
 """Least weight: next to nothing, and yet what hangs on down-weighted observations alone remains determined."""
 
-_SETTLING_FLOOR = 1e-3
-"""What seems to be a blunder at first may be a whole photo that is not in its place yet: it must not come loose."""
-
 _MEDIAN_OF_NORMAL = 0.6745
 """Median of the size of a standard normal residual."""
 
@@ -42,8 +39,9 @@ def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
 def settling_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     """Return weight factors while corrections are still large, and residuals hold what they will take away.
 
-    The limit is as many times higher as most residuals are larger than their a-priori errors: only what sticks out of
-    the others loses weight, and never all of it, so that blunders do not lead the first iterations astray.
+    The limit L is as many times higher as most residuals are larger than their a-priori errors: only what sticks out of
+    the others loses weight, so that blunders do not lead the first iterations astray. It falls with (L / u)² alone,
+    since what seems to be blunders may be a whole photo that is not in its place yet, and must not come loose.
 
     Parameters
     ----------
@@ -57,4 +55,5 @@ def settling_weights(standard_residuals: FloatArray, limit: float) -> FloatArray
     if not len(standard_residuals):
         return np.ones(0)
     scale = max(float(np.median(standard_residuals)) / _MEDIAN_OF_NORMAL, 1.0)
-    return np.maximum(danish_weights(standard_residuals, limit * scale), _SETTLING_FLOOR)
+    raised = limit * scale
+    return (raised / np.maximum(standard_residuals, raised)) ** 2

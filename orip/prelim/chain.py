@@ -192,7 +192,7 @@ class _Chain:
             reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
             photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
             return PreliminaryValues((), (), (), None, (), tuple(photos), (), ())
-        placed, route = best.placed, best.route
+        placed, route = self._where_rays_meet(best.placed), best.route
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
         known = np.flatnonzero(placed.known if best.on_ground else np.zeros(len(placed.known), dtype=bool))
         places = zip(placed.coordinates[known].tolist(), placed.deviations[known].tolist(), strict=True)
@@ -209,6 +209,16 @@ class _Chain:
             tuple(photos),
             tuple(points),
             (),
+        )
+
+    def _where_rays_meet(self, placed: Placed) -> Placed:
+        """Return the system with control points, too, where their rays meet: control may be wrong."""
+        free = self._growth().intersected(placed)
+        known = free.known[:, None]
+        return replace(
+            placed,
+            coordinates=np.where(known, free.coordinates, placed.coordinates),
+            deviations=np.where(known, free.deviations, placed.deviations),
         )
 
     def _photo(self, best: _Outcome, photo: int) -> PhotoStart:

@@ -1,9 +1,9 @@
-"""`orip digitise ground`: ground coordinates taken from an oriented model, into the control points or preliminary ones."""
+"""`orip digitise ground`: ground coordinates taken from an oriented model, as control or preliminary points."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from orip.errors import InputError, ProjectWarning, UsageError
+from orip.files.control_forms import ControlKind
 from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
 from orip.files.work_list import read_work_list
@@ -20,13 +21,13 @@ from orip.model.ground import GroundSystem
 from orip.model.names import record_key
 from orip.model.project import StereoModel
 from orip.multimodel.table import object_ground
-from orip.workflow.control_edits import add_control, list_control
+from orip.workflow.control_edits import ControlTable, add_control, list_control
 from orip.workflow.digitise_films import Films, films_at_hand
 from orip.workflow.digitise_means import Means
 from orip.workflow.digitise_operator import Sought, Visit
 from orip.workflow.digitise_session import Ending, Entry, Outcome, Session
 from orip.workflow.digitise_wanted import model_named
-from orip.workflow.project import open_project
+from orip.workflow.project import Project
 from orip.workflow.texts import EDITS_FILE, raise_complaints
 
 Target = Literal["PNT", "PRE"]
@@ -92,8 +93,10 @@ def digitise_ground(folder: Path, means: Means, bundle: str | None, choice: Grou
     definition = films.bundle(bundle)
     ground = _ground(films, definition.name)
     model = model_named(definition, choice.model)
-    file = list_control(folder, _kind(choice.target), definition.name if choice.target == "PRE" else None).shown
-    names = _names(folder, choice, definition.name)
+    kind: ControlKind
+    kind, of_bundle = ("points", None) if choice.target == "PNT" else ("preliminary", definition.name)
+    table = list_control(folder, kind, of_bundle)
+    names, file = _names(films, choice, table), table.shown
     points: list[GroundPoint] = []
     with means.session(films, f"all of it is in {file}; go on with the points that are left") as session:
         session.link.change_model(model.name)
@@ -104,13 +107,7 @@ def digitise_ground(folder: Path, means: Means, bundle: str | None, choice: Grou
                 break
             if point.xyz is not None:
                 words = _words(point.xyz, choice.error if choice.target == "PNT" else None)
-                add_control(
-                    folder,
-                    _kind(choice.target),
-                    name,
-                    words,
-                    bundle=definition.name if choice.target == "PRE" else None,
-                )
+                add_control(folder, kind, name, words, bundle=of_bundle)
             points.append(point)
             session.enter(Entry("ground point", model.name, name, point.outcome, "nowhere", None, None))
     return GroundDigitised(file, tuple(points), session.ending, (*ground.warnings, *session.warnings))
@@ -141,20 +138,15 @@ def _ground(films: Films, bundle: str) -> GroundSystem:
     return object_ground(films.project.definition.crs, solution.ground_unit, solution)
 
 
-def _kind(target: Target) -> Literal["points", "preliminary"]:
-    return "points" if target == "PNT" else "preliminary"
-
-
 def _words(xyz: Triple, error: float | None) -> list[str]:
     words = [f"{axis}={value:z.4f}" for axis, value in zip("XYZ", xyz, strict=True)]
     return words if error is None else [*words, *(f"a{axis}={error:g}" for axis in "XYZ")]
 
 
-def _names(folder: Path, choice: GroundChoice, bundle: str) -> Iterable[str]:
+def _names(films: Films, choice: GroundChoice, table: ControlTable) -> Iterable[str]:
     """Return the names to ask for: those that were given, or a series that leaves out what is there."""
-    table = list_control(folder, _kind(choice.target), bundle if choice.target == "PRE" else None)
     there = {fields[0] for _, fields, _ in table.rows}
-    given = [*choice.names, *(_listed(folder, choice.file) if choice.file is not None else ())]
+    given = [*choice.names, *(_listed(films.project, choice.file) if choice.file is not None else ())]
     if bool(given) == (choice.first is not None):
         message = "name the points, in a list with --list or one by one, or say with --first how they are numbered"
         raise UsageError(message)
@@ -167,9 +159,9 @@ def _names(folder: Path, choice: GroundChoice, bundle: str) -> Iterable[str]:
     return list(dict.fromkeys(given))
 
 
-def _listed(folder: Path, file: Path) -> Sequence[str]:
-    project = open_project(folder)
-    found = read_work_list(project.folder / file, project.shown(project.folder / file))
+def _listed(project: Project, file: Path) -> list[str]:
+    path = project.folder / file
+    found = read_work_list(path, project.shown(path))
     raise_complaints(found.complaints)
     return [each.point for each in found.records]
 

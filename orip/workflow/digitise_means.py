@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from math import dist
+from pathlib import Path
 
 from orip.errors import LinkError, ProjectWarning
 from orip.files.log_writing import Log, LogFile, NoLog
+from orip.link.client import ProcessorFault, open_link
 from orip.model.interior import MarkAdjustment
 from orip.model.names import record_key
-from orip.workflow.digitise_films import Films, films_at_hand, plate_of_log, position
-from orip.workflow.digitise_operator import Instrument, Operator, Tell, places_of
+from orip.workflow.digitise_films import Films, films_at_hand, films_of, plate_of_log, position
+from orip.workflow.digitise_operator import (
+    AtTheProcessor,
+    Instrument,
+    Operator,
+    Script,
+    Simulation,
+    Tell,
+    places_of,
+    read_script,
+    typed_requests,
+)
 from orip.workflow.digitise_session import Ending, Entry, Rehearsal, Session
 
 _SAME_PLACE = 0.5e-4
@@ -107,6 +120,38 @@ class Means:
 def log_file(films: Films) -> LogFile:
     """Return the log of a session in its file."""
     return LogFile(films.log, films.shown_log)
+
+
+def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None) -> Means:
+    """Return the means of digitising at a plate processor.
+
+    Parameters
+    ----------
+    url : str
+        See `orip.link.client.open_link`.
+    tell : function of a line
+    simulate : sequence of Path
+        Measurement files; everything is digitised where they have it. Relative ones are in the project folder.
+    script : Path or None
+        What the operator does, a request in each line; ``-``: as it is typed. With neither of both, the events of the
+        plate processor.
+    """
+
+    def operator(films: Films) -> Operator:
+        if simulate:
+            return Simulation(places_of(films_of(films, simulate)))
+        if script is None:
+            return AtTheProcessor()
+        if str(script) == "-":
+            return Script(typed_requests(sys.stdin, tell), lambda _request, fault: tell(str(fault)))
+        return Script(read_script(films.project.folder / script, str(script)), _stop_at)
+
+    return Means(lambda: open_link(url), operator, log_file, tell)
+
+
+def _stop_at(request: str, fault: ProcessorFault) -> None:
+    message = f"'{request}' of the script: {fault}"
+    raise LinkError(message)
 
 
 def rehearsal(tell: Tell) -> Means:

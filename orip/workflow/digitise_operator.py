@@ -167,7 +167,7 @@ _REQUESTS = ("FOOT", "KEY", "MOVE", "DRIVE", "GUIDE", "LOCK", "PRISM")
 """What an operator can do at the panel."""
 
 
-def read_script(path: Path) -> list[str]:
+def read_script(path: Path, shown: str) -> list[str]:
     """Read a script: a request in each line.
 
     Raises
@@ -175,8 +175,8 @@ def read_script(path: Path) -> list[str]:
     InputError
         With all lines that are none.
     """
-    text = read_lines(path, str(path))
-    script = script_requests(text.records, str(path))
+    text = read_lines(path, shown)
+    script = script_requests(text.records, shown)
     if text.complaints or script.complaints:
         raise InputError([*text.complaints, *script.complaints])
     return script.records

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from orip.errors import ProjectWarning, UsageError
+from orip.errors import UsageError
 from orip.files.log_writing import kill_line, measurement_line, points_header
 from orip.link.client import ProcessorFault
 from orip.model.drive_table import DriveCode
@@ -104,7 +104,7 @@ class _Digitising:
         self._blocks: dict[str, dict[str, str]] = {}
         self._chapter: str | None = None
         self._shown: dict[Stage, str] = {}
-        self._model: str | None = None
+        self._active = session.link.status().model
 
     def take(self, turn: Turn) -> None:
         """Digitise a point in the photos of its turn."""
@@ -154,7 +154,7 @@ class _Digitising:
                 self._enter(photo, point, place, decision)
 
     def _drive(self, photo: str, point: str) -> Place:
-        """Drive to where a point may be: where nothing tells, to the middle of its photo, or nowhere if that is shown."""
+        """Drive to where a point may be; where nothing tells, to the middle of its photo unless that is shown."""
         stage, place = self._at_hand.block.stages[photo], self._at_hand.place(photo, point, again=self._again)
         if place.known == "middle" and self._shown.get(stage) == photo:
             place = Place("nowhere", None)
@@ -162,29 +162,26 @@ class _Digitising:
         return self._session.drive(stage, place)
 
     def _change_model(self, model: str | None) -> None:
-        """Make a model the active one; where the plate processor does not have it, its optics stay as they are."""
-        if model is None or model == self._model:
+        """Make a model the active one; a plate processor without a drive table has none, and needs none."""
+        if model is None or model == self._active:
             return
-        self._model = model
         try:
-            self._session.link.change_model(model)
+            self._active = self._session.link.change_model(model).model
         except ProcessorFault as fault:
-            if fault.code not in (DriveCode.NO_TABLE, DriveCode.UNKNOWN_MODEL):
+            if fault.code != DriveCode.NO_TABLE:
                 raise
-            text = "is not loaded in the plate processor, which keeps its optics as they are; run 'orip drive download'"
-            self._session.warnings.append(ProjectWarning("model-not-loaded", f"model {model}", text))
 
     def _prepare(self, step: Step) -> None:
         """Guide the stages that are free, and lock that of the partner."""
         stages = self._at_hand.block.stages
         self._session.link.guide(stages[step.photos[0]] if len(step.photos) == 1 else "BOTH")
         if step.partner is not None:
-            self._session.link.lock(self._side(step.model, stages[step.partner]))
+            self._session.link.lock(self._side(stages[step.partner]))
 
-    def _side(self, model: str | None, stage: Stage) -> Side:
-        """Return the side of a model on which a stage is seen."""
+    def _side(self, stage: Stage) -> Side:
+        """Return the side of the active model on which a stage is seen; without one it is as the eyepieces are."""
         for each in self._at_hand.block.models:
-            if each.model == model:
+            if each.model == self._active:
                 return "LEFT" if self._at_hand.block.stages.get(each.left) == stage else "RIGHT"
         return "LEFT" if stage == "UPPER" else "RIGHT"
 
@@ -195,7 +192,7 @@ class _Digitising:
         link = self._session.link
 
         def left_switch() -> None:
-            side: Side = self._side(step.model, self._at_hand.block.stages[step.partner]) if step.partner else "LEFT"
+            side: Side = self._side(self._at_hand.block.stages[step.partner]) if step.partner else "LEFT"
             link.lock(None if link.status().lock else side)
 
         return self._session.decision(Visit(sought, "KEY ENTER"), left_switch=left_switch)

@@ -16,17 +16,23 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.errors import LinkError, UsageError
+from orip.files.drive_table_text import read_drive_table
 from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link, open_link
 from orip.link.reply_values import ProfilePoint
 from orip.model.drive_table import DriveCode, Triple
 from orip.model.ground import PLAIN, GroundSystem
+from orip.model.names import record_key
+from orip.model.solution import Solution
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Position, Status
 from orip.multimodel.table import object_ground
 from orip.workflow.drive_table import DriveTableOutcome, write_drive_table
 from orip.workflow.project import PROJECT_FILE, Project, open_project
+
+_NEAR = 10.0
+"""Ground units; origins of object systems lie 100 apart or more, adjusted photos do not move as far."""
 
 _NO_PLACE = frozenset(
     {DriveCode.NO_TABLE, DriveCode.BEHIND_CAMERA, DriveCode.NOT_INVERTIBLE, DriveCode.PARALLEL_RAYS}
@@ -87,7 +93,7 @@ class DrivenProject:
     def _to_local(self, xyz: Triple) -> Triple:
         x, y, z = self.ground.to_local(np.array([xyz]))[0].tolist()
         if not np.isfinite([x, y, z]).all():
-            message = f"the project's crs has no place {' '.join(f'{value:g}' for value in xyz)}; give X Y Z within it"
+            message = f"the project's crs has no place {' '.join(f'{value:g}' for value in xyz)}; correct X Y Z"
             raise UsageError(message)
         return x, y, z
 
@@ -131,22 +137,30 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
     if crs is None or link.greeting.state == "EMPTY":
         return PLAIN
     name = project.bundle_name(bundle)
-    _require_own_table(project, name, link)
     with reading([project.exterior]) as stores:
         solution = solutions.read(stores[project.exterior], name)
-    if solution is None:
-        raise _other_table(link, name)
-    return object_ground(crs, solution.ground_unit, solution)
-
-
-def _require_own_table(project: Project, name: str, link: PlateProcessorLink) -> None:
-    path = project.beside_photos(name, "DRV")
-    if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != link.digest():
-        raise _other_table(link, name)
-
-
-def _other_table(link: PlateProcessorLink, name: str) -> LinkError:
-    return LinkError(
-        f"the plate processor at {link.url} has another table than this project's {name}.DRV, so that coordinates of "
-        "the project's crs cannot be driven to; run 'orip drive download' first"
+    if solution is not None:
+        ground = object_ground(crs, solution.ground_unit, solution)
+        if _is_loaded(project, name, link) and _is_in_system(project, name, solution, ground):
+            return ground
+    message = (
+        f"the plate processor at {link.url} has another table than that of this project's bundle {name}, so that "
+        f"coordinates in {crs} cannot be driven to; run 'orip drive download' first"
     )
+    raise LinkError(message)
+
+
+def _is_loaded(project: Project, name: str, link: PlateProcessorLink) -> bool:
+    path = project.beside_photos(name, "DRV")
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == link.digest()
+
+
+def _is_in_system(project: Project, name: str, solution: Solution, ground: GroundSystem) -> bool:
+    """Tell whether a table is in the object system of the solution: a later adjustment may have another origin."""
+    table = read_drive_table(project.beside_photos(name, "DRV").read_bytes()).table
+    if table is None:
+        return False
+    rows = {record_key(photo): row for row, photo in enumerate(solution.photos.names)}
+    photos = [photo for photo in table.photos if photo.name in rows]
+    centres = ground.to_local(solution.photos.values[[rows[photo.name] for photo in photos], :3])
+    return bool(np.abs(centres - [photo.centre for photo in photos]).max(initial=0.0) < _NEAR)

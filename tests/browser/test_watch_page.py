@@ -1,0 +1,229 @@
+"""The page `orip drive watch` in a real browser: Chromium without a window, by its driver.
+
+Needs the packages chromium and chromium-driver of the system and `pip install 'orip[browser]'`; is skipped without.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.drive_tables import loaded, vertical_block
+
+from orip.link.watch import Watch
+from orip.link.watch_processor import OwnProcessor
+from orip.link.watch_server import WatchServer
+from orip.multimodel.plan_view import BlockPoints, plan_view
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install 'orip[browser]'")
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402  # only where there is selenium
+from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="needs Chromium and its driver: apt install chromium chromium-driver"
+)
+
+OPTIONS = (
+    "--headless=new --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync --window-size=1280,800"
+)
+GROUND = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
+SAMPLE = Path(__file__).parents[2] / "sample_projects" / "small_frame_block"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for word in [*OPTIONS.split(), f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"]:
+        options.add_argument(word)
+    if os.geteuid() == 0:
+        options.add_argument("--no-sandbox")  # Chromium's own sandbox does not start for root
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def server():
+    block, state = loaded(vertical_block())
+    plan = plan_view(block, BlockPoints(tuple(map(str, range(len(GROUND)))), ("tie",) * len(GROUND), GROUND))
+    with WatchServer(Watch(block, plan, OwnProcessor((block, state)))) as found:
+        thread = threading.Thread(target=found.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield found
+        found.shutdown()
+        thread.join()
+
+
+class Page:
+    """The page, as a user sees it and has it in hand."""
+
+    def __init__(self, browser, url):
+        self.browser = browser
+        browser.get_log("browser")
+        browser.get(url)
+        self.plan = browser.find_element("id", "plan")
+        self.wait(lambda: self.active and "Model" in self.text("status"))
+
+    def wait(self, condition):
+        WebDriverWait(self.browser, 10, 0.02).until(lambda _: condition())
+
+    def text(self, identity):
+        return self.browser.find_element("id", identity).text
+
+    @property
+    def active(self):
+        """Return the names of the models that are drawn as active: one."""
+        return [
+            each.get_attribute("data-model") for each in self.browser.find_elements("css selector", ".model.active")
+        ]
+
+    def hand(self, right, up):
+        """Return the mouse, moved to a place of the plan."""
+        x, y = self.browser.execute_script("return toPixels(arguments[0])", [right, up])
+        size = self.plan.rect
+        offset = round(x - size["width"] / 2), round(y - size["height"] / 2)
+        return ActionChains(self.browser, duration=20).move_to_element_with_offset(self.plan, *offset)
+
+    def click(self, right, up):
+        """Click at a place of the plan, and wait until the mark is there."""
+        self.hand(right, up).click().perform()
+        self.wait(lambda: self.is_marked(right, up))
+
+    def is_marked(self, right, up):
+        """Tell whether the mark is drawn at a place: a mouse is moved in whole pixels, so to two of them."""
+        pixels = self.browser.execute_script("return view.scale")
+        return self.mark() == pytest.approx([right, up], abs=2.0 / pixels)
+
+    def mark(self):
+        """Return where the mark is drawn, in the plan."""
+        return self.browser.execute_script(
+            "const dot = document.querySelector('#mark .dot');"
+            "return fromPixels(['cx', 'cy'].map(key => Number(dot.getAttribute(key))))"
+        )
+
+    def quiet(self):
+        """Tell whether the console has stayed empty."""
+        return self.browser.get_log("browser") == []
+
+
+def test_a_click_across_a_frame_line_changes_the_model(browser, server):
+    """Frames of this block border on each other at X = 20."""
+    page = Page(browser, server.url)
+    page.click(19.0, 5.0)
+    assert page.active == ["M1-1"]
+    assert "Model M1-1 (row 1, column 1): photo P1-1 left, P1-2 right; optics normal" in page.text("status")
+    page.click(21.0, 5.0)
+    page.wait(lambda: page.active == ["M1-2"])
+    assert page.is_marked(21.0, 5.0)
+    assert "photo P1-2 left, P1-3 right; optics swapped; the mark is inside it" in page.text("status")
+    frames = browser.find_elements("css selector", ".frame.active")
+    assert sorted(each.get_attribute("data-photo") for each in frames) == ["P1-2", "P1-3"]
+    assert server.watch.state()["mark"][:2] == pytest.approx(page.mark(), abs=0.01)
+    page.click(22.0, -40.0)
+    page.wait(lambda: page.active == ["M2-2"])
+    assert page.quiet()
+
+
+def test_dragging_goes_from_model_to_model(browser, server):
+    page = Page(browser, server.url)
+    page.hand(5.0, 0.0).click_and_hold().perform()
+    for right in (15.0, 25.0, 45.0):
+        page.hand(right, 0.0).perform()
+        page.wait(lambda right=right: page.is_marked(right, 0.0))
+    assert page.active == ["M1-3"]
+    ActionChains(browser).release().perform()
+    page.hand(65.0, 0.0).perform()  # the hand is off
+    assert page.active == ["M1-3"]
+    assert "X 65" in page.text("pointer")
+    assert page.quiet()
+
+
+def test_keys(browser, server):
+    page = Page(browser, server.url)
+    page.click(15.0, 0.0)
+    ActionChains(browser).send_keys("n").perform()
+    page.wait(lambda: page.active == ["M1-2"])
+    assert "the mark is outside its frames" in page.text("status")
+    ActionChains(browser).send_keys("a").perform()
+    page.wait(lambda: "models change by hand" in page.text("status"))
+    button = browser.find_element("id", "automatic")
+    assert button.get_attribute("aria-pressed") == "false"
+    before = server.watch.state()["mark"]
+    # right, up, and along Z: the arrow and page keys of the WebDriver standard
+    ActionChains(browser).send_keys("\ue014\ue013\ue00e").perform()
+    page.wait(lambda: server.watch.state()["mark"][2] > before[2])
+    after = server.watch.state()["mark"]
+    assert after[0] > before[0]
+    assert after[1] > before[1]
+    assert "models change by hand" in page.text("status")
+    assert page.quiet()
+
+
+def test_what_is_refused_is_said(browser, server):
+    page = Page(browser, server.url)
+    browser.execute_script("drive({ object: [10, 0, 500] })")
+    page.wait(lambda: page.text("refused"))
+    assert page.text("refused") == "Not done: the point is not in front of photo P1-1."
+    page.click(15.0, 0.0)
+    page.wait(lambda: not page.text("refused"))
+    assert page.quiet()
+
+
+def test_two_pages_show_the_same(browser, server):
+    first = Page(browser, server.url)
+    window = browser.current_window_handle
+    browser.switch_to.new_window("tab")
+    try:
+        second = Page(browser, server.url)
+        second.click(50.0, -30.0)
+        second.wait(lambda: second.active == ["M2-3"])
+        browser.switch_to.window(window)
+        first.wait(lambda: first.active == ["M2-3"])
+        browser.switch_to.window(browser.window_handles[-1])
+    finally:
+        browser.close()
+        browser.switch_to.window(window)
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Start the command for a sample project, and yield it with the address that it prints."""
+    folder = Path(shutil.copytree(SAMPLE, tmp_path / "block"))
+    program = [sys.executable, "-m", "orip.cli.main", "-C", str(folder)]
+    subprocess.run([*program, "-q", "run"], check=True, capture_output=True)
+    with subprocess.Popen(
+        [*program, "drive", "watch", "--no-open"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def test_the_command_with_a_cliff(browser, command):
+    """The plan of a cliff is its elevation; a walk along a strip visits its models in their order."""
+    process, url = command
+    page = Page(browser, url)
+    assert "X to the right and Z up" in page.plan.get_attribute("aria-label")
+    visited = []
+    for right in range(50, 221, 10):
+        page.click(right, 70.0)
+        visited += [name for name in page.active if visited[-1:] != [name]]
+    assert visited == ["1-1", "1-2", "1-3", "1-4", "1-5"]
+    assert page.quiet()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0
+    assert process.stderr.read() == "Ctrl-C ends it\n"
+    page.wait(lambda: "No connection" in page.text("status"))
