@@ -94,17 +94,35 @@ def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> 
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
+def place_correlations(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of places with unknowns at `columns` (n, 3).
+
+    Coordinates are those of the project; NaN where one of the two is constant or was removed.
+    """
+    covariance = _project_cofactors(solved, columns, local)
+    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+    deviation[~np.isfinite(_place_deviations(solved, columns, local))] = np.nan
+    a, b = [0, 0, 1], [1, 2, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
+        return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
+
+
 def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
     """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3)."""
     ground = solved.block.ground
-    by_local = ground.project_with_partials(local).by_local
-    variance = np.einsum("nij,njk,nik->ni", by_local, _place_cofactors(solved, columns), by_local)
+    variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
     deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
     unknown = columns != CONSTANT
     removed = unknown & solved.adjusted.normals.removed[columns]
     deviation[removed @ ground.dependence.T] = UNDETERMINED
     deviation[~(unknown @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)
+
+
+def _project_cofactors(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
+    """Return the cofactors (n, 3, 3) of the project's coordinates of places."""
+    by_local = solved.block.ground.project_with_partials(local).by_local
+    return np.asarray(by_local @ _place_cofactors(solved, columns) @ by_local.transpose(0, 2, 1))
 
 
 def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
-from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations
+from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.model.block import Block
@@ -74,6 +74,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
         correlations=_camera_correlations(solved),
         check_points=_check_points(block, points),
         remarks=tuple(Remark(line) for line in block.ground.description()),
+        photo_correlations=place_correlations(solved, solved.problem.unknowns.photos[:, :3], state.centres),
+        point_correlations=place_correlations(solved, solved.problem.unknowns.points, state.points),
     )
 
 

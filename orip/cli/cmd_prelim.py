@@ -15,6 +15,7 @@ from orip.cli.prelim_output import (
     relative_document,
     similarity_document,
     tell_chain,
+    without_absolute,
 )
 from orip.cli.solving import limited_threads
 from orip.errors import NotSolvableError, UsageError
@@ -67,7 +68,7 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
 
     Example: orip prelim relative M12
     """
-    from orip.files.preliminary_steps import relative_orientation_lines, relative_overview
+    from orip.files.preliminary_steps import relative_orientation_lines, relative_overview, relative_remarks
     from orip.workflow.prelim_steps import open_prelim, relative_orientations
 
     with limited_threads(invocation.terminal):
@@ -75,8 +76,8 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     if invocation.terminal.json:
         invocation.terminal.document(relative_document(found))
     else:
-        lines = relative_overview(found.oriented)
-        lines += [line for one in found.oriented if model for line in relative_orientation_lines(one)]
+        points = [line for one in found.oriented for line in relative_orientation_lines(one)]
+        lines = [*relative_overview(found.oriented), *(points if model else relative_remarks(found.oriented))]
         invocation.terminal.data("\n".join(lines))
     raise_failures(found.failures)
 
@@ -91,7 +92,7 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: Bundle =
 
     with limited_threads(invocation.terminal):
         found = bridges(open_prelim(invocation.folder, bundle), model)
-    _show_similarities(invocation, found, one=model is not None)
+    _show_similarities(invocation, found, alone=model is not None, nothing="bridge: no row has two models")
 
 
 @command(prelim_group, "connect")
@@ -102,13 +103,13 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: Bundle = 
     """
     from orip.workflow.prelim_steps import connections, open_prelim
 
-    if rows and len(rows) != 2:
-        message = f"rows are connected two at a time, {len(rows)} given: orip prelim connect ROW ROW"
+    if rows and len(set(rows)) != 2:
+        message = f"two different rows are connected, not {' '.join(map(str, rows))}: orip prelim connect ROW ROW"
         raise UsageError(message)
     with limited_threads(invocation.terminal):
         pair = (rows[0], rows[1]) if rows else None
         found = connections(open_prelim(invocation.folder, bundle), pair)
-    _show_similarities(invocation, found, one=pair is not None)
+    _show_similarities(invocation, found, alone=pair is not None, nothing="connect: there is one row of models")
 
 
 @command(prelim_group, "absolute")
@@ -119,18 +120,20 @@ def absolute_command(invocation: Invocation, bundle: Bundle = None) -> None:
     """
     from orip.files.preliminary_steps import similarity_lines
     from orip.workflow.prelim_steps import open_prelim, values_of
+    from orip.workflow.starting_values import not_oriented
 
     terminal = invocation.terminal
     with limited_threads(terminal):
-        values = values_of(open_prelim(invocation.folder, bundle))
+        given = open_prelim(invocation.folder, bundle)
+        values = values_of(given)
     if terminal.json:
         terminal.document(absolute_document(values))
     elif values.absolute is not None:
-        terminal.data("\n".join(similarity_lines(values.absolute)))
-    else:
-        terminal.say("absolute  none: " + _without_absolute([photo.how for photo in values.photos]))
-    for finding in values.findings:
-        terminal.say(f"note     {finding}", "yellow")
+        terminal.data("\n".join(similarity_lines(values.absolute, given.project.definition.ground_unit)))
+    elif any(photo.rotation is not None for photo in values.photos):
+        terminal.say(f"absolute none: {without_absolute([photo.how for photo in values.photos])}")
+    if values.absolute is None and (complaint := not_oriented(values)):
+        raise NotSolvableError(complaint)
 
 
 @command(prelim_group, "show")
@@ -143,11 +146,12 @@ def show_command(invocation: Invocation, after: After = "absolute", bundle: Bund
     from orip.workflow.prelim_steps import model_coordinates, open_prelim
 
     with limited_threads(invocation.terminal):
-        found = model_coordinates(open_prelim(invocation.folder, bundle), after)
+        given = open_prelim(invocation.folder, bundle)
+        found = model_coordinates(given, after)
     if invocation.terminal.json:
         invocation.terminal.document(coordinates_document(found))
     else:
-        invocation.terminal.data("\n".join(model_coordinate_lines(found)))
+        invocation.terminal.data("\n".join(model_coordinate_lines(found, given.project.definition.ground_unit)))
 
 
 def _chain(invocation: Invocation, bundle: str | None) -> None:
@@ -163,18 +167,15 @@ def _chain(invocation: Invocation, bundle: str | None) -> None:
         raise NotSolvableError(complaint)
 
 
-def _show_similarities(invocation: Invocation, found: Similarities, *, one: bool) -> None:
-    from orip.files.preliminary_steps import similarity_lines, similarity_overview
+def _show_similarities(invocation: Invocation, found: Similarities, *, alone: bool, nothing: str) -> None:
+    from orip.files.preliminary_steps import similarity_lines, similarity_overview, similarity_remarks
 
     if invocation.terminal.json:
         invocation.terminal.document(similarity_document(found))
-    elif found.steps or not found.failures:
-        lines = similarity_overview(found.steps)
-        lines += [line for step in found.steps if one for line in similarity_lines(step)]
+    elif found.steps:
+        points = [line for step in found.steps for line in similarity_lines(step, "")]
+        lines = [*similarity_overview(found.steps), *(points if alone else similarity_remarks(found.steps))]
         invocation.terminal.data("\n".join(lines))
+    elif not found.failures:
+        invocation.terminal.say(f"nothing to {nothing}")
     raise_failures(found.failures)
-
-
-def _without_absolute(hows: list[str]) -> str:
-    given = "the photos were oriented on the ground at once, by resection from control"
-    return given if any("resection" in how for how in hows) else "; ".join(dict.fromkeys(hows))

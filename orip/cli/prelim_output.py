@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from orip.model.preliminary import (
         ModelCoordinates,
         NotOriented,
+        PhotoStart,
         PreliminaryValues,
         RelativeOrientation,
         SimilarityStep,
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from orip.workflow.prelim import PrelimOutcome
     from orip.workflow.prelim_steps import Relative, Similarities
 
-_SHOWN_PHOTOS = 30
+_SHOWN_WAYS = 30
+_SHOWN_NAMES = 10
 
 
 def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
@@ -33,16 +35,19 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
         f"prelim   {outcome.given.bundle}: {len(oriented)} of {len(values.photos)} photos oriented, "
         f"{len(values.points)} points"
     )
-    for photo in oriented[:_SHOWN_PHOTOS]:
-        terminal.say(f"         {photo.name}: {photo.how}")
-    if (more := len(oriented) - _SHOWN_PHOTOS) > 0:
-        terminal.say(f"         and {more} more")
-    for finding in values.findings:
-        terminal.say(f"note     {finding}", "yellow")
+    for how, names in _by_way(oriented)[:_SHOWN_WAYS]:
+        terminal.say(f"         {names}: {how}")
+    if (more := len(_by_way(oriented)) - _SHOWN_WAYS) > 0:
+        terminal.say(f"         and {more} more lines: see {project.shown(outcome.listing)}")
+    if oriented:
+        for finding in values.findings:
+            terminal.say(f"note     {finding}", "yellow")
     if outcome.photos or outcome.points:
         terminal.say(f"update   {len(outcome.photos)} photos and {len(outcome.points)} points have new values")
-    else:
+    elif oriented:
         terminal.say("update   unchanged: photos and points have these values already")
+    else:
+        terminal.say("update   nothing: no photo is oriented on the ground")
     if outcome.others:
         preliminary = project.shown(project.preliminary(outcome.given.bundle))
         terminal.say(f"kept     {outcome.others} points of {preliminary} that were not computed")
@@ -77,7 +82,7 @@ def chain_document(outcome: PrelimOutcome) -> dict[str, Any]:
         },
         "points": {
             point.name: {"X": point.coordinates[0], "Y": point.coordinates[1], "Z": point.coordinates[2]}
-            for point in outcome.values.points
+            for point in outcome.coordinates
         },
         "findings": list(outcome.values.findings),
         "unchanged": not (outcome.photos or outcome.points),
@@ -118,6 +123,26 @@ def absolute_document(values: PreliminaryValues) -> dict[str, Any]:
 def coordinates_document(found: ModelCoordinates) -> dict[str, Any]:
     """Return the model coordinate list."""
     return {"command": "prelim show", "after": found.stage, "systems": [_system(each, found) for each in found.systems]}
+
+
+def without_absolute(hows: Sequence[str]) -> str:
+    """Return why a block is on the ground without an absolute orientation, from what was done for its photos."""
+    if "given" in hows:
+        return "the block is on the ground by the photos whose orientation is given"
+    return "the photos were oriented on the ground at once, by resection from control"
+
+
+def _by_way(photos: Sequence[PhotoStart]) -> list[tuple[str, str]]:
+    """Return each way in which photos were oriented, and their names."""
+    ways: dict[str, list[str]] = {}
+    for photo in photos:
+        ways.setdefault(photo.how, []).append(photo.name)
+    return [(how, _listed(names)) for how, names in ways.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
+    return ", ".join(names[:_SHOWN_NAMES]) + more
 
 
 def _model(model: RelativeOrientation) -> dict[str, Any]:

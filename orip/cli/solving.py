@@ -72,8 +72,6 @@ def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> No
     )
     for photo in values.photos:
         terminal.detail(f"         {photo.name}: {photo.how}")
-    for finding in values.findings:
-        terminal.say(f"note     {finding}", "yellow")
 
 
 def tell_start(terminal: Terminal, block: Block) -> None:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.files.listing_title import title_block
-from orip.files.number_text import fixed
+from orip.files.number_text import decimals_for, fixed
 from orip.files.preliminary_steps import (
     failure_lines,
     relative_orientation_lines,
     relative_overview,
+    relative_remarks,
     similarity_lines,
     similarity_overview,
+    similarity_remarks,
 )
-from orip.files.text_table import Column, paragraph, section, table_lines
+from orip.files.text_table import INDENT, PAGE_WIDTH, Column, one_line, paragraph, section, table_lines
+from orip.model.control import PreliminaryPoint
 from orip.model.photo import PHOTO_PARAMETERS
 from orip.model.preliminary import PreliminaryValues, SimilarityStep
 
@@ -25,6 +30,7 @@ TITLE = "PRELIMINARY VALUES"
 def preliminary_listing(
     values: PreliminaryValues,
     orientations: Sequence[Sequence[float]],
+    points: Sequence[PreliminaryPoint],
     ground_unit: str,
     facts: Sequence[tuple[str, str]],
     run: str,
@@ -36,19 +42,22 @@ def preliminary_listing(
     values : PreliminaryValues
     orientations : sequence of 6 floats a photo
         Elements of `values.photos` as in the files: ground unit and degrees; NaN where there are none.
+    points : sequence of PreliminaryPoint
+        Those of `values` in the project's coordinates.
     ground_unit : str
     facts : sequence of (label, text)
         Project, user and bundle for the title.
     run : str
         Run id.
     """
-    lines = preliminary_listing_lines(values, orientations, ground_unit, facts, run)
+    lines = preliminary_listing_lines(values, orientations, points, ground_unit, facts, run)
     return "".join(f"{line}\n" for line in lines)
 
 
 def preliminary_listing_lines(
     values: PreliminaryValues,
     orientations: Sequence[Sequence[float]],
+    points: Sequence[PreliminaryPoint],
     ground_unit: str,
     facts: Sequence[tuple[str, str]],
     run: str,
@@ -61,55 +70,80 @@ def preliminary_listing_lines(
     if values.failures:
         yield from section("WHAT COULD NOT BE ORIENTED", failure_lines(values.failures))
     if values.relative:
-        yield from section("RELATIVE ORIENTATION", relative_overview(values.relative))
+        said = relative_remarks(values.relative)
+        yield from section("RELATIVE ORIENTATION", [*relative_overview(values.relative), *said])
     yield from _similarities("MODEL BRIDGING", values.bridges)
     yield from _similarities("CONNECTION", values.connections)
     if values.absolute is not None:
-        yield from section("ABSOLUTE ORIENTATION", similarity_lines(values.absolute))
-    yield from section("PHOTOS", _photos(values, orientations, ground_unit))
-    yield from section("POINTS", _points(values, ground_unit))
+        yield from section("ABSOLUTE ORIENTATION", similarity_lines(values.absolute, ground_unit))
+    yield from section("PHOTOS", _photos(values, orientations, points, ground_unit))
+    yield from section("POINTS", _points(points, ground_unit))
     if values.relative:
         details = [line for model in values.relative for line in relative_orientation_lines(model)]
         yield from section("RELATIVE ORIENTATION: POINTS AND PARAMETERS", details)
     for title, steps in (("MODEL BRIDGING", values.bridges), ("CONNECTION", values.connections)):
         if steps:
-            details = [line for step in steps for line in similarity_lines(step)]
+            details = [line for step in steps for line in similarity_lines(step, ground_unit)]
             yield from section(f"{title}: POINTS AND PARAMETERS", details)
 
 
 def _similarities(title: str, steps: Sequence[SimilarityStep]) -> Iterator[str]:
     if steps:
-        yield from section(title, similarity_overview(steps))
+        yield from section(title, [*similarity_overview(steps), *similarity_remarks(steps)])
 
 
 def _how(values: PreliminaryValues) -> list[str]:
+    width = PAGE_WIDTH - 2 * INDENT - max((len(photo.name) for photo in values.photos), default=0)
+    wrapped = [textwrap.wrap(one_line(photo.how), width) or [""] for photo in values.photos]
+    names = [
+        name
+        for photo, lines in zip(values.photos, wrapped, strict=True)
+        for name in (photo.name, *[""] * (len(lines) - 1))
+    ]
     return table_lines(
         [
-            Column("Photo", [each.name for each in values.photos], align="left"),
-            Column("", [each.how for each in values.photos], align="left"),
+            Column("Photo", names, align="left"),
+            Column("How", [line for lines in wrapped for line in lines], align="left"),
         ]
     )
 
 
-def _photos(values: PreliminaryValues, orientations: Sequence[Sequence[float]], ground_unit: str) -> list[str]:
+def _photos(
+    values: PreliminaryValues,
+    orientations: Sequence[Sequence[float]],
+    points: Sequence[PreliminaryPoint],
+    ground_unit: str,
+) -> list[str]:
     table = np.array(orientations, dtype=np.float64).reshape(-1, 6)
     units = [ground_unit] * 3 + ["degrees"] * 3
+    decimals = [_decimals(points)] * 3 + [4] * 3
     return table_lines(
         [
             Column("Photo", [each.name for each in values.photos], align="left"),
-            *(Column(kind, fixed(table[:, k], 3 if k < 3 else 4), units[k]) for k, kind in enumerate(PHOTO_PARAMETERS)),
+            *(Column(kind, fixed(table[:, k], decimals[k]), units[k]) for k, kind in enumerate(PHOTO_PARAMETERS)),
         ]
     )
 
 
-def _points(values: PreliminaryValues, ground_unit: str) -> list[str]:
-    xyz = np.array([each.coordinates for each in values.points], dtype=np.float64).reshape(-1, 3)
-    unknown = (np.nan,) * 3
-    sd = np.array([each.deviations or unknown for each in values.points], dtype=np.float64).reshape(-1, 3)
+def _points(points: Sequence[PreliminaryPoint], ground_unit: str) -> list[str]:
+    xyz = np.array([each.coordinates for each in points], dtype=np.float64).reshape(-1, 3)
+    sd = _deviations(points)
+    decimals = _decimals(points)
     return table_lines(
         [
-            Column("Point", [each.name for each in values.points], align="left"),
-            *(Column(axis, fixed(xyz[:, k], 3), ground_unit) for k, axis in enumerate("XYZ")),
-            *(Column(f"s{axis}", fixed(sd[:, k], 3), ground_unit) for k, axis in enumerate("XYZ")),
+            Column("Point", [each.name for each in points], align="left"),
+            *(Column(axis, fixed(xyz[:, k], decimals), ground_unit) for k, axis in enumerate("XYZ")),
+            *(Column(f"s{axis}", fixed(sd[:, k], decimals), ground_unit) for k, axis in enumerate("XYZ")),
         ]
     )
+
+
+def _deviations(points: Sequence[PreliminaryPoint]) -> NDArray[np.float64]:
+    unknown = (np.nan,) * 3
+    return np.array([each.deviations or unknown for each in points], dtype=np.float64).reshape(-1, 3)
+
+
+def _decimals(points: Sequence[PreliminaryPoint]) -> int:
+    """Return the decimals that a usual standard deviation has two digits with."""
+    sd = _deviations(points)
+    return decimals_for(np.nanmedian(sd) if np.isfinite(sd).any() else [])

@@ -40,8 +40,8 @@ from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 FIRST_PAUSE_S = 0.2
 """Before the second attempt to get through; each further pause is twice as long."""
 
-DOWNLOAD_TIMEOUT_S = 120.0
-"""For the reply to a download: the table of a large block takes seconds to check."""
+DOWNLOAD_TIMEOUT_S = 600.0
+"""For a download, and for its reply: a serial line takes a kilobyte a second, and a large table takes time to check."""
 
 EVENT_PAUSE_S = 0.05
 """Between two questions for an event: nobody notices less at a foot switch."""
@@ -95,7 +95,7 @@ class PlateProcessorLink:
         if not table.endswith(b"\n"):
             message = "a drive table ends with the end of a line; this one is cut short, make it again"
             raise LinkError(message)
-        self._line.send(b"DOWNLOAD %d\n" % lines + table)
+        self._line.send(b"DOWNLOAD %d\n" % lines + table, DOWNLOAD_TIMEOUT_S)
         loaded = self._reply(DOWNLOAD_TIMEOUT_S)
         expected, found = hashlib.sha256(table).hexdigest(), self.digest()
         if found != expected:

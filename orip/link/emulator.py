@@ -99,7 +99,8 @@ class Emulator:
         finally:
             server.close()
             await self._dismiss()
-            keeper.cancel()
+            async with self._keeping:  # what is being written is written to its end
+                keeper.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await keeper
             await self._keep_now()

@@ -22,8 +22,8 @@ _QUIET_S = 0.2
 class Line(Protocol):
     """A line that requests go out on and replies come in on."""
 
-    def send(self, data: bytes) -> None:
-        """Send bytes; `LinkError` if the other side does not take them."""
+    def send(self, data: bytes, timeout_s: float | None = None) -> None:
+        """Send bytes; `LinkError` if the other side does not take them in time."""
 
     def receive(self, timeout_s: float | None = None) -> str:
         """Return the next line without its end; `LinkError` if it does not come in time."""
@@ -71,10 +71,10 @@ class SocketLine:
             self.close()
             raise
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, timeout_s: float | None = None) -> None:
         """Send bytes."""
         try:
-            self._socket.settimeout(self._timeout_s)
+            self._socket.settimeout(self._timeout_s if timeout_s is None else timeout_s)
             self._socket.sendall(data)
         except OSError as error:
             raise self._broken(error) from error
@@ -136,9 +136,10 @@ class SerialLine:
             self.close()
             raise
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, timeout_s: float | None = None) -> None:
         """Send bytes."""
         try:
+            self._port.write_timeout = self._timeout_s if timeout_s is None else timeout_s
             self._port.write(data)
             self._port.flush()
         except OSError as error:  # pyserial's errors are of this class

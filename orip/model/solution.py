@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -173,9 +173,17 @@ class Remark:
     text: str
 
 
+def _no_correlations() -> FloatArray:
+    return np.empty((0, 3))
+
+
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Everything that a bundle adjustment gives; see result.json for the meaning of the figures."""
+    """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
+
+    `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
+    where a coordinate has no standard deviation; without rows they are not known.
+    """
 
     project: str
     user: str
@@ -208,3 +216,5 @@ class Solution:
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    photo_correlations: FloatArray = field(default_factory=_no_correlations)
+    point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -30,7 +30,7 @@ _PLANES = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 """Axes to the right and up, and the third one; of equals the map comes first."""
 
 _FIRST_DIRECTIONS, _DIRECTIONS = 24, 180
-_STEPS, _HALVINGS = 16, 20
+_STEPS, _HALVINGS = 16, 16
 """An outline is right to a millionth of the block's extent in its directions, two degrees apart."""
 
 _MARGIN = 0.25
@@ -154,18 +154,17 @@ def _outlines(
     for model in range(len(block.models)):
 
         def shows(at: FloatArray, model: int = model) -> NDArray[np.bool_]:
-            inside: NDArray[np.bool_] = inside_model(block, model, places(at.reshape(-1, 2)))
-            return inside.reshape(at.shape[:-1])
+            return inside_model(block, model, places(at))
 
         seen = plan[inside_model(block, model, surface)]
         if not len(seen):
             found.append(np.empty((0, 2)))
             continue
         middle = seen.mean(axis=0)
-        if not shows(middle):
+        if not shows(middle[None])[0]:
             middle = seen[np.argmin(np.hypot(*(seen - middle).T))]
         centroid = _polygon_centroid(_outline(shows, middle, reach, _FIRST_DIRECTIONS))
-        found.append(_outline(shows, centroid if shows(centroid) else middle, reach, _DIRECTIONS))
+        found.append(_outline(shows, centroid if shows(centroid[None])[0] else middle, reach, _DIRECTIONS))
     return found
 
 
@@ -175,15 +174,18 @@ def _outline(
     """Return where rays (directions, 2) from the middle leave what is shown, by steps and then by bisection."""
     angles = np.linspace(0.0, 2.0 * np.pi, directions, endpoint=False)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    steps = reach * np.linspace(0.0, 1.0, _STEPS + 1)
-    outside = ~shows(middle + steps[1:, None, None] * rays)
-    first = np.where(outside.any(axis=0), outside.argmax(axis=0), _STEPS - 1)
-    inner, outer = steps[first], steps[first + 1]
+    inner, outer, has_left = np.zeros(directions), np.full(directions, reach), np.zeros(directions, dtype=np.bool_)
+    for step in reach * np.arange(1, _STEPS + 1) / _STEPS:
+        leaves = ~has_left & ~shows(middle + step * rays)
+        has_left |= leaves
+        inner, outer = np.where(has_left, inner, step), np.where(leaves, step, outer)
+        if has_left.all():
+            break
     for _ in range(_HALVINGS):
         half = 0.5 * (inner + outer)
         inside = shows(middle + half[:, None] * rays)
         inner, outer = np.where(inside, half, inner), np.where(inside, outer, half)
-    return middle + inner[:, None] * rays
+    return np.asarray(middle + inner[:, None] * rays)
 
 
 def _polygon_centroid(polygon: FloatArray) -> FloatArray:

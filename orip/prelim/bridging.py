@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from orip.model.preliminary import NotOriented, SimilarityStep, SubBlock
 from orip.prelim.joining import Joined, Names, assembled, join
+
+_BACK = -0.5
+"""Cosine of 120 degrees: bases of a row turn less from one model to the next, even around a building."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +33,22 @@ class JoinedSystems:
     failures: tuple[NotOriented, ...]
 
 
-def bridge(model: SubBlock, previous: SubBlock, names: Names) -> Joined | NotOriented:
-    """Bridge a model to the one before it, or to a strip of models; see `join`."""
-    return join(model, previous, names, "bridge")
+def bridge(model: SubBlock, previous: SubBlock, names: Names, strip: SubBlock | None = None) -> Joined | NotOriented:
+    """Bridge a model to the one before it, or to the strip of models that the one before it is the last of.
+
+    See `join`. A remark tells of a model whose base runs back along that of the one before it.
+    """
+    found = join(model, previous if strip is None else strip, names, "bridge")
+    if isinstance(found, NotOriented) or not _runs_back(found.block, previous):
+        return found
+    photos = " and ".join(f"photo {names.photos[k]}" for k in model.photos)
+    remark = f"the base of {photos} runs back along that of model {previous.name}; are photos exchanged?"
+    return replace(found, step=replace(found.step, remarks=(*found.step.remarks, remark)))
+
+
+def _runs_back(model: SubBlock, previous: SubBlock) -> bool:
+    base, before = (each.centres[1] - each.centres[0] for each in (model, previous))
+    return float(base @ before) < _BACK * float(np.linalg.norm(base) * np.linalg.norm(before))
 
 
 def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
@@ -56,7 +74,7 @@ def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
             strips.append([model])
             continue
         strip = strips[-1]
-        found = bridge(model, replace(assembled(strip), name=strip[-1].name), names)
+        found = bridge(model, strip[-1], names, replace(assembled(strip), name=strip[-1].name))
         if isinstance(found, Joined):
             steps.append(found.step)
             strip.append(found.block)

@@ -14,12 +14,21 @@ from numpy.typing import NDArray
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
-from orip.model.preliminary import PhotoStart, PointStart, PreliminaryValues, SimilarityStep
+from orip.model.preliminary import (
+    NotOriented,
+    PhotoStart,
+    PointStart,
+    PreliminaryValues,
+    RelativeOrientation,
+    SimilarityStep,
+)
 from orip.prelim.absolute_orientation import absolute_orientation
 from orip.prelim.ground_control import known_centres, known_points
-from orip.prelim.growing import Growth, misplaced, residual_lengths
+from orip.prelim.growing import Growth
+from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
 from orip.prelim.joining import Joined
+from orip.prelim.misplaced import misplaced, residual_lengths
 from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import Placed
@@ -28,11 +37,19 @@ from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs,
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_STARTING_PAIRS = 3
+_STARTING_PAIRS = 5
 """First pairs that are tried one after the other."""
 
-_ROUGH = 20.0
-"""Median residual over the a-priori error from which on another way is tried as well."""
+_GOOD = 2.5
+"""Mean residual over the a-priori error: with it there is nothing to look for in another way."""
+
+_AS_GOOD = 1.1
+"""Ratio of misfits: two ways that end alike are right, though the camera may be out of calibration."""
+
+_FAR_OFF = 15.0
+"""Residuals over the a-priori error count up to this."""
+
+_LEAST_COORDINATES = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +64,8 @@ class _Outcome:
     absolute : SimilarityStep or None
     reason : str
         Why it is not on the ground.
+    findings : tuple of str
+        What was probably mixed up in the control.
     """
 
     route: Route
@@ -54,6 +73,7 @@ class _Outcome:
     on_ground: bool
     absolute: SimilarityStep | None
     reason: str
+    findings: tuple[str, ...] = ()
 
 
 def preliminary_values(block: Block) -> PreliminaryValues:
@@ -78,17 +98,20 @@ class _Chain:
         self.rays = image_rays(block)
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
+        self.models: dict[tuple[int, int], RelativeOrientation | NotOriented] = {}
         self.control, self.centres = known_points(block), known_centres(block)
 
     def values(self) -> PreliminaryValues:
         best: _Outcome | None = None
-        worth: tuple[int, int, float] = (-1, -1, 0.0)
+        rank = (False, -np.inf)
+        misfits: list[float] = []
         for route in self._routes():
             for outcome in self._outcomes(route):
-                found = self._worth(outcome)
-                if best is None or found > worth:
-                    best, worth = outcome, found
-            if worth[0] == len(self.rays.photos) and worth[2] > -_ROUGH:
+                misfits.append(self._misfit(outcome))
+                found = (outcome.on_ground or bool(outcome.findings), -misfits[-1])
+                if found > rank:
+                    best, rank = outcome, found
+            if best is not None and self._is_satisfactory(best, misfits):
                 break
         return self._told(best)
 
@@ -113,7 +136,8 @@ class _Chain:
 
     def _growth(self, held: FloatArray | None = None) -> Growth:
         nothing = np.full((len(self.rays.points), 3), np.nan)
-        return Growth(self.rays, self.index, self.common, nothing if held is None else held)
+        everyone = np.ones(len(self.rays.photos), dtype=bool)
+        return Growth(self.rays, self.index, self.common, nothing if held is None else held, everyone, self.models)
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
@@ -140,8 +164,12 @@ class _Chain:
         yield outcome
 
     def _in_ground(self, route: Route, placed: Placed) -> _Outcome:
-        """Take a system to the ground, and adjust it there with the control that fits."""
-        found = absolute_orientation(placed.sub_block(), self.rays, self.control, self.centres)
+        """Take a system to the ground, unless the control would fit it better in another reading."""
+        block = placed.sub_block()
+        findings = handedness(block, self.rays, self.control, self.centres)
+        if findings:
+            return _Outcome(route, placed, False, None, findings[0], findings)
+        found = absolute_orientation(block, self.rays, self.control, self.centres)
         if not isinstance(found, Joined):
             return _Outcome(route, placed, False, None, found.reason)
         similarity = found.similarity
@@ -177,13 +205,26 @@ class _Chain:
 
     # how good it is
 
-    def _worth(self, outcome: _Outcome) -> tuple[int, int, float]:
-        """Return the photos that are in their place on the ground, those that are oriented at all, and minus misfit."""
+    def _misfit(self, outcome: _Outcome) -> float:
+        """Return the mean residual over the a-priori error; what is far off or has no place counts with a limit."""
         lengths = residual_lengths(self.rays, outcome.placed)
-        finite = ~np.isnan(lengths)
-        overall = float(np.median(lengths[finite])) if finite.any() else np.inf
-        in_place = int(np.sum(outcome.placed.oriented & ~misplaced(self.rays, outcome.placed)))
-        return in_place if outcome.on_ground else 0, in_place, -overall
+        lengths[~outcome.placed.oriented[self.rays.photo]] = np.inf
+        judged = lengths[~np.isnan(lengths)]
+        return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
+
+    def _is_satisfactory(self, best: _Outcome, misfits: list[float]) -> bool:
+        """Tell whether nothing better is to be expected: all photos fit, or fit as well as they did in another way."""
+        complete = bool(best.placed.oriented.all()) and not misplaced(self.rays, best.placed).any()
+        if not (complete and (best.on_ground or best.findings or not self._control_suffices)):
+            return False
+        least, *others = sorted(misfits)
+        return least < _GOOD or bool(others and others[0] < _AS_GOOD * least)
+
+    @property
+    def _control_suffices(self) -> bool:
+        """Return whether there is control enough for a block that contains all of it."""
+        known = np.isfinite(self.control.coordinates).sum() + np.isfinite(self.centres.coordinates).sum()
+        return bool(known >= _LEAST_COORDINATES)
 
     # what is told
 
@@ -208,7 +249,7 @@ class _Chain:
             route.failures,
             tuple(photos),
             tuple(points),
-            (),
+            best.findings,
         )
 
     def _where_rays_meet(self, placed: Placed) -> Placed:

@@ -7,16 +7,18 @@ rotation and base come from all points of the two photos, and one known point gi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays, RelativeOrientation, SubBlock
+from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
 from orip.prelim.intersection import intersect
 from orip.prelim.joining import Joined, join
+from orip.prelim.misplaced import misplaced
 from orip.prelim.photo_index import PhotoIndex
-from orip.prelim.placed import Placed
+from orip.prelim.placed import Placed, placed_block
 from orip.prelim.refinement import refine
 from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.resection import Resected, resect
@@ -42,14 +44,11 @@ _FEWEST_FOR_MODEL = 5
 _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
+_BLOCKS_TRIED = 3
+"""Models that a sub-block is tried to grow from."""
+
 _REMOVALS = 2
 """Times that a photo may be taken out again; then it stays, and tells of itself by its residuals."""
-
-_MISFIT = 5.0
-"""Residual over the median of all from which on a point does not fit its photo."""
-
-_OUT_OF_PLACE = 0.4
-"""Part of the points of a photo that do not fit it from which on the photo is in the wrong place."""
 
 _REFINED_AT = 1.5
 """Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
@@ -67,12 +66,21 @@ class Growth:
         Numbers of common points.
     held : array (number of points, 3)
         Coordinates of points that do not change; NaN for the others.
+    allowed : array (photos,) of bool
+        Photos that may be added.
+    models : dict
+        Relative orientations by pairs of photos, kept since many are asked for again.
+    branching : bool
+        Sub-blocks may grow by themselves before they are joined on; they do not branch again.
     """
 
     rays: ImageRays
     index: PhotoIndex
     common: IntArray
     held: FloatArray
+    allowed: BoolArray
+    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    branching: bool = True
 
     def grown(self, start: Placed) -> Placed:
         """Return the system with all photos that can be added to it, adjusted as a whole.
@@ -146,14 +154,14 @@ class Growth:
             self._resected(placed, _WELL, refused)
             or self._with_model(placed, _SCALE_CHECKED)
             or self._resected(placed, _BARELY, refused)
-            or self._with_model(placed, 1)
+            or (self._with_block(placed) if self.branching else None)
         )
 
     def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
         """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
         counts = np.array([int(known[points].sum()) for points in self.index.points])
-        counts[placed.oriented] = 0
+        counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
         counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
         result = None
@@ -182,9 +190,7 @@ class Growth:
         At least `fewest` known points must fit: they give the scale.
         """
         for oriented, photo in self._models_to_try(placed):
-            model = orient_pair(
-                self.rays, oriented, photo, model=self.rays.photos[oriented], row=None, column=None, index=self.index
-            )
+            model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
@@ -197,10 +203,36 @@ class Growth:
                 return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
         return None
 
+    def _with_block(self, placed: Placed) -> Placed | None:
+        """Return the system with a sub-block that grows from an oriented photo and has too few known points at first.
+
+        The sub-block grows by itself: the more photos it has, the more of its points are known, and give its scale.
+        """
+        for oriented, photo in islice(self._models_to_try(placed), _BLOCKS_TRIED):
+            model = self.model(oriented, photo)
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
+                continue
+            how = f"model with photo {model.left} ({len(model.points)} points)"
+            allowed = self.allowed & ~placed.oriented
+            grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
+            block = grower.grown(placed_block(self.rays, model.block, how))
+            joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
+            if isinstance(joined, Joined) and _fitting_points(joined) >= 1:
+                return _with_photos_of(placed, joined, block)
+        return None
+
+    def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:
+        """Return the relative orientation of a photo to another one."""
+        if (left, right) not in self.models:
+            name = self.rays.photos[left]
+            found = orient_pair(self.rays, left, right, model=name, row=None, column=None, index=self.index)
+            self.models[left, right] = found
+        return self.models[left, right]
+
     def _models_to_try(self, placed: Placed) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
         oriented = placed.oriented
-        counts = np.where(oriented[:, None] & ~oriented, self.common, 0)
+        counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
         tried = np.zeros(len(oriented), dtype=int)
         for flat in np.argsort(-counts, axis=None, kind="stable"):
             first, photo = divmod(int(flat), counts.shape[1])
@@ -211,35 +243,14 @@ class Growth:
                 yield first, photo
 
 
-def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
-    """Return the lengths (n,) of the rays' residuals over their a-priori errors.
-
-    Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
-    photo is not oriented, or alone in seeing its point.
-    """
-    offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
-    u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
-        length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
-    oriented = placed.oriented[rays.photo]
-    together = np.bincount(rays.point[oriented], minlength=len(rays.points))[rays.point] > 1
-    lost = oriented & together & ~placed.known[rays.point]
-    return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
-
-
-def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
-    """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
-
-    A photo none of whose points is seen by another one is among them.
-    """
-    lengths = residual_lengths(rays, placed)
-    judged = ~np.isnan(lengths)
-    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
-    count = len(rays.photos)
-    number = np.bincount(rays.photo[judged], minlength=count)
-    misfits = np.bincount(rays.photo[judged & ~(lengths <= _MISFIT * max(overall, 1.0))], minlength=count)
-    return placed.oriented & (misfits >= _OUT_OF_PLACE * number)
+def _with_photos_of(placed: Placed, joined: Joined, block: Placed) -> Placed:
+    """Return a system with the photos of a sub-block that was joined on."""
+    points = len(joined.step.points)
+    for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
+        if not placed.oriented[photo]:
+            how = f"{block.how[photo]}; joined on by {points} known point{'' if points == 1 else 's'}"
+            placed = placed.with_photo(int(photo), rotation, centre, how)
+    return placed
 
 
 def _fitting_points(joined: Joined) -> int:

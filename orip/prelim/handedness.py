@@ -21,7 +21,7 @@ from orip.prelim.similarity_adjustment import CommonPoints, adjusted, start_from
 
 FloatArray = NDArray[np.float64]
 
-_BETTER = 0.2
+_BETTER = 0.4
 """Of the misfit as given: what fits that much better is what was meant."""
 
 _EXPECTED = 3.0

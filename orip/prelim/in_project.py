@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.rotation import angles_from_rotation
 from orip.model.control import PreliminaryPoint
-from orip.model.ground import GroundSystem
+from orip.model.ground import GroundSystem, PlainGround
 from orip.model.preliminary import ImageRays, PhotoStart, PointStart, PreliminaryValues, SubBlock
 from orip.units import DEGREES_PER_RADIAN
 
@@ -46,17 +47,31 @@ def points_in_project(points: Sequence[PointStart], ground: GroundSystem) -> lis
     ]
 
 
-def block_in_frame(values: PreliminaryValues, rays: ImageRays) -> SubBlock:
-    """Return the oriented photos and placed points as one sub-block, in the frame of the block."""
+def absolute_in_project(values: PreliminaryValues, ground: GroundSystem) -> PreliminaryValues:
+    """Return values whose absolute orientation lists control points as the project has them.
+
+    Where the project has a `crs`, residuals and parameters stay those of the local frame; a remark says so.
+    """
+    if values.absolute is None or isinstance(ground, PlainGround):
+        return values
+    coordinates = values.absolute.coordinates.copy()
+    full = np.isfinite(coordinates).all(axis=1)
+    coordinates[full] = ground.to_project(coordinates[full])
+    remarks = (*values.absolute.remarks, "residuals, shift and rotation refer to the local frame: east, north and up")
+    return replace(values, absolute=replace(values.absolute, coordinates=coordinates, remarks=remarks))
+
+
+def block_in_project(values: PreliminaryValues, rays: ImageRays, ground: GroundSystem) -> SubBlock:
+    """Return the oriented photos and placed points as one sub-block, in the project's coordinates."""
     photos = [row for row, photo in enumerate(values.photos) if photo.rotation is not None]
     place = {name: row for row, name in enumerate(rays.points)}
-    empty = np.empty((0, 3))
+    centres = ground.to_project(np.array([values.photos[row].centre for row in photos]).reshape(-1, 3))
     return SubBlock(
         "",
         np.array(photos, dtype=np.int64),
-        np.array([values.photos[row].rotation for row in photos]).reshape(-1, 3, 3),
-        np.array([values.photos[row].centre for row in photos]).reshape(-1, 3),
+        ground.axes_at(centres) @ np.array([values.photos[row].rotation for row in photos]).reshape(-1, 3, 3),
+        centres,
         np.array([place[point.name] for point in values.points], dtype=np.int64),
-        np.array([point.coordinates for point in values.points]) if values.points else empty,
-        np.array([point.deviations or (np.nan,) * 3 for point in values.points]) if values.points else empty,
+        ground.to_project(np.array([point.coordinates for point in values.points]).reshape(-1, 3)),
+        np.array([point.deviations or (np.nan,) * 3 for point in values.points]).reshape(-1, 3),
     )

@@ -35,6 +35,12 @@ _AGREEMENT = 0.05
 """Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
 however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
 
+_NAMED = 6
+"""Points that are named one by one."""
+
+_MM = 1000.0
+"""Systems are in metres at photo scale."""
+
 _STEADY = 0.3
 """Of the median: the spread of two determinations may be nothing by chance, and is then no measure of precision."""
 
@@ -123,7 +129,7 @@ class _Joint:
             return self._failed(f"{error}; {self._shared()}")
         if reason:
             return self._failed(reason)
-        remarks += misfits(self.points, found, "at photo scale")
+        remarks += misfits(self.points, found)
         return self._result(found, remarks)
 
     def _missing(self) -> str:
@@ -169,14 +175,14 @@ class _Joint:
         typical = float(np.median(found.lengths[: len(self.points)])) if self.points else 0.0
         if typical > _AGREEMENT * extent:
             return (
-                f"the common points do not agree: their residuals are {typical:.2g} with an extent of {extent:.2g} "
-                f"(at photo scale); {self._shared()}: are points of one model numbered wrongly?"
+                f"the common points do not agree: their residuals are {typical * _MM:.2g} mm with an extent of "
+                f"{extent * _MM:.2g} mm at photo scale; {self._shared()}: are points of one model numbered wrongly?"
             )
         fits = int(np.count_nonzero(found.fits[: len(self.points)]))
         if 2 * fits < len(self.points) and typical > 0.1 * _AGREEMENT * extent:
             return (
                 f"only {fits} of {len(self.points)} common points agree: are points of one model numbered wrongly? "
-                f"The residuals are {typical:.2g} with an extent of {extent:.2g} (at photo scale)"
+                f"The residuals are {typical * _MM:.2g} mm with an extent of {extent * _MM:.2g} mm at photo scale"
             )
         return ""
 
@@ -225,16 +231,17 @@ def steady_deviations(block: SubBlock) -> FloatArray:
     return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
 
 
-def misfits(points: Sequence[str], found: SimilarityAdjustment, unit: str) -> list[str]:
-    """Return a sentence for each point that does not fit."""
+def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
+    """Return a sentence for each point that does not fit, for the first few of many."""
     usual = found.lengths[: len(points)][found.fits[: len(points)]]
-    others = f" (the others: {float(np.sqrt(np.mean(usual**2))):.2g})" if len(usual) else ""
-    lengths = found.lengths
-    return [
-        f"point {points[k]} does not fit: it is {lengths[k]:.2g} {unit} off{others}"
-        for k in np.argsort(-lengths[: len(points)])
-        if not found.fits[k]
+    others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
+    lengths = found.lengths[: len(points)]
+    off = [k for k in np.argsort(-lengths) if not found.fits[k]]
+    sentences = [
+        f"point {points[k]} does not fit: it is {lengths[k] * _MM:.2g} mm at photo scale off{others}"
+        for k in off[:_NAMED]
     ]
+    return [*sentences, f"{len(off) - _NAMED} more points do not fit"] if len(off) > _NAMED else sentences
 
 
 def similarity_step(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 
 from orip.model.names import record_key
@@ -11,6 +12,7 @@ from orip.model.project import StereoModel
 from orip.prelim.bridging import JoinedSystems, bridge_row
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.relative_orientation import orient_pair
+from orip.prelim.relative_start import POINTS_NEEDED
 from orip.prelim.strip_connection import connect_strips
 
 
@@ -26,7 +28,22 @@ def orient_model(rays: ImageRays, model: StereoModel, index: PhotoIndex) -> Rela
     if missing:
         return NotOriented(model.name, "", f"photo {' and photo '.join(missing)} has no photo points")
     left, right = places[record_key(model.left)], places[record_key(model.right)]
-    return orient_pair(rays, left, right, model=model.name, row=model.row, column=model.column, index=index)
+    found = orient_pair(rays, left, right, model=model.name, row=model.row, column=model.column, index=index)
+    if isinstance(found, NotOriented):
+        return replace(found, reason=found.reason + _other_partners(rays, (left, right), index))
+    return found
+
+
+def _other_partners(rays: ImageRays, pair: tuple[int, int], index: PhotoIndex) -> str:
+    """Return which photos share more points with those of a model than they with each other."""
+    common = len(index.common_points(*pair)[0])
+    partners = []
+    for photo in pair:
+        shared = [len(index.common_points(photo, other)[0]) for other in range(len(rays.photos))]
+        shared[photo] = 0
+        if (most := max(shared)) > max(common, POINTS_NEEDED):
+            partners.append(f"photo {rays.photos[photo]} shares {most} with photo {rays.photos[shared.index(most)]}")
+    return f"; {' and '.join(partners)}" if partners else ""
 
 
 def orient_models(

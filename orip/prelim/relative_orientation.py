@@ -43,6 +43,9 @@ _PLAIN_BASE = 1000.0
 _NO_MODEL = 0.01
 """Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
 
+_FITS = 3.0
+"""Standard deviations within which a point fits that is measured under another number."""
+
 _LARGEST_SCALE = 20.0
 """Of errors that a camera out of calibration makes; above it numbers are confused, and their parallaxes say nothing."""
 
@@ -276,8 +279,20 @@ def _result(
             base=base,
             seuw=seuw,
             ambiguous=solution.ambiguous,
+            exchanged=_exchanged(solution, pairs, max(seuw, 1.0)),
         ),
     )
+
+
+def _exchanged(solution: _Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
+    """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
+    wrong = np.flatnonzero(solution.weight_factor < 1.0)
+    in_left, in_right = np.meshgrid(wrong, wrong, indexing="ij")
+    mixed = Pairs(pairs.left[in_left.ravel()], pairs.right[in_right.ravel()], pairs.error[in_left.ravel()])
+    sizes = np.abs(parallaxes(cross_matrix(solution.photos.base) @ solution.photos.rotation, mixed))
+    fits = (sizes < _FITS * unit_weight * mixed.error).reshape(in_left.shape)
+    first, second = np.nonzero(np.triu(fits & fits.T, k=1))
+    return list(zip(wrong[first].tolist(), wrong[second].tolist(), strict=True))
 
 
 def _base_deviations(base: FloatArray, cofactor: FloatArray) -> FloatArray:

@@ -30,6 +30,7 @@ def remarks_on(
     base: FloatArray,
     seuw: float,
     ambiguous: bool,
+    exchanged: Sequence[tuple[int, int]] = (),
 ) -> tuple[str, ...]:
     """Return remarks on a relative orientation.
 
@@ -45,6 +46,8 @@ def remarks_on(
     seuw : float
     ambiguous : bool
         Another orientation fits as well.
+    exchanged : sequence of (int, int)
+        Two points each that fit when they are exchanged in one photo.
 
     Returns
     -------
@@ -52,6 +55,7 @@ def remarks_on(
     """
     return (
         *_on_blunders(points, parallax, deviation, weight_factor),
+        *(f"points {points[one]} and {points[other]} fit when exchanged in one photo" for one, other in exchanged),
         *_on_points_behind(points, weight_factor, in_front),
         *_on_the_whole(len(points), base, seuw, ambiguous),
     )

@@ -17,7 +17,6 @@ from orip.prelim.growing import Growth
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.pair_selection import pairs_by_common_points
 from orip.prelim.placed import Placed, nothing_placed, placed_block
-from orip.prelim.relative_orientation import orient_pair
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -117,8 +116,7 @@ def _starting_pair(growth: Growth, free: BoolArray, choice: int) -> RelativeOrie
 def _oriented_pairs(growth: Growth, free: BoolArray) -> Iterator[RelativeOrientation]:
     counts = np.where(free[:, None] & free, growth.common, 0)
     for left, right, _ in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
-        name = growth.rays.photos[left]
-        found = orient_pair(growth.rays, left, right, model=name, row=None, column=None, index=growth.index)
+        found = growth.model(left, right)
         if isinstance(found, RelativeOrientation):
             yield found
 

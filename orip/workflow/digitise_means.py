@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import dist
 from pathlib import Path
 
-from orip.errors import LinkError, ProjectWarning
+from orip.errors import LinkError, OripError, ProjectWarning
 from orip.files.log_writing import Log, LogFile, NoLog
 from orip.link.client import ProcessorFault, open_link
 from orip.model.interior import MarkAdjustment
@@ -95,7 +95,7 @@ class Means:
             try:
                 link.automatic(False)
                 yield session
-            except (KeyboardInterrupt, LinkError):
+            except (KeyboardInterrupt, OripError):
                 self.tell(f"{session.digitised} digitised so far; {going_on}")
                 raise
             finally:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from orip.errors import UsageError
+from orip.errors import ProjectWarning, UsageError
 from orip.files.log_writing import kill_line, measurement_line, points_header
 from orip.link.client import ProcessorFault
 from orip.model.drive_table import DriveCode
@@ -67,6 +67,8 @@ def digitise_points(
     repeat = "repeat the command, with --from POINT" if choice.again or choice.file else "repeat the command"
     with means.session(films, f"all of it is in {films.shown_log}; {repeat}") as session:
         digitising = _Digitising(session, at_hand, viewing, again=choice.again)
+        if not turns:
+            session.warnings.append(_nothing_to_digitise(at_hand))
         for turn in turns:
             digitising.take(turn)
             if session.ending != "complete":
@@ -93,6 +95,14 @@ def _from(turns: Sequence[Turn], start: str) -> list[Turn]:
         message = f"point {start} is not among those to digitise; see them with --dry-run"
         raise UsageError(message)
     return list(rest)
+
+
+def _nothing_to_digitise(at_hand: PointsAtHand) -> ProjectWarning:
+    text = (
+        "nothing to digitise: what these photos should show by the last adjustment is measured in them; name other "
+        "points with --point or --list, or measure again with --again"
+    )
+    return ProjectWarning("nothing-to-digitise", f"bundle {at_hand.bundle.name}", text)
 
 
 class _Digitising:

@@ -77,8 +77,8 @@ class PointsAtHand:
         return DigitisedBlock(tuple(map(_pair, models)), self.films.stages)
 
     def predicted(self, photo: str, point: str) -> Position | None:
-        """Return where the last adjustment predicts a point on the plate; None: it does not."""
-        found = self.places.predicted(photo).get(point)
+        """Return where the last adjustment predicts a point on the plate, also beyond frame lines; None: nowhere."""
+        found = self.places.anywhere(photo).get(point)
         if found is None or any(each != each for each in found.log_xy):  # NaN: no interior orientation
             return None
         return position(self._plate_of_log(photo), found.log_xy)
@@ -230,7 +230,7 @@ def _photos_of(at_hand: PointsAtHand, choice: PointChoice, photos: Iterable[str]
         if choice.again:
             if (photo, point) in at_hand.measured:
                 yield photo
-        elif (photo, point) not in at_hand.measured and (is_named or at_hand.predicted(photo, point) is not None):
+        elif (photo, point) not in at_hand.measured and (is_named or point in at_hand.places.predicted(photo)):
             yield photo
 
 

@@ -96,7 +96,10 @@ async def _serve_until_signal(emulator: Emulator, host: str, port: int, listenin
             ended.set_result(name)
 
     for each in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(each, end, each.name)
+        try:
+            loop.add_signal_handler(each, end, each.name)
+        except NotImplementedError:  # Windows
+            signal.signal(each, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name))
     await emulator.serve(host, port, lambda *address: listening(_joined(*address)), ended)
     return await ended
 

@@ -34,9 +34,7 @@ from orip.workflow.project import PROJECT_FILE, Project, open_project
 _NEAR = 10.0
 """Ground units; origins of object systems lie 100 apart or more, adjusted photos do not move as far."""
 
-_NO_PLACE = frozenset(
-    {DriveCode.NO_TABLE, DriveCode.BEHIND_CAMERA, DriveCode.NOT_INVERTIBLE, DriveCode.PARALLEL_RAYS}
-)
+_NO_PLACE = frozenset({DriveCode.NO_TABLE, DriveCode.BEHIND_CAMERA, DriveCode.NOT_INVERTIBLE, DriveCode.PARALLEL_RAYS})
 
 
 class Downloaded(NamedTuple):

@@ -44,6 +44,7 @@ class Places:
         self._at_hand = at_hand
         self._known = _ground_coordinates(at_hand) if at_hand.solution else {}
         self._predicted: dict[str, dict[str, Place]] = {}
+        self._anywhere: dict[str, dict[str, Place]] = {}
 
     def measured(self, photo: str, stored: Pair) -> Place:
         """Return the place of a point with stored coordinates in a photo (`record_key`)."""
@@ -59,8 +60,17 @@ class Places:
     def predicted(self, photo: str) -> dict[str, Place]:
         """Return by name the points that a photo (`record_key`) should show within its frame."""
         if photo not in self._predicted:
-            self._predicted[photo] = self._predict(photo)
+            corners = frame_corners(self._at_hand.definitions.camera_of(self._at_hand.definitions.photos[photo]))
+            found = self.anywhere(photo)
+            inside = _inside(corners, np.array([place.photo_xy for place in found.values()]).reshape(-1, 2))
+            self._predicted[photo] = {name: found[name] for name, seen in zip(found, inside, strict=True) if seen}
         return self._predicted[photo]
+
+    def anywhere(self, photo: str) -> dict[str, Place]:
+        """Return by name the points in front of a photo (`record_key`), also beyond its frame lines."""
+        if photo not in self._anywhere:
+            self._anywhere[photo] = self._predict(photo)
+        return self._anywhere[photo]
 
     def _predict(self, photo: str) -> dict[str, Place]:
         at_hand, definitions = self._at_hand, self._at_hand.definitions
@@ -72,19 +82,24 @@ class Places:
         definition = at_hand.project.definition
         ground = ground_system(definition.crs, definition.ground_unit, (), solution.photos.values[:, :3])
         xy = predict_photo_coordinates(solution, record.name, camera, np.array([*self._known.values()]), ground)
-        corners = frame_corners(camera)
-        inside = np.isfinite(xy).all(axis=1)
-        if corners is not None:
-            inside &= (xy >= corners[0]).all(axis=1) & (xy <= corners[1]).all(axis=1)
         to_photo = at_hand.interior.to_photo.get(photo)
         log = self._log(photo, to_photo.inverse().apply(xy)) if to_photo else np.full_like(xy, np.nan)
         names = list(self._known)
-        return {names[row]: Place(_pair(xy[row]), _pair(log[row])) for row in np.flatnonzero(inside).tolist()}
+        return {
+            names[row]: Place(_pair(xy[row]), _pair(log[row]))
+            for row in np.flatnonzero(np.isfinite(xy).all(axis=1)).tolist()
+        }
 
     def _log(self, photo: str, stored: FloatArray) -> FloatArray:
         definitions = self._at_hand.definitions
         back = stored_to_log(definitions.photos[photo], definitions, self._at_hand.interior.to_template)
         return back.apply(stored) if back else np.full_like(stored, np.nan)
+
+
+def _inside(corners: tuple[FloatArray, FloatArray] | None, xy: FloatArray) -> NDArray[np.bool_]:
+    if corners is None:
+        return np.ones(len(xy), dtype=bool)
+    return np.asarray((xy >= corners[0]).all(axis=1) & (xy <= corners[1]).all(axis=1))
 
 
 def _pair(xy: FloatArray) -> Pair:

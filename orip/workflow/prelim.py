@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from orip.model.names import record_key
 from orip.model.photo import PHOTO_PARAMETERS, Photo
 from orip.model.preliminary import PreliminaryValues
 from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.units import DEGREES_PER_RADIAN
 from orip.workflow.prelim_steps import PrelimInput, open_prelim, values_of
 from orip.workflow.project import Project
 from orip.workflow.records import read_definitions, write_definitions
@@ -27,6 +29,12 @@ from orip.workflow.texts import raise_complaints
 from orip.workflow.update import write_points
 
 FloatArray = NDArray[np.float64]
+
+_SAME = 1e-6
+"""Of the distance from photos to points, and in radians: below it values are the same, found a second time."""
+
+_DIGITS = 3
+"""Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +47,8 @@ class PrelimOutcome:
     values : PreliminaryValues
     orientations : array (number of photos, 6)
         As in the files; NaN where not found.
+    coordinates : tuple of PreliminaryPoint
+        As in BUNDLE.PRE.
     photos, points : tuples of str
         Records and lines that have new values.
     others : int
@@ -49,6 +59,7 @@ class PrelimOutcome:
     given: PrelimInput
     values: PreliminaryValues
     orientations: FloatArray
+    coordinates: tuple[PreliminaryPoint, ...]
     photos: tuple[str, ...]
     points: tuple[str, ...]
     others: int
@@ -59,6 +70,7 @@ def prelim(folder: Path, bundle: str | None) -> PrelimOutcome:
     """Find preliminary values, list how, and keep them: orientations in the photo store, coordinates in BUNDLE.PRE.
 
     Of the photos the elements that are not constant take the values; points of BUNDLE.PRE that were not computed stay.
+    Values that are there already are not written again.
 
     Raises
     ------
@@ -68,19 +80,36 @@ def prelim(folder: Path, bundle: str | None) -> PrelimOutcome:
     project = given.project
     values = values_of(given)
     orientations = orientations_in_project(values.photos, given.block.ground)
-    points = points_in_project(values.points, given.block.ground)
+    points = [_rounded(point) for point in points_in_project(values.points, given.block.ground)]
     facts = (("Project", project.definition.name), ("User", project.definition.user), ("Bundle", given.bundle))
     text = preliminary_listing(
-        values, orientations.tolist(), project.definition.ground_unit, facts, run_id("prelim", orientations.tolist())
+        values,
+        orientations.tolist(),
+        points,
+        project.definition.ground_unit,
+        facts,
+        run_id("prelim", orientations.tolist()),
     )
-    changed_photos = _update_photos(project, values, orientations)
-    changed_points, others = _update_points(given, points)
+    same = _SAME * _distance(orientations, points)
+    changed_photos = _update_photos(project, values, orientations, same)
+    changed_points, others = _update_points(given, points, same)
     listing = project.preliminary_listing(given.bundle)
     _write(project, listing, text)
-    return PrelimOutcome(given, values, orientations, changed_photos, changed_points, others, listing)
+    return PrelimOutcome(given, values, orientations, tuple(points), changed_photos, changed_points, others, listing)
 
 
-def _update_photos(project: Project, values: PreliminaryValues, orientations: FloatArray) -> tuple[str, ...]:
+def _distance(orientations: FloatArray, points: list[PreliminaryPoint]) -> float:
+    """Return the usual distance from photos to points, ground units; 0 where there are none."""
+    found = np.isfinite(orientations[:, 0])
+    if not found.any() or not points:
+        return 0.0
+    middle = np.median([point.coordinates for point in points], axis=0)
+    return float(np.median(np.linalg.norm(orientations[found, :3] - middle, axis=1)))
+
+
+def _update_photos(
+    project: Project, values: PreliminaryValues, orientations: FloatArray, same: float
+) -> tuple[str, ...]:
     """Give the photo records their new values; each stays bound to the text that it came from."""
     found = {
         record_key(photo.name): row.tolist()
@@ -89,16 +118,20 @@ def _update_photos(project: Project, values: PreliminaryValues, orientations: Fl
     }
     with writing(project.record_stores) as stores:
         old = read_definitions(project, stores)
-        photos = tuple(_with_values(each, found.get(record_key(each.record.name))) for each in old.photos)
+        photos = tuple(_with_values(each, found.get(record_key(each.record.name)), same) for each in old.photos)
         write_definitions(project, stores, old, replace(old, photos=photos))
     pairs = zip(old.photos, photos, strict=True)
     return tuple(new.record.name for before, new in pairs if new.record != before.record)
 
 
-def _with_values(stored: StoredRecord[Photo], values: list[float] | None) -> StoredRecord[Photo]:
+def _with_values(stored: StoredRecord[Photo], values: list[float] | None, same: float) -> StoredRecord[Photo]:
     if values is None:
         return stored
     photo = stored.record
+    difference = np.array(values) - np.array(photo.orientation, dtype=np.float64)
+    difference[3:] = np.remainder(difference[3:] + 180.0, 360.0) - 180.0
+    if (np.abs(difference) <= [same] * 3 + [_SAME * DEGREES_PER_RADIAN] * 3).all():
+        return stored
     orientation = tuple(
         old if kind in photo.constant else new
         for kind, old, new in zip(PHOTO_PARAMETERS, photo.orientation, values, strict=True)
@@ -106,18 +139,33 @@ def _with_values(stored: StoredRecord[Photo], values: list[float] | None) -> Sto
     return replace(stored, record=replace(photo, orientation=orientation))
 
 
-def _update_points(given: PrelimInput, points: list[PreliminaryPoint]) -> tuple[tuple[str, ...], int]:
+def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
+    """Return a point without the digits that say nothing."""
+    known = [deviation for deviation in point.deviations or () if deviation > 0.0]
+    if point.deviations is None or not known:
+        return point
+    decimals = _DIGITS - 1 - math.floor(math.log10(min(known)))
+    x, y, z, sx, sy, sz = (round(number, decimals) for number in (*point.coordinates, *point.deviations))
+    return PreliminaryPoint(point.name, (x, y, z), (sx, sy, sz))
+
+
+def _update_points(given: PrelimInput, points: list[PreliminaryPoint], same: float) -> tuple[tuple[str, ...], int]:
     project = given.project
     path = project.preliminary(given.bundle)
     shown = project.shown(path)
     found = read_preliminary(path, shown)
     raise_complaints(found.complaints)
     before = {point.name: point for point in found.records}
-    after = {**before, **{point.name: point for point in points}}
-    changed = tuple(name for name, point in after.items() if point != before.get(name))
+    changed = {point.name: point for point in points if not _is_same(point, before.get(point.name), same)}
     if changed:
-        write_points(path, shown, tuple(after.values()), project.definition.ground_unit)
-    return changed, len(set(before) - {point.name for point in points})
+        write_points(path, shown, tuple({**before, **changed}.values()), project.definition.ground_unit)
+    return tuple(changed), len(set(before) - {point.name for point in points})
+
+
+def _is_same(point: PreliminaryPoint, before: PreliminaryPoint | None, same: float) -> bool:
+    if before is None or (before.deviations is None) != (point.deviations is None):
+        return False
+    return bool((np.abs(np.subtract(point.coordinates, before.coordinates)) <= same).all())
 
 
 def _write(project: Project, path: Path, text: str) -> None:

@@ -27,13 +27,14 @@ from orip.model.project import StereoModel
 from orip.prelim.bridging import JoinedSystems, bridge
 from orip.prelim.chain import preliminary_values
 from orip.prelim.image_rays import image_rays
-from orip.prelim.in_project import block_in_frame
+from orip.prelim.in_project import absolute_in_project, block_in_project
 from orip.prelim.joining import Joined
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
 from orip.prelim.photo_index import photo_index
 from orip.prelim.strip_connection import connect
 from orip.workflow.bundle_input import gathered_block, read_stored
 from orip.workflow.project import Project, open_project
+from orip.workflow.starting_values import not_oriented
 from orip.workflow.texts import raise_complaints, read_ground
 
 
@@ -163,24 +164,42 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similaritie
 
 
 def values_of(given: PrelimInput) -> PreliminaryValues:
-    """Run the whole chain."""
-    return preliminary_values(given.block)
+    """Run the whole chain, and take its absolute orientation to the project's coordinates."""
+    return absolute_in_project(preliminary_values(given.block), given.block.ground)
 
 
 def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:
-    """Return the model coordinate list after a step for all."""
+    """Return the model coordinate list after a step for all.
+
+    Raises
+    ------
+    NotSolvableError
+        If there are none after this step.
+    """
     rays = image_rays(given.block)
-    return ModelCoordinates(stage, rays.photos, rays.points, _systems(given, rays, stage))
+    systems, reason = _systems(given, rays, stage)
+    if not systems:
+        raise NotSolvableError(reason)
+    return ModelCoordinates(stage, rays.photos, rays.points, systems)
 
 
-def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[SubBlock, ...]:
+def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[SubBlock, ...], str]:
+    """Return the systems after a step, and what to say if there are none."""
+    if stage == "absolute":
+        values = values_of(given)
+        block = block_in_project(values, rays, given.block.ground)
+        return (block,) if len(block.photos) else (), not_oriented(values)
     if stage == "relative":
-        return tuple(each.block for each in relative_orientations(given, None).oriented)
-    if stage == "bridged":
-        return _bridged(given, rays).systems
+        found = relative_orientations(given, None)
+        return tuple(each.block for each in found.oriented), _reasons(found.failures)
+    joined = _bridged(given, rays)
     if stage == "connected":
-        return connect_rows(_bridged(given, rays), rays).systems
-    return (block_in_frame(values_of(given), rays),)
+        joined = connect_rows(joined, rays)
+    return joined.systems, _reasons(joined.failures)
+
+
+def _reasons(failures: Sequence[NotOriented]) -> str:
+    return "\n".join(f"model {each.name}: {each.reason}" for each in failures)
 
 
 def _bridged(given: PrelimInput, rays: ImageRays) -> JoinedSystems:

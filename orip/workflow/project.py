@@ -121,6 +121,10 @@ class Project:
         """Return a bundle's file in the folder of the project files."""
         return self.photos.with_name(f"{bundle}.{extension}")
 
+    def report(self, bundle: str) -> Path:
+        """Return the path of a bundle's report: a plain name where it is the project's only bundle."""
+        return self.folder / f"{'' if len(self.definition.bundles) == 1 else f'{bundle}_'}report.html"
+
     def outputs(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results go: plain names where it is the project's only bundle."""
         return self._outputs(bundle, only=len(self.definition.bundles) == 1)

@@ -49,13 +49,15 @@ def started_block(
 
 
 def not_oriented(values: PreliminaryValues) -> str:
-    """Return why photos could not be oriented, a line each after what is wrong with the block; "" if all could."""
+    """Return what is wrong with the control, else why photos could not be oriented, a line each; "" if all could."""
     reasons = [photo.how for photo in values.photos if photo.rotation is None]
     if not reasons:
         return ""
+    if values.findings:
+        return "\n".join(values.findings)
     title = f"{len(reasons)} of {len(values.photos)} photos could not be oriented"
     advice = (
         "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows "
         "each step"
     )
-    return "\n".join([f"{title}; {advice}", *values.findings, *dict.fromkeys(reasons)])
+    return "\n".join([f"{title}; {advice}", *dict.fromkeys(reasons)])

@@ -96,7 +96,9 @@ def test_headers_and_lines_are_read_back(tmp_path):
     path = tmp_path / "NEW.MEA"
     log = LogFile(path, path.name)
     log.chapter("all kinds")
-    log.put(template_header("T", "C", "LOWER"), [line("1"), measurement_line("2", (-0.00001, 1e3), is_disregarded=True)])
+    log.put(
+        template_header("T", "C", "LOWER"), [line("1"), measurement_line("2", (-0.00001, 1e3), is_disregarded=True)]
+    )
     log.put(photo_header("P", "A"), [measurement_line("PHOTO", (1.5, 2.5), (-12.0, 0.125))])
     log.put(points_header("MAIN", "P"), [measurement_line("POINTS", (1.0, 101.0))])
     found = read_measurements(path, path.name)

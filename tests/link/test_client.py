@@ -229,7 +229,7 @@ def test_urls_that_are_none(url):
 
 
 def test_a_host_that_is_not_known():
-    with pytest.raises(LinkError, match="no plate processor answers at tcp://no-such-host.invalid:4788"):
+    with pytest.raises(LinkError, match=r"no plate processor answers at tcp://no-such-host\.invalid:4788"):
         open_link("tcp://no-such-host.invalid:4788", retries=0)
 
 

@@ -126,7 +126,9 @@ TUPLE_LISTS: dict[str, Table] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),
     "warnings": _list_of_solution("warning", *_texts("code", "where", "text")),
 }
-BULK_TABLES = (CAMERAS, PHOTOS, POINTS, RESIDUALS)
+PHOTO_CORRELATIONS = _list_of_solution("photo_correlation", *_reals("XY", "XZ", "YZ"))
+POINT_CORRELATIONS = _list_of_solution("point_correlation", *_reals("XY", "XZ", "YZ"))
+BULK_TABLES = (CAMERAS, PHOTOS, POINTS, RESIDUALS, PHOTO_CORRELATIONS, POINT_CORRELATIONS)
 LIST_TABLES = (*(table for _item, table in ITEM_LISTS.values()), *TUPLE_LISTS.values())
 TABLES = (SOLUTION, *BULK_TABLES, *LIST_TABLES)
 
@@ -177,6 +179,8 @@ def read(store: Store, bundle: str) -> Solution | None:
         point_kinds=kinds,
         residuals=Residuals(*store.columns(RESIDUALS, name)[2:]),  # type: ignore[arg-type]
         photo_rotation_sd_about_axes=tuple(about_axes.tolist()),
+        photo_correlations=np.column_stack(store.columns(PHOTO_CORRELATIONS, name)[2:]),
+        point_correlations=np.column_stack(store.columns(POINT_CORRELATIONS, name)[2:]),
         **lists,
     )
 
@@ -199,6 +203,8 @@ def write(store: Store, solution: Solution) -> None:
     _write_estimates(store, POINTS, bundle, solution.points, rays, solution.point_kinds)
     residuals = [getattr(solution.residuals, field.name) for field in fields(Residuals)]
     _insert(store, RESIDUALS, bundle, *residuals)
+    _insert(store, PHOTO_CORRELATIONS, bundle, *solution.photo_correlations.T)
+    _insert(store, POINT_CORRELATIONS, bundle, *solution.point_correlations.T)
     for field, (_item, table) in ITEM_LISTS.items():
         names = table.column_names[2:]
         rows = ([getattr(item, name) for name in names] for item in getattr(solution, field))

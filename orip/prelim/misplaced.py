@@ -1,0 +1,52 @@
+"""Photos that are in the wrong place: they do not show their points where these are."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.preliminary import ImageRays
+from orip.prelim.placed import Placed
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_MISFIT = 5.0
+"""Residual over the median of all from which on a point does not fit its photo."""
+
+_FEWEST = 3
+"""Points that do not fit; fewer may be blunders."""
+
+_OUT_OF_PLACE = 0.2
+"""Part of the points of a photo that do not fit it from which on the photo is in the wrong place."""
+
+
+def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
+    """Return the lengths (n,) of the rays' residuals over their a-priori errors.
+
+    Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
+    photo is not oriented, or alone in seeing its point.
+    """
+    offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
+    u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
+        length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
+    oriented = placed.oriented[rays.photo]
+    together = np.bincount(rays.point[oriented], minlength=len(rays.points))[rays.point] > 1
+    lost = oriented & together & ~placed.known[rays.point]
+    return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
+
+
+def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
+    """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
+
+    A photo none of whose points is seen by another one is among them.
+    """
+    lengths = residual_lengths(rays, placed)
+    judged = ~np.isnan(lengths)
+    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
+    count = len(rays.photos)
+    number = np.bincount(rays.photo[judged], minlength=count)
+    misfits = np.bincount(rays.photo[judged & ~(lengths <= _MISFIT * max(overall, 1.0))], minlength=count)
+    return placed.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number)))

@@ -1,0 +1,120 @@
+"""The block in three dimensions: photos as pyramids over their frames, points by kind, rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.frame import frame_corners
+from orip.model.camera import Camera
+from orip.model.names import record_key
+from orip.model.solution import Solution
+from orip.report.ellipses import drawn_points
+from orip.report.matter import Matter
+from orip.report.residual_vectors import measured_reach
+from orip.units import DEGREES_PER_RADIAN
+
+FloatArray = NDArray[np.float64]
+
+MOST_POINTS = 10_000
+_DEPTH = 0.35
+"""Height of a photo's pyramid in parts of its median distance from the points."""
+
+
+def block_view(matter: Matter) -> dict[str, Any]:
+    """Return what the page's script draws; coordinates are reduced by `origin`, so that single precision is enough."""
+    solution = matter.solution
+    rows = drawn_points(solution, MOST_POINTS)
+    points, centres = solution.points.values[rows], solution.photos.values[:, :3]
+    origin = _origin(np.concatenate([points, centres]))
+    corners = pyramid_corners(matter) - origin
+    place = {solution.points.names[row]: index for index, row in enumerate(rows.tolist())}
+    return {
+        "origin": origin.tolist(),
+        "unit": solution.ground_unit,
+        "points": {
+            "names": [solution.points.names[row] for row in rows],
+            "kinds": [solution.point_kinds[row] for row in rows],
+            "xyz": _rounded(points - origin),
+            "of": len(solution.points.names),
+        },
+        "photos": {
+            "names": list(solution.photos.names),
+            "xyz": _rounded(centres - origin),
+            "corners": [_rounded(each) for each in corners],
+            "sees": _seen(solution, place),
+        },
+    }
+
+
+def pyramid_corners(matter: Matter) -> FloatArray:
+    """Return the corners (photos, 4, 3) of the photos' frames, in the direction they look, in ground coordinates.
+
+    From the lower left counter-clockwise as in the positive photo. The true rays leave the projection centre there:
+    a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
+    """
+    solution = matter.solution
+    values = solution.photos.values
+    rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
+    parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
+    directions = np.zeros((len(values), 4, 3))
+    for row, name in enumerate(solution.photos.names):
+        photo = matter.photos.get(record_key(name))
+        key = record_key(photo.camera) if photo is not None else next(iter(parameters))
+        c, dx, dy = parameters[key][:3]
+        frame = _frame(matter, key)
+        directions[row] = [(x - dx, y - dy, -c) for x, y in frame]
+        directions[row] *= _depth(solution, row) / c
+    return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
+
+
+def _frame(matter: Matter, camera: str) -> list[tuple[float, float]]:
+    record: Camera | None = matter.cameras.get(camera)
+    corners = frame_corners(record) if record is not None else None
+    if corners is None:
+        reach = measured_reach(matter, camera) / np.sqrt(2.0) or 1.0
+        corners = np.array([-reach, -reach]), np.array([reach, reach])
+    (left, lower), (right, upper) = corners
+    return [(left, lower), (right, lower), (right, upper), (left, upper)]
+
+
+def _depth(solution: Solution, photo: int) -> float:
+    """Return the height of a photo's pyramid: short, against the distance of the points."""
+    distance = np.linalg.norm(solution.points.values - solution.photos.values[photo, :3], axis=1)
+    known = distance[np.isfinite(distance)]
+    return _DEPTH * float(np.median(known)) if known.size else 1.0
+
+
+def _origin(places: FloatArray) -> FloatArray:
+    """Return round coordinates near the middle."""
+    middle = np.nanmedian(places, axis=0)
+    span = float(np.nanmax(places) - np.nanmin(places)) if np.isfinite(places).any() else 0.0
+    spread = max(float(np.nanmax(np.ptp(places, axis=0), initial=0.0)), 1e-6)
+    if span < 100.0 * spread:
+        return np.zeros(3)
+    step = 10.0 ** np.ceil(np.log10(spread))
+    return np.asarray(np.round(middle / step) * step)
+
+
+def _rounded(places: FloatArray) -> list[list[float]]:
+    """Return coordinates with as many decimals as a drawing can show."""
+    spread = float(np.nanmax(np.abs(places), initial=0.0))
+    decimals = int(np.clip(6 - np.ceil(np.log10(max(spread, 1e-6))), 0, 9))
+    rounded: list[list[float]] = np.round(places, decimals).tolist()
+    return rounded
+
+
+def _seen(solution: Solution, place: dict[str, int]) -> list[list[int]]:
+    """Return which of the drawn points each photo has."""
+    residuals = solution.residuals
+    row_of = {name: row for row, name in enumerate(solution.photos.names)}
+    seen: list[set[int]] = [set() for _ in row_of]
+    for kind, photo, point, component in zip(
+        residuals.kind, residuals.photo, residuals.point, residuals.component, strict=True
+    ):
+        if kind == "photo" and component == "x" and point in place:
+            seen[row_of[photo]].add(place[point])
+    return [sorted(each) for each in seen]

@@ -1,0 +1,157 @@
+"""The cameras: parameters with their precision and significance, correlations, the distortion before and after."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from orip.interior.distortion_forms import curve_from_polynomial
+from orip.interior.frame import frame_corners
+from orip.model.camera import CAMERA_PARAMETERS, Camera
+from orip.model.names import record_key
+from orip.model.solution import Solution
+from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.matter import Matter
+from orip.report.numbers import MISSING, fixed, parameter
+from orip.report.residual_vectors import measured_reach
+from orip.report.table import Column, Table
+
+FloatArray = NDArray[np.float64]
+
+STRONG = 0.95
+_ERROR_PROBABILITY = 0.05
+_RADII = 81
+_RADIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
+_UNITS = {
+    "C": "mm", "DX": "mm", "DY": "mm", "A1": "", "A3": "mm⁻²", "A5": "mm⁻⁴", "A7": "mm⁻⁶", "P1": "mm⁻¹", "P2": "mm⁻¹",
+    "B1": "", "B2": "",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CorrelationMatrix:
+    """Correlation coefficients of a camera's unknowns: names and the rows of the full matrix."""
+
+    names: tuple[str, ...]
+    rows: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSheet:
+    """All that the page shows of one camera."""
+
+    name: str
+    parameters: Table
+    correlations: CorrelationMatrix | None
+    distortion: Markup
+
+
+def camera_sheets(matter: Matter) -> tuple[CameraSheet, ...]:
+    """Return a sheet for each camera."""
+    return tuple(_sheet(matter, name, row) for row, name in enumerate(matter.solution.cameras.names))
+
+
+def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
+    """Return the correlations of a camera's unknowns; None where it has less than two."""
+    found = {(each.a, each.b): each.r for each in solution.correlations if each.a.startswith(f"{camera}.")}
+    names = tuple(dict.fromkeys(name for pair in found for name in pair))
+    if not names:
+        return None
+    names = tuple(sorted(names, key=lambda name: CAMERA_PARAMETERS.index(name.rpartition(".")[2])))
+    rows = tuple(
+        tuple(1.0 if a == b else found.get((a, b), found.get((b, a), math.nan)) for b in names) for a in names
+    )
+    return CorrelationMatrix(tuple(name.rpartition(".")[2] for name in names), rows)
+
+
+def significance_limit(redundancy: int) -> float:
+    """Return the two-sided 5 % limit of Student's t."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(redundancy, 1.0 - _ERROR_PROBABILITY / 2.0)) if redundancy > 0 else math.nan
+
+
+def _sheet(matter: Matter, name: str, row: int) -> CameraSheet:
+    solution, before = matter.solution, matter.cameras.get(record_key(name))
+    adjusted = solution.cameras.values[row]
+    return CameraSheet(
+        name,
+        _parameter_table(solution, row, before),
+        correlation_matrix(solution, name),
+        _distortion_chart(matter, name, before, adjusted),
+    )
+
+
+def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Table:
+    """Return the parameters that are unknown or not zero."""
+    name = solution.cameras.names[row]
+    given = before.parameters if before is not None else (math.nan,) * len(CAMERA_PARAMETERS)
+    shown = [
+        (kind, _UNITS[kind], old, value, sd)
+        for kind, old, value, sd in zip(
+            CAMERA_PARAMETERS, given, solution.cameras.values[row].tolist(), solution.cameras.sd[row].tolist(),
+            strict=True,
+        )
+        if not math.isnan(sd) or value != 0.0
+    ]  # fmt: skip
+    shown += [(each.name, "", 0.0, each.value, each.sd) for each in solution.additional if each.camera == name]
+    written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
+    limit = significance_limit(solution.redundancy)
+    columns = (
+        Column("Parameter", [kind for kind, *_ in shown], key="name", words=True),
+        Column("Unit", [unit for _kind, unit, *_ in shown], words=True),
+        Column("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
+        Column("Adjusted", [value for value, _sd in written], key="value"),
+        Column("sd", [sd for _value, sd in written], key="sd"),
+        Column("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
+        Column("Significant", [_verdict(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown], words=True),
+    )
+    note = (
+        f"Significant: different from zero at the 5 % level, |value| / sd above {limit:.2f}; "
+        "each by itself. C, DX and DY are not tested: zero means nothing there."
+    )
+    return Table(f"cameras.{name}", f"Parameters of camera {name}", columns, note)
+
+
+def _is_tested(kind: str, sd: float) -> bool:
+    return kind not in {"C", "DX", "DY"} and math.isfinite(sd) and sd > 0.0
+
+
+def _ratio(kind: str, value: float, sd: float) -> str:
+    return fixed(abs(value) / sd, 1) if _is_tested(kind, sd) else ""
+
+
+def _verdict(kind: str, value: float, sd: float, limit: float) -> str:
+    if not _is_tested(kind, sd) or math.isnan(limit):
+        return ""
+    return "yes" if abs(value) > limit * sd else "no"
+
+
+def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
+    """Return the radial distortion in µm over the radius, before and after."""
+    reach = _reach(matter, name, before)
+    curves = []
+    if before is not None:
+        curves.append(("before", "limit", before.parameters[_RADIAL]))
+    curves.append(("adjusted", "first", tuple(adjusted[_RADIAL].tolist())))
+    if reach <= 0.0 or not any(any(coefficients) for _name, _style, coefficients in curves):
+        return Markup("")
+    radius = np.linspace(0.0, reach, _RADII)
+    lines = [
+        Line(list(zip(radius.tolist(), (1e3 * curve_from_polynomial(coefficients, radius)).tolist(), strict=True)), *label)
+        for *label, coefficients in curves
+    ]
+    label = f"Radial distortion of camera {name}, before (dashed) and after the adjustment"
+    return line_chart(label, ChartFrame("radius (mm)", "distortion (µm)", 460.0, 250.0), lines)
+
+
+def _reach(matter: Matter, name: str, camera: Camera | None) -> float:
+    """Return how far (mm) the camera's photos reach from its principal point."""
+    corners = frame_corners(camera) if camera is not None else None
+    if corners is None or camera is None:
+        return measured_reach(matter, name)
+    return float(np.hypot(*np.maximum(*(np.abs(corner - camera.parameters[1:3]) for corner in corners))))

@@ -1,0 +1,46 @@
+"""How the iterations went: ENP, sigma0 and down-weighted components over the iteration."""
+
+from __future__ import annotations
+
+from markupsafe import Markup
+
+from orip.model.solution import Solution
+from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.matter import Matter
+from orip.report.numbers import fixed, significant
+from orip.report.table import Column, Table
+
+
+def convergence_charts(matter: Matter) -> tuple[Markup, ...]:
+    """Return the three curves, each in a chart of its own: they have no common scale."""
+    passes = matter.solution.iterations
+    if not passes:
+        return ()
+    ends = [(float(passes[0].iteration), matter.bundle.enp_stop), (float(passes[-1].iteration), matter.bundle.enp_stop)]
+    enp = [Line([(each.iteration, each.enp) for each in passes], "ENP", "first"), Line(ends, "enp_stop", "limit")]
+    sigma0 = [Line([(each.iteration, each.sigma0) for each in passes], "sigma0", "second")]
+    down = [Line([(each.iteration, float(each.down_weighted)) for each in passes], "down-weighted", "third")]
+    wide = max((each.sigma0 for each in passes), default=1.0) > 10.0 * min(each.sigma0 for each in passes)
+    return (
+        line_chart("ENP over the iterations", _frame("ENP"), enp),
+        line_chart("sigma0 over the iterations", _frame("sigma0", logarithmic=wide), sigma0),
+        line_chart("Down-weighted components over the iterations", _frame("down-weighted"), down),
+    )
+
+
+def iteration_table(solution: Solution) -> Table:
+    """Return the iterations in numbers."""
+    passes = solution.iterations
+    columns = (
+        Column("Iteration", [str(each.iteration) for each in passes], key="iteration"),
+        Column("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
+        Column("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
+        Column("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
+        Column("Singular", [str(each.singular) for each in passes], key="singular"),
+        Column("Step", ["shortened" if each.step_limited else "" for each in passes], words=True),
+    )
+    return Table("iterations", "Iterations", columns)
+
+
+def _frame(up: str, *, logarithmic: bool = False) -> ChartFrame:
+    return ChartFrame("iteration", up, 340.0, 200.0, whole_across=True, logarithmic=logarithmic)

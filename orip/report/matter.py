@@ -1,0 +1,33 @@
+"""What a report is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from orip.model.camera import Camera
+from orip.model.gate import GateResult
+from orip.model.photo import Photo
+from orip.model.project import BundleDefinition
+from orip.model.solution import Solution
+
+
+@dataclass(frozen=True, slots=True)
+class Matter:
+    """A solution with the definitions that it stands on.
+
+    Parameters
+    ----------
+    solution : Solution
+    gates : tuple of GateResult
+    bundle : BundleDefinition
+    cameras : mapping of record_key to Camera
+        Their parameters as they were before the adjustment.
+    photos : mapping of record_key to Photo
+    """
+
+    solution: Solution
+    gates: tuple[GateResult, ...]
+    bundle: BundleDefinition
+    cameras: Mapping[str, Camera]
+    photos: Mapping[str, Photo]

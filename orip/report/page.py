@@ -1,0 +1,109 @@
+"""The page: all sections put into the template, with everything that the browser needs inside."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from html import escape
+from typing import Any
+
+from markupsafe import Markup
+
+from orip import __version__
+from orip.model.solution import Solution
+from orip.report.block_view import block_view
+from orip.report.calibration import STRONG, camera_sheets
+from orip.report.convergence import convergence_charts, iteration_table
+from orip.report.ellipses import ellipse_views
+from orip.report.matter import Matter
+from orip.report.models import model_grid
+from orip.report.numbers import counted, fixed, significant
+from orip.report.precision import photo_table, point_table, spreads
+from orip.report.residual_vectors import vector_sheets
+from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
+from orip.report.trust import check_point_table, gate_table, global_test, verdict
+
+MOST_BYTES = 6_000_000
+"""What a page may have; for 500 photos and 50 000 points that is kept by drawing and listing fewer."""
+
+RUN_NAME = "orip-run"
+"""Name of the page's meta element with the run id."""
+
+_COMPRESSION = 4
+
+
+def report_page(matter: Matter) -> str:
+    """Return the report as one HTML page that loads nothing."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("orip.report", "page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters.update(significant=significant, fixed=fixed)
+    environment.globals["included"] = lambda name: Markup(_part(environment, name))  # noqa: S704  # the package's own
+    return environment.get_template("report.html").render(_content(matter)) + "\n"
+
+
+def run_of_page(head: str) -> str | None:
+    """Return the run id that the beginning of a page names, None where there is none."""
+    _, found, rest = head.partition(f'<meta name="{RUN_NAME}" content="')
+    return rest.partition('"')[0] if found else None
+
+
+def _part(environment: Any, name: str) -> str:
+    return str(environment.loader.get_source(environment, name)[0])
+
+
+def _content(matter: Matter) -> dict[str, Any]:
+    solution = matter.solution
+    test = global_test(solution.sigma0, solution.redundancy_used)
+    return {
+        "version": __version__,
+        "run_name": RUN_NAME,
+        "solution": solution,
+        "bundle": matter.bundle,
+        "precision": f"{matter.bundle.measurement_precision.value:g} {matter.bundle.measurement_precision.unit}",
+        "test": test,
+        "verdict": verdict(matter, test),
+        "gates": gate_table(matter),
+        "check_points": check_point_table(solution),
+        "trouble": [
+            table
+            for table in (make(solution) for make in (blunder_table, suspect_table, singular_table, weak_table))
+            if table is not None
+        ],
+        "spreads": spreads(solution),
+        "points": point_table(solution),
+        "photos": photo_table(solution),
+        "ellipses": ellipse_views(solution),
+        "cameras": camera_sheets(matter),
+        "strong": STRONG,
+        "vectors": vector_sheets(matter),
+        "block": _as_data(block_view(matter)),
+        "drawn": _drawn(solution, matter),
+        "plotly": _plotly(),
+        "convergence": convergence_charts(matter),
+        "iterations": iteration_table(solution),
+        "models": model_grid(matter.bundle),
+    }
+
+
+def _drawn(solution: Solution, matter: Matter) -> str:
+    return f"{counted(len(solution.photos.names), 'photo')}, {counted(len(solution.points.names), 'point')}"
+
+
+def _as_data(content: dict[str, Any]) -> Markup:
+    """Return JSON that may stand in a script element."""
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    # the characters that could end the element, as JSON writes them
+    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))  # noqa: S704
+
+
+def _plotly() -> Markup:
+    """Return plotly's script, compressed: the page unpacks it when the block is to be seen."""
+    from plotly.offline import get_plotlyjs
+
+    packed = zlib.compress(get_plotlyjs().encode(), _COMPRESSION)
+    return Markup(base64.b64encode(packed).decode("ascii"))  # noqa: S704  # letters and digits

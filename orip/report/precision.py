@@ -1,0 +1,126 @@
+"""How good: standard deviations of points and photos as tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.photo import PHOTO_PARAMETERS
+from orip.model.solution import Estimates, Solution
+from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
+from orip.report.table import Column, Table
+
+FloatArray = NDArray[np.float64]
+
+MOST_POINTS = 2000
+MOST_PHOTOS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Median, root mean square and largest standard deviation of one coordinate of many records."""
+
+    name: str
+    unit: str
+    median: str
+    rms: str
+    largest: str
+    where: str
+
+
+def spreads(solution: Solution) -> tuple[Spread, ...]:
+    """Return the precision of points, projection centres and rotations in one line each coordinate."""
+    unit = solution.ground_unit
+    points = [_spread(solution.points, axis, f"Points, {name}", unit) for axis, name in enumerate("XYZ")]
+    places = [
+        _spread(solution.photos, axis, f"Photos, {name}", unit if axis < 3 else "°")
+        for axis, name in enumerate(PHOTO_PARAMETERS)
+    ]
+    return tuple(each for each in (*points, *places) if each is not None)
+
+
+def point_table(solution: Solution) -> Table:
+    """Return the points with standard deviations; of very many the least precise."""
+    points, unit = solution.points, solution.ground_unit
+    rows = _least_precise(points, MOST_POINTS)
+    decimals = decimals_for(points.sd)
+    residual = _largest_standard_residual(solution)
+    columns = [
+        Column("Point", [points.names[row] for row in rows], words=True),
+        Column("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
+        Column("Rays", [str(solution.point_rays[row]) for row in rows], key="rays"),
+    ]
+    for axis, name in enumerate("XYZ"):
+        columns.append(_values(points, rows, axis, (name, unit), decimals))
+    for axis, name in enumerate("XYZ"):
+        columns.append(_deviations(points, rows, axis, (name, unit), decimals))
+    columns.append(Column("Largest standard residual", [fixed(residual.get(points.names[row], np.nan), 1) for row in rows]))
+    return Table("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
+
+
+def photo_table(solution: Solution) -> Table:
+    """Return the photos' exterior orientation with standard deviations."""
+    photos, unit = solution.photos, solution.ground_unit
+    rows = _least_precise(photos, MOST_PHOTOS)
+    place, turn = decimals_for(photos.sd[:, :3]), decimals_for(photos.sd[:, 3:])
+    columns = [Column("Photo", [photos.names[row] for row in rows], words=True)]
+    settings = [
+        (axis, (name, unit if axis < 3 else "°"), place if axis < 3 else turn)
+        for axis, name in enumerate(PHOTO_PARAMETERS)
+    ]
+    columns += [_values(photos, rows, *each) for each in settings]
+    columns += [_deviations(photos, rows, *each) for each in settings]
+    about_axes = any(solution.photo_rotation_sd_about_axes)
+    note = _thinned(len(rows), len(photos.names), "photo", "photos")
+    if about_axes:
+        note += " Where phi is close to ±90°, the sd of the rotations are those about the ground axes X, Y, Z."
+    return Table("photos", "Photos: exterior orientation", columns, note.strip())
+
+
+def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> Column:
+    cells = [fixed(value, decimals) for value in estimates.values[rows, axis].tolist()]
+    return Column(label[0], cells, label[1], f"{label[0]}.value")
+
+
+def _deviations(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> Column:
+    cells = [deviation(value, decimals) for value in estimates.sd[rows, axis].tolist()]
+    return Column(f"sd {label[0]}", cells, label[1], f"{label[0]}.sd")
+
+
+def _least_precise(estimates: Estimates, most: int) -> list[int]:
+    """Return all rows in their order if they are few enough, else those with the largest deviations of place."""
+    if len(estimates.names) <= most:
+        return list(range(len(estimates.names)))
+    # np.inf, an unknown that nothing determines, comes first; a constant last
+    largest = np.nan_to_num(estimates.sd[:, :3], nan=0.0, posinf=np.inf).max(axis=1)
+    return sorted(np.argsort(-largest, kind="stable")[:most].tolist())
+
+
+def _largest_standard_residual(solution: Solution) -> dict[str, float]:
+    found: dict[str, float] = {}
+    residuals = solution.residuals
+    used = ~np.isnan(residuals.weight_factor)
+    for point, value, counts in zip(residuals.point, residuals.standard_residual.tolist(), used.tolist(), strict=True):
+        if counts and value > found.get(point, -1.0):
+            found[point] = value
+    return found
+
+
+def _spread(estimates: Estimates, axis: int, name: str, unit: str) -> Spread | None:
+    sd = np.where(np.isfinite(estimates.sd[:, axis]), estimates.sd[:, axis], np.nan)
+    if not np.isfinite(sd).any():
+        return None
+    worst = int(np.nanargmax(sd))
+    figures = (np.nanmedian(sd), np.sqrt(np.nanmean(sd**2)), sd[worst])
+    return Spread(name, unit, *(significant(float(value)) for value in figures), estimates.names[worst])
+
+
+def _thinned(shown: int, all_of_them: int, noun: str, what: str) -> str:
+    if shown == all_of_them:
+        return ""
+    return (
+        f"The {counted(shown, noun)} with the largest standard deviations of {all_of_them:,} are shown; "
+        f"result.json and 'orip results {what}' have all."
+    )

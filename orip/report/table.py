@@ -1,0 +1,65 @@
+"""A table of the page: text cells under headings that say which figure of result.json they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column.
+
+    Parameters
+    ----------
+    heading : str
+    unit : str
+    key : str
+        Path of its figure in a record of result.json, e.g. ``X.sd``; empty where it shows none.
+    cells : sequence of str
+        One a row.
+    words : bool
+        The cells are names or words; else numbers, which stand to the right.
+    """
+
+    heading: str
+    cells: Sequence[str]
+    unit: str = ""
+    key: str = ""
+    words: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table whose first column names the rows.
+
+    Parameters
+    ----------
+    records : str
+        List or mapping of result.json that the rows come from, e.g. ``points``; empty where there is none.
+    caption : str
+    columns : sequence of Column
+        All with the same number of cells.
+    note : str
+        Stands under it: what was left out, what the figures mean.
+    emphasised : set of int
+        Rows to be looked at.
+    """
+
+    records: str
+    caption: str
+    columns: Sequence[Column]
+    note: str = ""
+    emphasised: frozenset[int] = frozenset()
+
+    @property
+    def rows(self) -> list[tuple[tuple[Column, str], ...]]:
+        """Return the rows, each as its columns and cells."""
+        return [
+            tuple(zip(self.columns, cells, strict=True))
+            for cells in zip(*(column.cells for column in self.columns), strict=True)
+        ]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.columns[0].cells)

@@ -1,0 +1,193 @@
+"""What is wrong or weak, in the user's names: suspicious observations with their probable size, and weak spots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.solution import Residuals, Solution
+from orip.report.numbers import SINGULAR, decimals_for, fixed, significant
+from orip.report.table import Column, Table
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MOST_SUSPECTS = 40
+MOST_WEAK = 20
+SUSPICIOUS_W = 3.29
+"""Normalised residual that one good observation in a thousand exceeds."""
+
+UNCHECKED = 0.10
+"""Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
+
+_FAR_WORSE = 3.0
+
+
+def blunder_table(solution: Solution) -> Table | None:
+    """Return the blunders that data snooping found and left out."""
+    found = solution.blunders
+    if not found:
+        return None
+    columns = (
+        Column("No.", [str(each.order) for each in found], key="order"),
+        Column("Observation", [_named(each.kind, each.photo, each.point) for each in found], words=True),
+        Column("Component", [each.component for each in found], key="component", words=True),
+        Column("Size", [significant(each.size) for each in found], key="size"),
+        Column("sd", [significant(each.sd, 2) for each in found], key="sd"),
+        Column("Test", [significant(each.statistic) for each in found], key="statistic"),
+        Column("Limit", [significant(each.limit) for each in found], key="limit"),
+    )
+    note = (
+        "Size: observed minus what all other observations predict; mm in photos, "
+        f"{solution.ground_unit} on the ground. They have no influence on the results."
+    )
+    return Table("blunders", "Blunders found and left out", columns, note)
+
+
+def suspect_table(solution: Solution) -> Table | None:
+    """Return what was down-weighted, and what fits badly though it was not: the worst first."""
+    residuals = solution.residuals
+    down = residuals.weight_factor < 1.0
+    rows = np.flatnonzero(down | (np.nan_to_num(np.abs(residuals.w)) > SUSPICIOUS_W) & (residuals.weight_factor > 0.0))
+    if not rows.size:
+        return None
+    rows = rows[np.argsort(-residuals.standard_residual[rows], kind="stable")]
+    shown = rows[:MOST_SUSPECTS]
+    note = (
+        "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
+        "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
+        + _left_out(len(rows), len(shown))
+    )
+    columns = (
+        Column("Observation", [_of(residuals, row) for row in shown], words=True),
+        Column("Component", _picked(residuals.component, shown), words=True),
+        Column("Probable size", [_size(residuals, row) for row in shown]),
+        Column("Unit", [_unit(solution, row) for row in shown], words=True),
+        Column("Residual", [_with_precision(residuals, residuals.residual, row) for row in shown]),
+        Column("Standard residual", [fixed(value, 1) for value in residuals.standard_residual[shown]]),
+        Column("w", [fixed(value, 1) for value in residuals.w[shown]]),
+        Column("Weight factor", [_weight(value) for value in residuals.weight_factor[shown]]),
+    )
+    emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
+    return Table("", "Observations that do not fit", columns, note.strip(), emphasised)
+
+
+def singular_table(solution: Solution) -> Table | None:
+    """Return the unknowns that nothing determines."""
+    found = solution.singular
+    if not found:
+        return None
+    columns = (
+        Column("Record", [f"{each.group.lower()} {each.name}" for each in found], words=True),
+        Column("Unknown", [each.kind for each in found], key="kind", words=True),
+        Column("Lost digits", [fixed(each.lost_digits, 1) for each in found], key="lost_digits"),
+    )
+    note = "They keep their preliminary values. The diagnosis says why, and what would determine them."
+    return Table("singular", "Unknowns that nothing determines", columns, note)
+
+
+def weak_table(solution: Solution) -> Table | None:
+    """Return what would go unnoticed or is much worse than the rest: single rays, unchecked points, large sd."""
+    spots = [*_single_rays(solution), *_unchecked(solution), *_imprecise(solution)]
+    if not spots:
+        return None
+    shown = spots[:MOST_WEAK]
+    columns = tuple(
+        Column(heading, [spot[place] for spot in shown], words=True)
+        for place, heading in enumerate(("Where", "What is weak", "What to do"))
+    )
+    return Table("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
+
+
+Spot = tuple[str, str, str]
+
+
+def _single_rays(solution: Solution) -> list[Spot]:
+    names = [
+        name
+        for name, rays, kind in zip(solution.points.names, solution.point_rays, solution.point_kinds, strict=True)
+        if rays == 1 and kind != "control"
+    ]
+    remedy = "measure it in another photo, or give it control"
+    return [(f"point {name}", "seen in one photo only", remedy) for name in names]
+
+
+def _unchecked(solution: Solution) -> list[Spot]:
+    """Return observations that hardly anything checks, one spot for each kind of record, the worst first."""
+    residuals = solution.residuals
+    numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
+    rows = np.flatnonzero(numbers < UNCHECKED)
+    rows = rows[np.argsort(numbers[rows], kind="stable")]
+    spots: dict[str, Spot] = {}
+    for row in rows.tolist():
+        kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
+        if kind not in {"photo", "control"}:
+            continue
+        where = f"point {point}" if kind == "photo" else f"control point {point}"
+        in_photo = f" in photo {photo}" if photo else ""
+        what = f"{residuals.component[row]}{in_photo} is hardly checked: redundancy number {numbers[row]:.2f}"
+        remedy = "measure it in a further photo" if kind == "photo" else "add control near it"
+        spots.setdefault(where, (where, what, remedy))
+    return list(spots.values())
+
+
+def _imprecise(solution: Solution) -> list[Spot]:
+    sd = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
+    if not np.isfinite(sd).any():
+        return []
+    largest = np.fmax.reduce(sd, axis=1)
+    typical = float(np.nanmedian(largest))
+    rows = np.flatnonzero(largest > _FAR_WORSE * typical)
+    rows = rows[np.argsort(-largest[rows], kind="stable")]
+    decimals = decimals_for([typical])
+    return [
+        (
+            f"point {solution.points.names[row]}",
+            f"sd {fixed(float(largest[row]), decimals)} {solution.ground_unit} in {'XYZ'[int(np.nanargmax(sd[row]))]}, "
+            f"{significant(float(largest[row]) / typical, 2)} times the median; "
+            f"{solution.point_rays[row]} rays",
+            "measure it in photos taken from further apart",
+        )
+        for row in rows.tolist()
+    ]
+
+
+def _named(kind: str, photo: str, point: str) -> str:
+    if kind == "photo":
+        return f"photo {photo} point {point}"
+    return " ".join(part for part in ("control point" if kind == "control" else kind, photo, point) if part)
+
+
+def _of(residuals: Residuals, row: int) -> str:
+    return _named(residuals.kind[row], residuals.photo[row], residuals.point[row])
+
+
+def _picked(names: Sequence[str], rows: IntArray) -> list[str]:
+    return [names[row] for row in rows]
+
+
+def _size(residuals: Residuals, row: int) -> str:
+    number = residuals.redundancy_number[row]
+    if not number > 0.01:
+        return SINGULAR
+    return fixed(float(-residuals.residual[row] / number), decimals_for([residuals.a_priori[row]]))
+
+
+def _with_precision(residuals: Residuals, values: FloatArray, row: int) -> str:
+    return fixed(float(values[row]), decimals_for([residuals.a_priori[row]]))
+
+
+def _unit(solution: Solution, row: int) -> str:
+    return {"photo": "mm", "control": solution.ground_unit, "distance": solution.ground_unit, "direction": "°"}.get(
+        solution.residuals.kind[row], ""
+    )
+
+
+def _weight(value: float) -> str:
+    return "1" if value == 1.0 else f"{value:.2g}"
+
+
+def _left_out(found: int, shown: int) -> str:
+    return f"The {shown} worst of {found} are shown." if shown < found else ""

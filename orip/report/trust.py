@@ -1,0 +1,187 @@
+"""Did the adjustment converge, and can it be trusted? Its status, sigma0 and its test, gates, check points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from orip.bundle.figures import figure
+from orip.model.gate import GATE_FIGURES
+from orip.model.solution import Solution
+from orip.report.matter import Matter
+from orip.report.numbers import counted, decimals_for, fixed, significant
+from orip.report.table import Column, Table
+
+Level = Literal["good", "caution", "bad"]
+
+CONFIDENCE = 0.95
+_FAR_ABOVE = 2.0
+"""sigma0 from which on the a-priori errors are not just optimistic; the diagnosis has the same limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalTest:
+    """The chi-square test of sigma0 against 1.
+
+    Parameters
+    ----------
+    lower, upper : float
+        Where sigma0 lies with probability 0.95 if the a-priori errors are right.
+    statistic : float
+        redundancy_used · sigma0².
+    p : float
+        Probability of a statistic so large or larger.
+    """
+
+    lower: float
+    upper: float
+    statistic: float
+    p: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the page says first."""
+
+    level: Level
+    headline: str
+    sentences: tuple[str, ...]
+
+
+def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
+    """Return the two-sided test of sigma0 = 1; None where nothing is redundant.
+
+    redundancy · sigma0² is chi-square distributed on as many degrees of freedom if the a-priori errors are right.
+
+    Parameters
+    ----------
+    sigma0 : float
+    redundancy : float
+        That of the observations that sigma0 stands on; need not be whole.
+    """
+    from scipy.special import gammaincc, gammaincinv
+
+    if not (redundancy > 0.0 and math.isfinite(sigma0)):
+        return None
+    tail = (1.0 - CONFIDENCE) / 2.0
+    lower, upper = (math.sqrt(2.0 * gammaincinv(redundancy / 2.0, part) / redundancy) for part in (tail, 1.0 - tail))
+    statistic = redundancy * sigma0**2
+    return GlobalTest(lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
+
+
+def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
+    """Return what to think of the adjustment, in a few sentences."""
+    solution = matter.solution
+    failed = [each for each in matter.gates if not each.passed]
+    level, headline = _headline(solution, len(failed), test)
+    sentences = [_about_status(solution), _about_sigma0(solution, test)]
+    if matter.gates:
+        passed = len(matter.gates) - len(failed)
+        names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""
+        sentences.append(f"{passed} of {counted(len(matter.gates), 'gate')} passed{names}.")
+    if solution.check_points:
+        sentences.append(_about_check_points(solution))
+    return Verdict(level, headline, tuple(sentences))
+
+
+def gate_table(matter: Matter) -> Table | None:
+    """Return the gates with what they found."""
+    gates = matter.gates
+    if not gates:
+        return None
+    columns = (
+        Column("Gate", [str(each.gate) for each in gates], words=True),
+        Column("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
+        Column("Found", [each.reason or significant(each.value, 5) for each in gates]),
+        Column("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
+    )
+    failed = frozenset(row for row, each in enumerate(gates) if not each.passed)
+    return Table("", "Gates", columns, emphasised=failed)
+
+
+def check_point_table(solution: Solution) -> Table | None:
+    """Return the check points: adjusted minus given, with the standard deviation of the adjusted coordinate."""
+    points = solution.check_points
+    if not points:
+        return None
+    place = {name: row for row, name in enumerate(solution.points.names)}
+    sd = np.array([solution.points.sd[place[each.name]] for each in points])
+    decimals = decimals_for(sd)
+    differences = np.array([(each.dX, each.dY, each.dZ) for each in points])
+    columns = [Column("Point", [each.name for each in points], key="name", words=True)]
+    for axis, name in enumerate("XYZ"):
+        cells = [fixed(value, decimals) for value in differences[:, axis]]
+        columns.append(Column(f"d{name}", cells, solution.ground_unit, f"d{name}"))
+        columns.append(Column(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit))
+    note = "Adjusted minus given. The given coordinates had no influence; their own errors are in the differences."
+    return Table("check_points", "Check points", columns, note)
+
+
+def _headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
+    if solution.status in {"not_converged", "stopped"}:
+        how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
+        return "bad", f"The adjustment {how}: do not use its values"
+    if solution.singular:
+        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined"
+    if failed:
+        return "bad", f"Converged, but {counted(failed, 'gate')} failed"
+    if solution.blunders or solution.status == "doubtful":
+        found = counted(len({each.order for each in solution.blunders}), "blunder")
+        why = f"{found} found and left out" if solution.blunders else "observations do not fit"
+        return "caution", f"Converged, with doubts: {why}"
+    if test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE):
+        return "caution", "Converged, but the residuals are far larger than the a-priori errors"
+    if solution.diagnosis:
+        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
+    return "good", "Converged, nothing conspicuous"
+
+
+def _about_status(solution: Solution) -> str:
+    size = (
+        f"{counted(solution.observations, 'observation')} of {counted(len(solution.photos.names), 'photo')} and "
+        f"{counted(len(solution.points.names), 'point')} determine {counted(solution.unknowns, 'unknown')}"
+    )
+    ended = {
+        "converged": "The adjustment converged",
+        "doubtful": "The adjustment converged",
+        "not_converged": "The adjustment did not converge",
+        "stopped": "The adjustment was stopped",
+    }[solution.status]
+    last = f"{ended} in {counted(len(solution.iterations), 'iteration')} (ENP {fixed(solution.enp, 1)}): {size}."
+    if solution.status != "doubtful":
+        return last
+    share = np.count_nonzero(solution.residuals.weight_factor < 1.0)
+    return (
+        f"{last} It is doubtful: {counted(int(share), 'observation')} had to be down-weighted, and over all "
+        f"observations sigma0 would be {significant(solution.sigma0_all)}."
+    )
+
+
+def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
+    if test is None:
+        return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
+    shown, between = significant(solution.sigma0), f"{test.lower:.2f} to {test.upper:.2f}"
+    if test.lower <= solution.sigma0 <= test.upper:
+        return f"sigma0 is {shown}, within the {between} expected by chance: the a-priori errors are right."
+    if solution.sigma0 < test.lower:
+        return (
+            f"sigma0 is {shown}, below the {between} expected by chance: the observations are better than their "
+            f"a-priori errors. The standard deviations here take that into account."
+        )
+    return (
+        f"sigma0 is {shown}, above the {between} expected by chance: the residuals are larger than the a-priori errors "
+        f"promise. The standard deviations here are already multiplied with it, but the cause should be known: "
+        f"a-priori errors too small, blunders, or a camera model that does not fit."
+    )
+
+
+def _about_check_points(solution: Solution) -> str:
+    plan, height = (figure(solution, f"check_points.rms_{part}") for part in ("xy", "z"))
+    unit = solution.ground_unit
+    return (
+        f"{counted(len(solution.check_points), 'check point')} with an RMS of {significant(plan)} {unit} in X and Y "
+        f"and {significant(height)} {unit} in Z."
+    )

@@ -1,0 +1,79 @@
+"""`orip report`: the report of the last adjustment of a bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import InputError, OripError
+from orip.files.atomic_text import replace_text
+from orip.files.stores import solutions
+from orip.files.stores.transaction import reading
+from orip.model.gate import GateResult
+from orip.model.solution import Solution
+from orip.report.matter import Matter
+from orip.report.page import report_page
+from orip.workflow.gates import check_solution, project_gates
+from orip.workflow.project import Project, open_project
+from orip.workflow.records import read_definitions
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenReport:
+    """A report that was written: of which run, where, and its size in bytes."""
+
+    bundle: str
+    run: str
+    path: Path
+    size: int
+
+
+def report(folder: Path, bundle: str | None, output: Path | None) -> WrittenReport:
+    """Write the report of the last adjustment of a bundle, with the gates of orip.toml.
+
+    Parameters
+    ----------
+    folder : Path
+    bundle : str or None
+        None: the project's only one.
+    output : Path or None
+        None: report.html in the project folder, NAME_report.html where there are several bundles.
+
+    Raises
+    ------
+    InputError
+        If the bundle has not been adjusted, or a gate of orip.toml is malformed.
+    OripError
+        If the file cannot be written.
+    """
+    project = open_project(folder)
+    name = project.bundle_name(bundle)
+    gates = project_gates(project)
+    with reading([project.exterior]) as stores:
+        solution = solutions.read(stores[project.exterior], name)
+    if solution is None:
+        message = f"bundle {name} has not been adjusted yet; run 'orip solve' first"
+        raise InputError.single(message)
+    return write_report(project, solution, check_solution(solution, gates), output)
+
+
+def write_report(
+    project: Project, solution: Solution, gates: Iterable[GateResult], output: Path | None = None
+) -> WrittenReport:
+    """Write the report of a solution that is at hand, as `report` does."""
+    path = output if output is not None else project.report(solution.bundle)
+    text = report_page(_matter(project, solution, tuple(gates)))
+    try:
+        replace_text(path, text)
+    except OSError as error:
+        message = f"{project.shown(path)} cannot be written: {error.strerror or error}; choose another file: --output"
+        raise OripError(message) from error
+    return WrittenReport(solution.bundle, solution.run, path, len(text.encode()))
+
+
+def _matter(project: Project, solution: Solution, gates: tuple[GateResult, ...]) -> Matter:
+    with reading(project.record_stores) as stores:
+        definitions = read_definitions(project, stores)
+    known = definitions.by_name()
+    return Matter(solution, gates, definitions.bundle(solution.bundle), known.cameras, known.photos)
