@@ -24,6 +24,7 @@ help:
 	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results'
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
+	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types and layers: ruff, mypy, import-linter'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
@@ -46,6 +47,11 @@ test: $(READY)
 .PHONY: test-all
 test-all: $(READY)
 	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+
+.PHONY: browser-test
+browser-test: $(READY)
+	$(BIN)/python -m pip install -q -e '.[browser]'
+	$(BIN)/python -m pytest -q tests/browser $(PYTEST_ARGS)
 
 .PHONY: check
 check: $(READY)

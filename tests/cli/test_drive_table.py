@@ -40,21 +40,24 @@ def refused(folder, *texts):
 
 
 def test_it_writes_the_table_once(folder):
-    run(folder)
+    said = orip(folder, "run")
+    assert "wrote    MAIN.DRV: 1 camera, 2 photos, 1 model" in said.err
+    (folder / "MAIN.DRV").unlink()
     said = orip(folder, "drive", "table")
     assert (said.code, said.out) == (0, "")
-    assert "MAIN.DRV written: 1 camera, 2 photos, 1 model" in said.err
+    assert "wrote    MAIN.DRV: 1 camera, 2 photos, 1 model" in said.err
     data = (folder / "MAIN.DRV").read_bytes()
     table = table_in(folder)
     assert (table.block, table.project, table.plate_unit, table.object_unit) == ("MAIN", "FIRST", "px", "m")
     assert [photo.name for photo in table.photos] == ["LEFT", "RIGHT"]
     again = orip(folder, "drive", "table", "main")
-    assert "MAIN.DRV is unchanged" in again.err
+    assert "kept     MAIN.DRV" in again.err
     assert (folder / "MAIN.DRV").read_bytes() == data
 
 
 def test_json(folder):
     run(folder)
+    (folder / "MAIN.DRV").unlink()
     document = orip(folder, "drive", "table", "--json").document
     assert document["file"] == "MAIN.DRV"
     assert document["changed"] is True
