@@ -10,10 +10,10 @@ from orip.adjustment.weights import danish_weights, settling_weights
 
 FloatArray = NDArray[np.float64]
 
-_SETTLED_ENP = 0.0
-"""Corrections as large as their deviations: residuals are now those of the observations, and no longer of the start."""
+_SETTLED_ENP = 1.0
+"""Corrections a tenth of their deviations: residuals are now those of the observations, and no longer of the start."""
 
-_LONGEST_SETTLING = 8
+_LONGEST_SETTLING = 10
 """Iterations after which weights are reduced in any case: where blunders change sides, the state may never settle."""
 
 

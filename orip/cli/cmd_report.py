@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orip.cli.options import Invocation, command
+from orip.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from orip.workflow.report import WrittenReport
 
 BundleArgument = Annotated[
     str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
@@ -15,6 +19,14 @@ BundleArgument = Annotated[
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default report.html of the project.")
 ]
+
+
+Report = Annotated[bool, typer.Option("--report/--no-report", help="Write the report, too: one HTML page.")]
+
+
+def tell_report(terminal: Terminal, written: WrittenReport) -> None:
+    """Say where the report is."""
+    terminal.say(f"wrote    {written.shown} ({written.size / 1e6:.1f} MB)")
 
 
 def register(app: typer.Typer) -> None:
@@ -32,6 +44,6 @@ def register(app: typer.Typer) -> None:
         terminal = invocation.terminal
         if terminal.json:
             terminal.document(
-                {"command": "report", "run": written.run, "bundle": written.bundle, "file": str(written.path)}
+                {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
             )
-        terminal.say(f"wrote    {written.path} ({written.size / 1e6:.1f} MB)")
+        tell_report(terminal, written)

@@ -8,6 +8,7 @@ from functools import partial
 import typer
 
 from orip.cli import cmd_drive, cmd_init, cmd_measure
+from orip.cli.cmd_report import Report, tell_report
 from orip.cli.options import Invocation, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 
@@ -16,14 +17,15 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "run")
-    def run_command(invocation: Invocation, prefer: cmd_init.PreferOption = None) -> None:
-        """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables.
+    def run_command(invocation: Invocation, prefer: cmd_init.PreferOption = None, report: Report = True) -> None:
+        """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
 
         All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
 
         Example: orip -C sample_projects/zurich_city_hall run
         """
         from orip.files.result_json import result_document, result_text
+        from orip.workflow.report import write_report
         from orip.workflow.run import RunWatcher, run
 
         terminal = invocation.terminal
@@ -37,6 +39,8 @@ def register(app: typer.Typer) -> None:
         )
         with limited_threads(terminal):
             checked = run(invocation.folder, prefer, watcher)
+        for each in checked if report else ():
+            tell_report(terminal, write_report(each.outcome.project, each.outcome.solution, each.gates))
         solutions = [each.outcome.solution for each in checked]
         if terminal.json and len(solutions) == 1:
             terminal.data(result_text(solutions[0]))

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from orip.cli.cmd_report import Report, tell_report
 from orip.cli.options import Invocation, command
 from orip.cli.solving import exit_code, limited_threads, solve_watcher, tell_solution
 from orip.errors import UsageError
@@ -46,8 +47,9 @@ def register(app: typer.Typer) -> None:
         alpha: Alpha = None,
         prune: Prune = False,
         check: Check = None,
+        report: Report = True,
     ) -> None:
-        """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT and BUNDLE_ERROR.OUT.
+        """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
 
         Ctrl-C stops after the iteration in hand and keeps its result, marked as stopped.
 
@@ -56,6 +58,7 @@ def register(app: typer.Typer) -> None:
         from orip.bundle.methods import Method
         from orip.bundle.snooping import SnoopingSettings
         from orip.files.result_json import result_text
+        from orip.workflow.report import write_report
         from orip.workflow.solve_checked import solve_checked
 
         if not snoop and (sigma0 is not None or alpha is not None):
@@ -66,6 +69,8 @@ def register(app: typer.Typer) -> None:
         with limited_threads(terminal):
             checked = solve_checked(invocation.folder, bundle, solve_watcher(terminal), method, check or ())
         tell_solution(terminal, checked)
+        if report:
+            tell_report(terminal, write_report(checked.outcome.project, checked.outcome.solution, checked.gates))
         if terminal.json:
             terminal.data(result_text(checked.outcome.solution))
         raise typer.Exit(exit_code(checked))

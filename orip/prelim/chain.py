@@ -43,7 +43,7 @@ _STARTING_PAIRS = 5
 _GOOD = 2.5
 """Mean residual over the a-priori error: with it there is nothing to look for in another way."""
 
-_AS_GOOD = 1.1
+_AS_GOOD = 1.03
 """Ratio of misfits: two ways that end alike are right, though the camera may be out of calibration."""
 
 _FAR_OFF = 15.0
@@ -104,14 +104,16 @@ class _Chain:
     def values(self) -> PreliminaryValues:
         best: _Outcome | None = None
         rank = (False, -np.inf)
-        misfits: list[float] = []
-        for route in self._routes():
+        fitting: list[float] = []
+        for number, route in enumerate(self._routes()):
             for outcome in self._outcomes(route):
-                misfits.append(self._misfit(outcome))
-                found = (outcome.on_ground or bool(outcome.findings), -misfits[-1])
+                misfit = self._misfit(outcome)
+                found = (outcome.on_ground or bool(outcome.findings), -misfit)
                 if found > rank:
                     best, rank = outcome, found
-            if best is not None and self._is_satisfactory(best, misfits):
+                if self._fits(outcome):
+                    fitting.append(misfit)
+            if _is_enough(fitting, first=number == 0):
                 break
         return self._told(best)
 
@@ -212,13 +214,10 @@ class _Chain:
         judged = lengths[~np.isnan(lengths)]
         return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
-    def _is_satisfactory(self, best: _Outcome, misfits: list[float]) -> bool:
-        """Tell whether nothing better is to be expected: all photos fit, or fit as well as they did in another way."""
-        complete = bool(best.placed.oriented.all()) and not misplaced(self.rays, best.placed).any()
-        if not (complete and (best.on_ground or best.findings or not self._control_suffices)):
-            return False
-        least, *others = sorted(misfits)
-        return least < _GOOD or bool(others and others[0] < _AS_GOOD * least)
+    def _fits(self, outcome: _Outcome) -> bool:
+        """Tell whether all photos are where they belong, as far as their points and the control can tell."""
+        complete = bool(outcome.placed.oriented.all()) and not misplaced(self.rays, outcome.placed).any()
+        return complete and (outcome.on_ground or bool(outcome.findings) or not self._control_suffices)
 
     @property
     def _control_suffices(self) -> bool:
@@ -287,3 +286,14 @@ class _Chain:
             shortage = f"photo {name} shares {most} points with its neighbours, 5 are needed"
             return f"{shortage}; of its points {known} are known, 4 are needed"
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
+
+
+def _is_enough(fitting: list[float], *, first: bool) -> bool:
+    """Tell from the misfits of outcomes in which all photos fit whether nothing better is to be expected.
+
+    That is so if the first way fits as well as it can, or if two ways have ended alike.
+    """
+    if not fitting:
+        return False
+    least, *others = sorted(fitting)
+    return (first and least < _GOOD) or bool(others and others[0] < _AS_GOOD * least)

@@ -49,4 +49,4 @@ def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
     count = len(rays.photos)
     number = np.bincount(rays.photo[judged], minlength=count)
     misfits = np.bincount(rays.photo[judged & ~(lengths <= _MISFIT * max(overall, 1.0))], minlength=count)
-    return placed.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number)))
+    return np.asarray(placed.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number))))

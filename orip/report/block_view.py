@@ -20,7 +20,7 @@ from orip.units import DEGREES_PER_RADIAN
 FloatArray = NDArray[np.float64]
 
 MOST_POINTS = 10_000
-_DEPTH = 0.35
+_DEPTH = 0.25
 """Height of a photo's pyramid in parts of its median distance from the points."""
 
 

@@ -62,9 +62,7 @@ def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | N
     if not names:
         return None
     names = tuple(sorted(names, key=lambda name: CAMERA_PARAMETERS.index(name.rpartition(".")[2])))
-    rows = tuple(
-        tuple(1.0 if a == b else found.get((a, b), found.get((b, a), math.nan)) for b in names) for a in names
-    )
+    rows = tuple(tuple(1.0 if a == b else found.get((a, b), found.get((b, a), math.nan)) for b in names) for a in names)
     return CorrelationMatrix(tuple(name.rpartition(".")[2] for name in names), rows)
 
 
@@ -142,7 +140,10 @@ def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted
         return Markup("")
     radius = np.linspace(0.0, reach, _RADII)
     lines = [
-        Line(list(zip(radius.tolist(), (1e3 * curve_from_polynomial(coefficients, radius)).tolist(), strict=True)), *label)
+        Line(
+            list(zip(radius.tolist(), (1e3 * curve_from_polynomial(coefficients, radius)).tolist(), strict=True)),
+            *label,
+        )
         for *label, coefficients in curves
     ]
     label = f"Radial distortion of camera {name}, before (dashed) and after the adjustment"

@@ -37,9 +37,10 @@ def iteration_table(solution: Solution) -> Table:
         Column("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
         Column("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
         Column("Singular", [str(each.singular) for each in passes], key="singular"),
-        Column("Step", ["shortened" if each.step_limited else "" for each in passes], words=True),
     )
-    return Table("iterations", "Iterations", columns)
+    shortened = [str(each.iteration) for each in passes if each.step_limited]
+    note = f"Steps were shortened in iteration {', '.join(shortened)}." if shortened else ""
+    return Table("iterations", "Iterations", columns, note)
 
 
 def _frame(up: str, *, logarithmic: bool = False) -> ChartFrame:

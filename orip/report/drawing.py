@@ -54,7 +54,7 @@ def number(value: float) -> str:
 def drawing(width: float, height: float, label: str, parts: Iterable[str], style: str = "") -> Markup:
     """Return an SVG drawing that shrinks with the page; the label is read out to those who cannot see it."""
     content = element("title", escape(label)) + "".join(parts)
-    return Markup(  # noqa: S704  # every text in it went through escape
+    return Markup(
         element(
             "svg", content, class_=f"drawing {style}".strip(), viewBox=f"0 0 {number(width)} {number(height)}",
             style=f"max-width:{number(width)}px", role="img", aria_label=label,
@@ -143,7 +143,9 @@ def _up(frame: ChartFrame, y0: float, y1: float, place: Place, x0: float) -> Ite
         yield element("line", x1=LEFT, x2=frame.width - RIGHT, y1=y, y2=y, class_="zero" if level == 0 else "grid")
         yield text(LEFT - 6, y + 4, shown_tick(level), text_anchor="end")
     middle = (TOP + frame.height - BOTTOM) / 2
-    yield text(12.0, middle, frame.up, text_anchor="middle", class_="label", transform=f"rotate(-90 12 {number(middle)})")
+    yield text(
+        12.0, middle, frame.up, text_anchor="middle", class_="label", transform=f"rotate(-90 12 {number(middle)})"
+    )
 
 
 def _widened(low: float, high: float, part: float) -> tuple[float, float]:

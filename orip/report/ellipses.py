@@ -17,14 +17,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_ELLIPSES = 1500
-_TYPICAL = 0.02
-"""Semi-axis of a typical point's ellipse in the drawing, in parts of its longer side."""
+_POINT, _PHOTO = 0.02, 0.10
+"""Largest semi-axis of a typical point's and photo's ellipse in the drawing, in parts of its sides."""
 
-_LARGEST = 0.15
 _WIDTH, _TALLEST, _SHORTEST = 620.0, 560.0, 60.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64.0, 14.0, 12.0, 46.0
 
-VIEWS = (("Plan", 0, 1), ("Elevation along X", 0, 2), ("Elevation along Y", 1, 2))
+VIEWS = (("Plan", 0, 1), ("Elevation, X and Z", 0, 2), ("Elevation, Y and Z", 1, 2))
 _PAIR = {(0, 1): 0, (0, 2): 1, (1, 2): 2}
 
 
@@ -36,12 +35,18 @@ class Ellipses(NamedTuple):
     angle: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class EllipseView:
-    """A drawing of ellipses, and what it shows."""
+class EllipseView(NamedTuple):
+    """A drawing of ellipses and its title."""
 
     title: str
     picture: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class EllipseViews:
+    """Plan and elevations, enlarged alike, and what is to be known of them."""
+
+    views: tuple[EllipseView, ...]
     note: str
 
 
@@ -52,18 +57,21 @@ def standard_ellipses(sd_a: FloatArray, sd_b: FloatArray, r: FloatArray) -> Elli
     """
     a, b, ab = sd_a**2, sd_b**2, r * sd_a * sd_b
     middle, half = (a + b) / 2.0, np.hypot((a - b) / 2.0, ab)
-    return Ellipses(
-        np.sqrt(middle + half), np.sqrt(np.maximum(middle - half, 0.0)), 0.5 * np.arctan2(2.0 * ab, a - b)
-    )
+    return Ellipses(np.sqrt(middle + half), np.sqrt(np.maximum(middle - half, 0.0)), 0.5 * np.arctan2(2.0 * ab, a - b))
 
 
-def ellipse_views(solution: Solution) -> tuple[EllipseView, ...]:
-    """Return plan and elevations; none where correlations are not known or nothing has a standard deviation."""
-    if len(solution.point_correlations) != len(solution.points.names):
-        return ()
-    if not len(solution.points.names):
-        return ()
-    return tuple(_view(solution, *view) for view in VIEWS)
+def ellipse_views(solution: Solution) -> EllipseViews | None:
+    """Return plan and elevations; none where the correlations of coordinates are not known."""
+    count = len(solution.points.names)
+    if not count or len(solution.point_correlations) != count:
+        return None
+    rows = drawn_points(solution, MOST_ELLIPSES)
+    scenes = [_scene(solution, rows, *view) for view in VIEWS]
+    enlargement = min(_enlargement(scene) for scene in scenes)
+    note = f"Standard ellipses, enlarged {round(enlargement)} times."
+    if len(rows) < count:
+        note += f" {len(rows)} of {count} points are drawn: control and check points, and every so many of the others."
+    return EllipseViews(tuple(_view(solution, rows, scene, enlargement) for scene in scenes), note)
 
 
 def drawn_points(solution: Solution, most: int) -> IntArray:
@@ -91,33 +99,53 @@ class _Plane(NamedTuple):
         return np.stack([x, y], axis=1)
 
 
-def _view(solution: Solution, title: str, across: int, up: int) -> EllipseView:
+class _Scene(NamedTuple):
+    """What one view shows: its title and axes, the plane, and the ellipses of points and photos."""
+
+    title: str
+    axes: list[int]
+    plane: _Plane
+    points: Ellipses
+    photos: Ellipses
+
+
+def _scene(solution: Solution, rows: IntArray, title: str, across: int, up: int) -> _Scene:
     axes, pair = [across, up], _PAIR[across, up]
-    rows = drawn_points(solution, MOST_ELLIPSES)
-    points = _ellipses(solution.points, solution.point_correlations, axes, pair, rows)
     photos = np.arange(len(solution.photos.names))
-    centres = _ellipses(solution.photos, solution.photo_correlations, axes, pair, photos)
-    at, at_photos = solution.points.values[np.ix_(rows, axes)], solution.photos.values[:, axes]
-    plane = _plane(np.concatenate([at, at_photos]))
-    enlargement = _enlargement(points, plane)
-    kinds = [solution.point_kinds[row] for row in rows]
-    parts = [
-        *_axes(plane, axes, solution.ground_unit),
-        *_drawn(centres, plane.place(at_photos), plane.scale * enlargement, ["photo"] * len(photos)),
-        *_drawn(points, plane.place(at), plane.scale * enlargement, kinds),
-        *_photo_marks(solution, plane.place(at_photos)),
-        *_point_marks(solution, rows, plane.place(at)),
-        *_key(plane, enlargement, solution.ground_unit),
+    return _Scene(
+        title,
+        axes,
+        _plane(np.concatenate([solution.points.values[rows][:, axes], solution.photos.values[:, axes]])),
+        _ellipses(solution.points, solution.point_correlations, axes, pair, rows),
+        _ellipses(solution.photos, solution.photo_correlations, axes, pair, photos),
+    )
+
+
+def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float) -> EllipseView:
+    plane, scale = scene.plane, scene.plane.scale * enlargement
+    points = plane.place(solution.points.values[rows][:, scene.axes])
+    photos = plane.place(solution.photos.values[:, scene.axes])
+    drawn = [
+        *_drawn(scene.photos, photos, scale, ["photo"] * len(photos)),
+        *_drawn(scene.points, points, scale, [solution.point_kinds[row] for row in rows]),
+        *_photo_marks(solution, photos),
+        *_point_marks(solution, rows, points),
     ]
-    note = f"Standard ellipses, enlarged {enlargement:,.0f} times.".replace(",", "\N{NARROW NO-BREAK SPACE}")
-    if len(rows) < len(solution.points.names):
-        note += f" {len(rows)} of {len(solution.points.names)} points are drawn: control, check and every so many tie points."
+    # a drawing within the drawing cuts off what is beyond the frame
+    inner = element(
+        "svg", "".join(drawn), x=_LEFT, y=_TOP, width=plane.width, height=plane.height,
+        viewBox=" ".join(map(number, (_LEFT, _TOP, plane.width, plane.height))),
+    )  # fmt: skip
+    unit = solution.ground_unit
+    parts = [*_axes(plane, scene.axes, unit), inner, *_key(plane, enlargement, unit)]
     size = plane.width + _LEFT + _RIGHT, plane.height + _TOP + _BOTTOM
-    return EllipseView(title, drawing(*size, f"{title}: standard error ellipses of points and photos", parts, "map"), note)
+    label = f"{scene.title}: standard error ellipses of points and photos"
+    return EllipseView(scene.title, drawing(*size, label, parts, "map"))
 
 
 def _ellipses(estimates: Estimates, correlations: FloatArray, axes: list[int], pair: int, rows: IntArray) -> Ellipses:
-    sd = np.where(np.isfinite(estimates.sd[np.ix_(rows, axes)]), estimates.sd[np.ix_(rows, axes)], np.nan)
+    sd = estimates.sd[rows][:, axes]
+    sd = np.where(np.isfinite(sd), sd, np.nan)
     return standard_ellipses(sd[:, 0], sd[:, 1], correlations[rows, pair])
 
 
@@ -134,14 +162,20 @@ def _plane(at: FloatArray) -> _Plane:
     return _Plane(low, scale, width * scale, height * scale)
 
 
-def _enlargement(ellipses: Ellipses, plane: _Plane) -> float:
-    """Return a round number that makes the typical ellipse visible and the largest not cover the drawing."""
-    known = ellipses.major[np.isfinite(ellipses.major) & (ellipses.major > 0.0)]
-    if not known.size:
-        return 1.0
-    longer = max(plane.width, plane.height)
-    wanted = min(_TYPICAL * longer / np.median(known), _LARGEST * longer / np.quantile(known, 0.98)) / plane.scale
-    return max(round_step(wanted, 1) / 2.0, 1.0)
+def _enlargement(scene: _Scene) -> float:
+    """Return a round number that makes typical ellipses visible, and does not let them cover the drawing."""
+    shorter = min(scene.plane.width, scene.plane.height) / scene.plane.scale
+    longer = max(scene.plane.width, scene.plane.height) / scene.plane.scale
+    allowed = [
+        part * length / float(np.median(known))
+        for part, length, major in (
+            (_POINT, longer, scene.points.major),
+            (_PHOTO, (shorter + longer) / 2.0, scene.photos.major),
+        )
+        for known in [major[major > 0.0]]
+        if known.size
+    ]
+    return max(round_step(min(allowed), 1) / 2.0, 1.0) if allowed else 1.0
 
 
 def _drawn(ellipses: Ellipses, places: FloatArray, scale: float, kinds: list[str]) -> list[str]:
@@ -180,18 +214,26 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
 
 
 def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
-    base, parts = _TOP + plane.height, [element("rect", x=_LEFT, y=_TOP, width=plane.width, height=plane.height, class_="frame")]
+    """Return the frame of a view, its raster of round coordinates, and what they are."""
+    right, base = _LEFT + plane.width, _TOP + plane.height
     high = plane.low + np.array([plane.width, plane.height]) / plane.scale
+    parts = [element("rect", x=_LEFT, y=_TOP, width=plane.width, height=plane.height, class_="frame")]
     for tick in ticks(float(plane.low[0]), float(high[0]), 6):
         x = _LEFT + (tick - plane.low[0]) * plane.scale
-        parts += [element("line", x1=x, x2=x, y1=_TOP, y2=base, class_="grid"), text(x, base + 16.0, _tick(tick), text_anchor="middle")]
+        parts.append(element("line", x1=x, x2=x, y1=_TOP, y2=base, class_="grid"))
+        parts.append(text(x, base + 16.0, _tick(tick), text_anchor="middle"))
     for tick in ticks(float(plane.low[1]), float(high[1]), max(int(plane.height / 70), 2)):
         y = base - (tick - plane.low[1]) * plane.scale
-        parts += [element("line", x1=_LEFT, x2=_LEFT + plane.width, y1=y, y2=y, class_="grid"), text(_LEFT - 6.0, y + 4.0, _tick(tick), text_anchor="end")]
-    parts.append(text(_LEFT + plane.width / 2, base + 34.0, f"{'XYZ'[axes[0]]} ({unit})", text_anchor="middle", class_="label"))
-    y = _TOP + plane.height / 2
-    parts.append(text(12.0, y, f"{'XYZ'[axes[1]]} ({unit})", text_anchor="middle", class_="label", transform=f"rotate(-90 12 {number(y)})"))
-    return parts
+        parts.append(element("line", x1=_LEFT, x2=right, y1=y, y2=y, class_="grid"))
+        parts.append(text(_LEFT - 6.0, y + 4.0, _tick(tick), text_anchor="end"))
+    across, up = (f"{'XYZ'[axis]} ({unit})" for axis in axes)
+    y = _TOP + plane.height / 2.0
+    label = {"text_anchor": "middle", "class_": "label"}
+    return [
+        *parts,
+        text((_LEFT + right) / 2.0, base + 34.0, across, **label),
+        text(12.0, y, up, transform=f"rotate(-90 12 {number(y)})", **label),
+    ]
 
 
 def _tick(value: float) -> str:

@@ -70,6 +70,13 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{value:z.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
 
 
+def probability(p: float) -> str:
+    """Return a probability as it stands behind ``p``, with its sign."""
+    if p < 1e-4:
+        return "< 0.0001"
+    return "> 0.999" if p > 0.999 else f"= {p:.3f}" if p < 0.01 else f"= {p:.2f}"
+
+
 def counted(number: int, noun: str) -> str:
     """Return ``1 photo`` or ``3 photos``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}".replace(",", "\N{NARROW NO-BREAK SPACE}")

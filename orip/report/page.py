@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from html import escape
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -18,11 +18,14 @@ from orip.report.convergence import convergence_charts, iteration_table
 from orip.report.ellipses import ellipse_views
 from orip.report.matter import Matter
 from orip.report.models import model_grid
-from orip.report.numbers import counted, fixed, significant
+from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.precision import photo_table, point_table, spreads
 from orip.report.residual_vectors import vector_sheets
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, global_test, verdict
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 MOST_BYTES = 6_000_000
 """What a page may have; for 500 photos and 50 000 points that is kept by drawing and listing fewer."""
@@ -35,15 +38,7 @@ _COMPRESSION = 4
 
 def report_page(matter: Matter) -> str:
     """Return the report as one HTML page that loads nothing."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("orip.report", "page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters.update(significant=significant, fixed=fixed)
-    environment.globals["included"] = lambda name: Markup(_part(environment, name))  # noqa: S704  # the package's own
-    return environment.get_template("report.html").render(_content(matter)) + "\n"
+    return f"{_template().render(_content(matter))}\n"
 
 
 def run_of_page(head: str) -> str | None:
@@ -52,8 +47,17 @@ def run_of_page(head: str) -> str | None:
     return rest.partition('"')[0] if found else None
 
 
-def _part(environment: Any, name: str) -> str:
-    return str(environment.loader.get_source(environment, name)[0])
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("orip.report", "page")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(significant=significant, fixed=fixed, probability=probability)
+    environment.globals["included"] = lambda name: Markup(loader.get_source(environment, name)[0])
+    return environment.get_template("report.html")
 
 
 def _content(matter: Matter) -> dict[str, Any]:
@@ -82,7 +86,7 @@ def _content(matter: Matter) -> dict[str, Any]:
         "strong": STRONG,
         "vectors": vector_sheets(matter),
         "block": _as_data(block_view(matter)),
-        "drawn": _drawn(solution, matter),
+        "size": _size(solution),
         "plotly": _plotly(),
         "convergence": convergence_charts(matter),
         "iterations": iteration_table(solution),
@@ -90,7 +94,7 @@ def _content(matter: Matter) -> dict[str, Any]:
     }
 
 
-def _drawn(solution: Solution, matter: Matter) -> str:
+def _size(solution: Solution) -> str:
     return f"{counted(len(solution.photos.names), 'photo')}, {counted(len(solution.points.names), 'point')}"
 
 
@@ -98,12 +102,13 @@ def _as_data(content: dict[str, Any]) -> Markup:
     """Return JSON that may stand in a script element."""
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # the characters that could end the element, as JSON writes them
-    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))  # noqa: S704
+    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))
 
 
+@cache
 def _plotly() -> Markup:
     """Return plotly's script, compressed: the page unpacks it when the block is to be seen."""
     from plotly.offline import get_plotlyjs
 
     packed = zlib.compress(get_plotlyjs().encode(), _COMPRESSION)
-    return Markup(base64.b64encode(packed).decode("ascii"))  # noqa: S704  # letters and digits
+    return Markup(base64.b64encode(packed).decode("ascii"))

@@ -56,7 +56,8 @@ def point_table(solution: Solution) -> Table:
         columns.append(_values(points, rows, axis, (name, unit), decimals))
     for axis, name in enumerate("XYZ"):
         columns.append(_deviations(points, rows, axis, (name, unit), decimals))
-    columns.append(Column("Largest standard residual", [fixed(residual.get(points.names[row], np.nan), 1) for row in rows]))
+    largest = [fixed(residual.get(points.names[row], np.nan), 1) for row in rows]
+    columns.append(Column("Largest standard residual", largest))
     return Table("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
 
 
@@ -113,8 +114,9 @@ def _spread(estimates: Estimates, axis: int, name: str, unit: str) -> Spread | N
     if not np.isfinite(sd).any():
         return None
     worst = int(np.nanargmax(sd))
-    figures = (np.nanmedian(sd), np.sqrt(np.nanmean(sd**2)), sd[worst])
-    return Spread(name, unit, *(significant(float(value)) for value in figures), estimates.names[worst])
+    median, rms = float(np.nanmedian(sd)), float(np.sqrt(np.nanmean(sd**2)))
+    figures = [significant(value) for value in (median, rms, float(sd[worst]))]
+    return Spread(name, unit, figures[0], figures[1], figures[2], estimates.names[worst])
 
 
 def _thinned(shown: int, all_of_them: int, noun: str, what: str) -> str:

@@ -14,7 +14,7 @@ from orip.model.names import record_key
 from orip.model.solution import Residuals
 from orip.report.drawing import drawing, element, number, round_step, text
 from orip.report.matter import Matter
-from orip.report.numbers import counted
+from orip.report.numbers import counted, probability
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -151,7 +151,9 @@ def _sheet(matter: Matter, camera: str) -> VectorSheet | None:
     if len(shown) < len(vectors):
         notes.append(f"The {len(shown)} photos with the largest residuals of {len(vectors)} are drawn.")
     if any(len(each.xy) > MOST_VECTORS for each in shown):
-        notes.append(f"At most {MOST_VECTORS} vectors a photo are drawn: every so many, and all that are down-weighted.")
+        notes.append(
+            f"At most {MOST_VECTORS} vectors a photo are drawn: every so many, and all that are down-weighted."
+        )
     drawn = tuple(_photo_drawing(each, frame) for each in shown)
     if means is None:
         return VectorSheet(camera, Markup(""), "", drawn, " ".join(notes))
@@ -162,10 +164,10 @@ def _finding(means: CellMeans) -> str:
     cells, points = counted(len(means.count), "cell"), counted(int(means.count.sum()), "photo point")
     if means.p < _ALPHA:
         return (
-            f"The means of {points} in {cells} are larger than chance makes them (p = {means.p:.2g}): there is a "
+            f"The means of {points} in {cells} are larger than chance makes them (p {probability(means.p)}): there is a "
             "systematic pattern that the camera model does not describe."
         )
-    return f"The means of {points} in {cells} are what chance makes them (p = {means.p:.2f}): no systematic pattern."
+    return f"The means of {points} in {cells} are what chance makes them (p {probability(means.p)}): no systematic pattern."
 
 
 def _of_camera(matter: Matter, camera: str) -> list[PhotoVectors]:
@@ -254,8 +256,11 @@ def _photo_drawing(vectors: PhotoVectors, frame: _Frame) -> Markup:
     parts = [
         frame.border(),
         element("path", d=_dots(frame.place(vectors.xy[chosen])), class_="feet"),
-        element("path", d=frame.vectors(vectors.xy[sound], vectors.residual[sound]) or "M0 0", class_="vector"),
-        element("path", d=frame.vectors(vectors.xy[doubtful], vectors.residual[doubtful]) or "M0 0", class_="vector bad"),
+        *(
+            element("path", d=frame.vectors(vectors.xy[part], vectors.residual[part]), class_=style)
+            for part, style in ((sound, "vector"), (doubtful, "vector bad"))
+            if part.any()
+        ),
         *frame.scale_bar(base),
         text(width + _MARGIN, base + 4.0, rms, text_anchor="end"),
         text(_MARGIN, base + 20.0, f"photo {vectors.photo}, {counted(len(vectors.xy), 'point')}", class_="label"),
@@ -284,7 +289,7 @@ def _mean_drawing(camera: str, means: CellMeans, low: FloatArray, high: FloatArr
 def _thinned(vectors: PhotoVectors) -> NDArray[np.bool_]:
     count = len(vectors.xy)
     every = -(-count // MOST_VECTORS)
-    return (np.arange(count) % every == 0) | ~vectors.sound
+    return np.asarray((np.arange(count) % every == 0) | ~vectors.sound)
 
 
 def _dots(places: FloatArray) -> str:

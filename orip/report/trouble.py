@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.solution import Residuals, Solution
-from orip.report.numbers import SINGULAR, decimals_for, fixed, significant
+from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +23,7 @@ UNCHECKED = 0.10
 """Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
 
 _FAR_WORSE = 3.0
+_NAMED = 12
 
 
 def blunder_table(solution: Solution) -> Table | None:
@@ -53,7 +54,8 @@ def suspect_table(solution: Solution) -> Table | None:
     rows = np.flatnonzero(down | (np.nan_to_num(np.abs(residuals.w)) > SUSPICIOUS_W) & (residuals.weight_factor > 0.0))
     if not rows.size:
         return None
-    rows = rows[np.argsort(-residuals.standard_residual[rows], kind="stable")]
+    size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
+    rows = rows[np.argsort(-size[rows], kind="stable")]
     shown = rows[:MOST_SUSPECTS]
     note = (
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
@@ -90,7 +92,7 @@ def singular_table(solution: Solution) -> Table | None:
 
 def weak_table(solution: Solution) -> Table | None:
     """Return what would go unnoticed or is much worse than the rest: single rays, unchecked points, large sd."""
-    spots = [*_single_rays(solution), *_unchecked(solution), *_imprecise(solution)]
+    spots = [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
     if not spots:
         return None
     shown = spots[:MOST_WEAK]
@@ -104,18 +106,26 @@ def weak_table(solution: Solution) -> Table | None:
 Spot = tuple[str, str, str]
 
 
-def _single_rays(solution: Solution) -> list[Spot]:
-    names = [
-        name
-        for name, rays, kind in zip(solution.points.names, solution.point_rays, solution.point_kinds, strict=True)
-        if rays == 1 and kind != "control"
-    ]
-    remedy = "measure it in another photo, or give it control"
-    return [(f"point {name}", "seen in one photo only", remedy) for name in names]
+def _few_rays(solution: Solution) -> Iterator[Spot]:
+    """Return the points with one ray and those with two, which nothing checks along their epipolar lines."""
+    for number, what, remedy in (
+        (1, "seen in one photo only: nothing checks them", "measure them in another photo, or give them control"),
+        (2, "seen in two photos only: an error along the epipolar line shows nowhere", "measure them in a third photo"),
+    ):
+        names = _with_rays(solution, number)
+        if names:
+            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+            yield f"{counted(len(names), 'point')}: {', '.join(names[:_NAMED])}{more}", what, remedy
+
+
+def _with_rays(solution: Solution, number: int) -> list[str]:
+    rows = zip(solution.points.names, solution.point_rays, solution.point_kinds, strict=True)
+    return [name for name, rays, kind in rows if rays == number and kind != "control"]
 
 
 def _unchecked(solution: Solution) -> list[Spot]:
-    """Return observations that hardly anything checks, one spot for each kind of record, the worst first."""
+    """Return observations that hardly anything checks although the point has three rays, the worst first."""
+    few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
     residuals = solution.residuals
     numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
     rows = np.flatnonzero(numbers < UNCHECKED)
@@ -123,7 +133,7 @@ def _unchecked(solution: Solution) -> list[Spot]:
     spots: dict[str, Spot] = {}
     for row in rows.tolist():
         kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
-        if kind not in {"photo", "control"}:
+        if kind not in {"photo", "control"} or point in few:
             continue
         where = f"point {point}" if kind == "photo" else f"control point {point}"
         in_photo = f" in photo {photo}" if photo else ""
@@ -142,16 +152,13 @@ def _imprecise(solution: Solution) -> list[Spot]:
     rows = np.flatnonzero(largest > _FAR_WORSE * typical)
     rows = rows[np.argsort(-largest[rows], kind="stable")]
     decimals = decimals_for([typical])
-    return [
-        (
-            f"point {solution.points.names[row]}",
-            f"sd {fixed(float(largest[row]), decimals)} {solution.ground_unit} in {'XYZ'[int(np.nanargmax(sd[row]))]}, "
-            f"{significant(float(largest[row]) / typical, 2)} times the median; "
-            f"{solution.point_rays[row]} rays",
-            "measure it in photos taken from further apart",
-        )
-        for row in rows.tolist()
-    ]
+    spots = []
+    for row in rows.tolist():
+        size, axis = float(largest[row]), "XYZ"[int(np.nanargmax(sd[row]))]
+        shown = f"sd {fixed(size, decimals)} {solution.ground_unit} in {axis}"
+        what = f"{shown}, {significant(size / typical, 2)} times the median; {solution.point_rays[row]} rays"
+        spots.append((f"point {solution.points.names[row]}", what, "measure it in photos taken from further apart"))
+    return spots
 
 
 def _named(kind: str, photo: str, point: str) -> str:

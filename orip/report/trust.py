@@ -155,7 +155,7 @@ def _about_status(solution: Solution) -> str:
         return last
     share = np.count_nonzero(solution.residuals.weight_factor < 1.0)
     return (
-        f"{last} It is doubtful: {counted(int(share), 'observation')} had to be down-weighted, and over all "
+        f"{last} It is doubtful: {counted(int(share), 'component')} had to be down-weighted, and over all "
         f"observations sigma0 would be {significant(solution.sigma0_all)}."
     )
 

@@ -14,6 +14,7 @@ from orip.files.log_writing import Log, LogFile, NoLog
 from orip.link.client import ProcessorFault, open_link
 from orip.model.interior import MarkAdjustment
 from orip.model.names import record_key
+from orip.multimodel.state import Position
 from orip.workflow.digitise_films import Films, films_at_hand, films_of, plate_of_log, position
 from orip.workflow.digitise_operator import (
     AtTheProcessor,
@@ -96,7 +97,8 @@ class Means:
                 link.automatic(False)
                 yield session
             except (KeyboardInterrupt, OripError):
-                self.tell(f"{session.digitised} digitised so far; {going_on}")
+                done = session.digitised
+                self.tell(f"{done} digitised so far; {going_on}" if done else "nothing is digitised yet")
                 raise
             finally:
                 with suppress(LinkError):
@@ -169,7 +171,7 @@ def _without_effect(films: Films, entries: Sequence[Entry]) -> Iterator[ProjectW
         key = (entry.what.upper(), record_key(entry.owner), entry.name)
         where = f"{entry.what} {entry.name} of {entry.owner}"
         found = places.get(key)
-        if found is None or dist(found, _on_plate(films, entry)) > _SAME_PLACE:
+        if found is None or dist(found, _on_plate(films, entry, entry.xy)) > _SAME_PLACE:
             text = "was digitised, but does not count: a text that is replayed later measures it too, or deletes it"
             yield ProjectWarning("does-not-count", where, text)
         elif key[1:] in disregarded:
@@ -186,6 +188,6 @@ def _disregarded(films: Films) -> set[tuple[str, str]]:
     }
 
 
-def _on_plate(films: Films, entry: Entry) -> tuple[float, float]:
+def _on_plate(films: Films, entry: Entry, logged: Position) -> Position:
     scan = films.template(entry.owner).scan if entry.what == "tick" else films.scan_of(films.photo(entry.owner))
-    return position(plate_of_log(scan), entry.xy or ())
+    return position(plate_of_log(scan), logged)

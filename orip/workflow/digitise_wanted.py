@@ -148,10 +148,13 @@ def wanted_points(at_hand: PointsAtHand, choice: PointChoice) -> dict[str, list[
     unknown: list[str] = []
     measured: list[str] = []
     for each in (*named, *listed):
-        key = None if each.photo is None else record_key(each.photo)
-        found = [key] if key in photos else [] if key else list(_photos_of(at_hand, choice, photos, each.point))
-        if key is None and not found:
-            (measured if each.point in at_hand.measured_photos and not choice.again else unknown).append(each.point)
+        if each.photo is not None:
+            found = [photo for photo in photos if photo == record_key(each.photo)]
+        else:
+            found = list(_photos_of(at_hand, choice, photos, each.point))
+            if not found:
+                is_done = each.point in at_hand.measured_photos and not choice.again
+                (measured if is_done else unknown).append(each.point)
         of_point = wanted.setdefault(each.point, [])
         of_point += [photo for photo in found if photo not in of_point]
     _refuse(at_hand, unknown, measured, again=choice.again)

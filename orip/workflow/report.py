@@ -21,11 +21,11 @@ from orip.workflow.records import read_definitions
 
 @dataclass(frozen=True, slots=True)
 class WrittenReport:
-    """A report that was written: of which run, where, and its size in bytes."""
+    """A report that was written: of which bundle and run, where, as messages show it, and its size in bytes."""
 
     bundle: str
     run: str
-    path: Path
+    shown: str
     size: int
 
 
@@ -69,7 +69,7 @@ def write_report(
     except OSError as error:
         message = f"{project.shown(path)} cannot be written: {error.strerror or error}; choose another file: --output"
         raise OripError(message) from error
-    return WrittenReport(solution.bundle, solution.run, path, len(text.encode()))
+    return WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
 
 
 def _matter(project: Project, solution: Solution, gates: tuple[GateResult, ...]) -> Matter:

@@ -20,7 +20,7 @@ def test_weights_are_reduced_once_the_state_is_settled_and_the_start_is_reached(
     weighing = Weighing(5.0, 3)
     found = equations([FAR] * 9 + [BLUNDER])
     assert (weighing.factors(found, 1) == 1.0).all()
-    weighing.after(1, 0.5)
+    weighing.after(1, 1.5)
     # settled, but iteration 2 is before the start
     assert (weighing.factors(found, 2) == 1.0).all()
     assert not weighing.had_begun(2)
@@ -36,17 +36,17 @@ def test_weights_wait_for_a_settled_state():
     for iteration in range(1, 5):
         assert (weighing.factors(found, iteration) == 1.0).all()
         weighing.after(iteration, -1.0)
-    weighing.after(5, 0.0)
+    weighing.after(5, 1.0)
     assert weighing.factors(found, 6)[-1] < 1e-6
     assert weighing.began_after == 5
 
 
 def test_a_state_that_never_settles_is_not_waited_for():
     weighing = Weighing(5.0, 2)
-    for iteration in range(1, 9):
-        weighing.after(iteration, -0.1)
+    for iteration in range(1, 11):
+        weighing.after(iteration, 0.9)
     assert weighing.settled
-    assert weighing.settled_after == 8
+    assert weighing.settled_after == 10
 
 
 def test_what_sticks_out_of_the_others_loses_weight_from_the_first_iteration_on():

@@ -27,7 +27,8 @@ def test_names_and_blocks(tmp_path):
 
 
 def test_marks_and_edits_are_passed_over(tmp_path):
-    text = "TEMPLATE T A UPPER\n 1 2.0 3.0\nPHOTO P101 A\n 1 2.0 3.0\nKILL POINT MAIN P101 3\nPOINTS MAIN P101\n 5 1.0 1.0\n"
+    marks = "TEMPLATE T A UPPER\n 1 2.0 3.0\nPHOTO P101 A\n 1 2.0 3.0\n"
+    text = f"{marks}KILL POINT MAIN P101 3\nPOINTS MAIN P101\n 5 1.0 1.0\n"
     assert [each.point for each in listed(tmp_path, text).records] == ["5"]
 
 

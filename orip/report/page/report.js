@@ -100,9 +100,10 @@ function layout() {
   });
   return {
     scene: { aspectmode: "data", xaxis: titled("X", 0), yaxis: titled("Y", 1), zaxis: titled("Z", 2),
-      camera: { eye: { x: 0.9, y: -1.5, z: 0.8 } } },
+      camera: { eye: { x: 1.0, y: -1.75, z: 0.9 }, center: { x: 0, y: 0, z: -0.1 } } },
     paper_bgcolor: "rgba(0,0,0,0)", font: { color: colour("ink"), size: 11 }, margin: { l: 0, r: 0, t: 0, b: 0 },
     legend: { x: 0, y: 1, bgcolor: "rgba(0,0,0,0)" }, uirevision: "kept",
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("soft"), activecolor: colour("ink") },
   };
 }
 
