@@ -93,7 +93,7 @@ def _similarities(title: str, steps: Sequence[SimilarityStep]) -> Iterator[str]:
 
 
 def _how(values: PreliminaryValues) -> list[str]:
-    width = PAGE_WIDTH - 2 * INDENT - max((len(photo.name) for photo in values.photos), default=0)
+    width = PAGE_WIDTH - 2 * INDENT - max(len("Photo"), *(len(photo.name) for photo in values.photos))
     wrapped = [textwrap.wrap(one_line(photo.how), width) or [""] for photo in values.photos]
     names = [
         name

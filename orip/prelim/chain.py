@@ -28,11 +28,13 @@ from orip.prelim.growing import Growth
 from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
 from orip.prelim.joining import Joined
-from orip.prelim.misplaced import misplaced, residual_lengths
+from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
+from orip.prelim.own_system import in_own_system
 from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import Placed
 from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
+from orip.prelim.thinning import thinned
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -65,7 +67,7 @@ class _Outcome:
     reason : str
         Why it is not on the ground.
     findings : tuple of str
-        What was probably mixed up in the control.
+        What was probably mixed up in the control, or in what system the block is without any.
     """
 
     route: Route
@@ -95,11 +97,12 @@ def preliminary_values(block: Block) -> PreliminaryValues:
 class _Chain:
     def __init__(self, block: Block) -> None:
         self.block = block
-        self.rays = image_rays(block)
+        self.control, self.centres = known_points(block), known_centres(block)
+        self.all_rays = image_rays(block)
+        self.rays = thinned(self.all_rays, np.asarray(np.isfinite(self._full_control()).all(axis=1)))
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
         self.models: dict[tuple[int, int], RelativeOrientation | NotOriented] = {}
-        self.control, self.centres = known_points(block), known_centres(block)
 
     def values(self) -> PreliminaryValues:
         best: _Outcome | None = None
@@ -143,7 +146,7 @@ class _Chain:
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
-        held = np.full((len(self.rays.points), 3), np.nan)
+        held = np.full((len(self.block.point_names), 3), np.nan)
         place = self.block.point_index()
         for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
             if np.isfinite(xyz).all() and (wanted is None or name in wanted):
@@ -157,6 +160,10 @@ class _Chain:
             yield _Outcome(route, route.systems[0], True, None, "")
             return
         first, *others = route.systems
+        if self.block.definition.datum == "free" and not (self.control.names or self.centres.names):
+            placed, finding = in_own_system(first, self.rays, self.block.distances)
+            yield _Outcome(route, placed, True, None, "", (finding,))
+            return
         outcome = self._in_ground(route, first)
         if outcome.on_ground:
             for other in others:
@@ -248,12 +255,12 @@ class _Chain:
             route.failures,
             tuple(photos),
             tuple(points),
-            best.findings,
+            best.findings or tuple(self._doubtful_photos(best)),
         )
 
     def _where_rays_meet(self, placed: Placed) -> Placed:
         """Return the system with control points, too, where their rays meet: control may be wrong."""
-        free = self._growth().intersected(placed)
+        free = replace(self._growth(), rays=self.all_rays).intersected(placed)
         known = free.known[:, None]
         return replace(
             placed,
@@ -269,6 +276,18 @@ class _Chain:
             how = f"oriented in the block, but the block is not on the ground: {best.reason}"
             return PhotoStart(name, None, None, how)
         return PhotoStart(name, placed.rotations[photo], placed.centres[photo], placed.how[photo])
+
+    def _doubtful_photos(self, best: _Outcome) -> Iterator[str]:
+        """Name the photos that are probably in the wrong place."""
+        if not best.on_ground:
+            return
+        lengths = residual_lengths(self.rays, best.placed)
+        for photo in np.flatnonzero(misplaced(self.rays, best.placed)):
+            mine = lengths[(self.rays.photo == photo) & ~np.isnan(lengths)]
+            limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)
+            unfit = f"{int(np.sum(~(mine <= limit)))} of the {len(mine)} points that it shares with other photos"
+            name = self.rays.photos[photo]
+            yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
 
     def _why_not(self, photo: int, best: _Outcome | None) -> str:
         """Say what is missing for the orientation of a photo."""

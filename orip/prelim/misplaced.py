@@ -11,7 +11,7 @@ from orip.prelim.placed import Placed
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_MISFIT = 5.0
+MISFIT = 5.0
 """Residual over the median of all from which on a point does not fit its photo."""
 
 _FEWEST = 3
@@ -48,5 +48,5 @@ def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
     overall = float(np.median(lengths[judged])) if judged.any() else np.inf
     count = len(rays.photos)
     number = np.bincount(rays.photo[judged], minlength=count)
-    misfits = np.bincount(rays.photo[judged & ~(lengths <= _MISFIT * max(overall, 1.0))], minlength=count)
+    misfits = np.bincount(rays.photo[judged & ~(lengths <= MISFIT * max(overall, 1.0))], minlength=count)
     return np.asarray(placed.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,14 @@ from orip.report.residual_vectors import measured_reach
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MOST_POINTS = 10_000
 _DEPTH = 0.25
-"""Height of a photo's pyramid in parts of its median distance from the points."""
+"""Height of a photo's pyramid in parts of its median distance from its points."""
+
+_FAR_AWAY = 20.0
+"""Coordinates so many times larger than the block are reduced: browsers draw in single precision."""
 
 
 def block_view(matter: Matter) -> dict[str, Any]:
@@ -31,7 +36,7 @@ def block_view(matter: Matter) -> dict[str, Any]:
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
     corners = pyramid_corners(matter) - origin
-    place = {solution.points.names[row]: index for index, row in enumerate(rows.tolist())}
+    place = {row: index for index, row in enumerate(rows.tolist())}
     return {
         "origin": origin.tolist(),
         "unit": solution.ground_unit,
@@ -45,9 +50,21 @@ def block_view(matter: Matter) -> dict[str, Any]:
             "names": list(solution.photos.names),
             "xyz": _rounded(centres - origin),
             "corners": [_rounded(each) for each in corners],
-            "sees": _seen(solution, place),
+            "sees": [[place[row] for row in each.tolist() if row in place] for each in seen_points(solution)],
         },
     }
+
+
+def seen_points(solution: Solution) -> tuple[IntArray, ...]:
+    """Return the rows of the points that each photo has, in the order of the points."""
+    residuals = solution.residuals
+    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
+    point_row = {name: row for row, name in enumerate(solution.points.names)}
+    seen: list[set[int]] = [set() for _ in photo_row]
+    for kind, photo, point in zip(residuals.kind, residuals.photo, residuals.point, strict=True):
+        if kind == "photo" and photo in photo_row and point in point_row:
+            seen[photo_row[photo]].add(point_row[point])
+    return tuple(np.array(sorted(each), dtype=np.int64) for each in seen)
 
 
 def pyramid_corners(matter: Matter) -> FloatArray:
@@ -61,13 +78,13 @@ def pyramid_corners(matter: Matter) -> FloatArray:
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
     directions = np.zeros((len(values), 4, 3))
-    for row, name in enumerate(solution.photos.names):
+    for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
         photo = matter.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         frame = _frame(matter, key)
         directions[row] = [(x - dx, y - dy, -c) for x, y in frame]
-        directions[row] *= _depth(solution, row) / c
+        directions[row] *= _depth(solution, row, seen) / c
     return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
 
 
@@ -81,40 +98,29 @@ def _frame(matter: Matter, camera: str) -> list[tuple[float, float]]:
     return [(left, lower), (right, lower), (right, upper), (left, upper)]
 
 
-def _depth(solution: Solution, photo: int) -> float:
-    """Return the height of a photo's pyramid: short, against the distance of the points."""
-    distance = np.linalg.norm(solution.points.values - solution.photos.values[photo, :3], axis=1)
+def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
+    """Return the height of a photo's pyramid: short, against the distance of the points that it has."""
+    rows = seen if len(seen) else np.arange(len(solution.points.names))
+    distance = np.linalg.norm(solution.points.values[rows] - solution.photos.values[photo, :3], axis=1)
     known = distance[np.isfinite(distance)]
     return _DEPTH * float(np.median(known)) if known.size else 1.0
 
 
 def _origin(places: FloatArray) -> FloatArray:
     """Return round coordinates near the middle."""
-    middle = np.nanmedian(places, axis=0)
-    span = float(np.nanmax(places) - np.nanmin(places)) if np.isfinite(places).any() else 0.0
-    spread = max(float(np.nanmax(np.ptp(places, axis=0), initial=0.0)), 1e-6)
-    if span < 100.0 * spread:
+    known = places[np.isfinite(places).all(axis=1)]
+    if not len(known):
+        return np.zeros(3)
+    spread = max(float(np.ptp(known, axis=0).max()), 1e-6)
+    if np.abs(known).max() < _FAR_AWAY * spread:
         return np.zeros(3)
     step = 10.0 ** np.ceil(np.log10(spread))
-    return np.asarray(np.round(middle / step) * step)
+    return np.asarray(np.round(np.median(known, axis=0) / step) * step)
 
 
-def _rounded(places: FloatArray) -> list[list[float]]:
-    """Return coordinates with as many decimals as a drawing can show."""
-    spread = float(np.nanmax(np.abs(places), initial=0.0))
-    decimals = int(np.clip(6 - np.ceil(np.log10(max(spread, 1e-6))), 0, 9))
+def _rounded(places: FloatArray) -> list[list[float | None]]:
+    """Return coordinates with as many decimals as a drawing can show; None for what is not a number."""
+    spread = float(np.abs(places[np.isfinite(places)]).max(initial=1e-6))
+    decimals = int(np.clip(6 - np.ceil(np.log10(spread)), 0, 9))
     rounded: list[list[float]] = np.round(places, decimals).tolist()
-    return rounded
-
-
-def _seen(solution: Solution, place: dict[str, int]) -> list[list[int]]:
-    """Return which of the drawn points each photo has."""
-    residuals = solution.residuals
-    row_of = {name: row for row, name in enumerate(solution.photos.names)}
-    seen: list[set[int]] = [set() for _ in row_of]
-    for kind, photo, point, component in zip(
-        residuals.kind, residuals.photo, residuals.point, residuals.component, strict=True
-    ):
-        if kind == "photo" and component == "x" and point in place:
-            seen[row_of[photo]].add(place[point])
-    return [sorted(each) for each in seen]
+    return [[value if math.isfinite(value) else None for value in place] for place in rounded]

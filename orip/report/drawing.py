@@ -29,6 +29,7 @@ class ChartFrame:
     height: float = 220.0
     whole_across: bool = False
     logarithmic: bool = False
+    from_zero: bool = False
 
 
 Place = Callable[[float, float], tuple[float, float]]
@@ -98,7 +99,8 @@ def line_chart(label: str, frame: ChartFrame, lines: Sequence[Line]) -> Markup:
         return Markup("")
     x0, x1 = _widened(min(acrosses), max(acrosses), 0.0)
     scaled = [math.log10(y) for y in ups if y > 0.0] if frame.logarithmic else ups
-    y0, y1 = _widened(min(scaled), max(scaled), 0.06)
+    lowest = 0.0 if frame.from_zero else min(scaled)
+    y0, y1 = _widened(lowest, max(scaled), 0.06)
 
     def place(x: float, y: float) -> tuple[float, float]:
         height = math.log10(max(y, 1e-300)) if frame.logarithmic else y

@@ -16,7 +16,8 @@ from orip.report.drawing import drawing, element, number, round_step, shown_tick
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MOST_ELLIPSES = 1500
+MOST_ELLIPSES = 600
+_MOST_LABELS = 60
 _POINT, _PHOTO = 0.02, 0.10
 """Largest semi-axis of a typical point's and photo's ellipse in the drawing, in parts of its sides."""
 
@@ -63,7 +64,8 @@ def standard_ellipses(sd_a: FloatArray, sd_b: FloatArray, r: FloatArray) -> Elli
 def ellipse_views(solution: Solution) -> EllipseViews | None:
     """Return plan and elevations; none where the correlations of coordinates are not known."""
     count = len(solution.points.names)
-    if not count or len(solution.point_correlations) != count:
+    known = np.isfinite(solution.points.values).all(axis=1).any()
+    if not known or len(solution.point_correlations) != count:
         return None
     rows = drawn_points(solution, MOST_ELLIPSES)
     scenes = [_scene(solution, rows, *view) for view in VIEWS]
@@ -184,15 +186,19 @@ def _drawn(ellipses: Ellipses, places: FloatArray, scale: float, kinds: list[str
             "ellipse", rx=major * scale, ry=minor * scale, class_=f"ellipse {kind}",
             transform=f"translate({number(x)} {number(y)}) rotate({number(-np.degrees(angle))})",
         )
-        for (x, y), major, minor, angle, kind in zip(places.tolist(), *(part.tolist() for part in ellipses), kinds, strict=True)
+        for (x, y), major, minor, angle, kind in zip(
+            places.tolist(), *(part.tolist() for part in ellipses), kinds, strict=True
+        )
         if np.isfinite([major, minor, x, y]).all()
     ]  # fmt: skip
 
 
 def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
-    labelled = len(places) <= 40
+    labelled = len(places) <= _MOST_LABELS
     marks = []
     for name, (x, y) in zip(solution.photos.names, places.tolist(), strict=True):
+        if not np.isfinite([x, y]).all():
+            continue
         marks.append(f'<rect x="{number(x - 2.5)}" y="{number(y - 2.5)}" width="5" height="5" class="mark photo">'
                      f"<title>photo {escape(name)}</title></rect>")  # fmt: skip
         if labelled:
@@ -201,15 +207,19 @@ def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
 
 
 def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list[str]:
+    labelled = sum(solution.point_kinds[row] != "tie" for row in rows) <= _MOST_LABELS
     marks = []
     for row, (x, y) in zip(rows.tolist(), places.tolist(), strict=True):
         kind, name = solution.point_kinds[row], solution.points.names[row]
+        if not np.isfinite([x, y]).all():
+            continue
         title = f"<title>{kind} point {escape(name)}</title>"
         if kind == "tie":
             marks.append(f'<circle cx="{number(x)}" cy="{number(y)}" r="1.3" class="mark tie">{title}</circle>')
             continue
         marks.append(f'<path d="M{number(x)} {number(y - 4.5)}l4 7h-8z" class="mark {kind}">{title}</path>')
-        marks.append(text(x + 5.0, y + 9.0, name, class_="faint"))
+        if labelled:
+            marks.append(text(x + 5.0, y + 9.0, name, class_="faint"))
     return marks
 
 

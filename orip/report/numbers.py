@@ -50,12 +50,12 @@ def deviation(value: float, decimals: int) -> str:
 
 def parameter(value: float, sd: float) -> tuple[str, str]:
     """Return the value and the sd of a camera parameter, of which each has its own size."""
-    if math.isnan(sd) or math.isinf(sd) or sd == 0.0:
+    if not (math.isfinite(sd) and sd > 0.0):
         return f"{value:.6g}", deviation(sd, 3)
     if sd >= _COEFFICIENT:
         decimals = decimals_for(sd)
         return fixed(value, decimals), fixed(sd, decimals)
-    digits = max(math.floor(math.log10(abs(value) / sd)) + 1, 1) if value else 1
+    digits = max(math.floor(math.log10(abs(value) / sd)) + 1, 1) if value and math.isfinite(value) else 1
     return f"{value:z.{min(digits, 9)}e}", f"{sd:.1e}"
 
 

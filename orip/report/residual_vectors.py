@@ -87,17 +87,22 @@ class VectorSheet:
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y stand in successive rows."""
-    kind, component = np.array(residuals.kind), np.array(residuals.component)
-    rows = np.flatnonzero((kind == "photo") & (component == "x"))
+    rows = np.array(
+        [
+            row
+            for row, (kind, component) in enumerate(zip(residuals.kind, residuals.component, strict=True))
+            if kind == "photo" and component == "x"
+        ],
+        dtype=np.int64,
+    )
     pairs = np.stack([rows, rows + 1], axis=1)
-    names = np.array(residuals.photo)[rows]
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
+    members: dict[str, list[int]] = {}
+    for place, row in enumerate(rows.tolist()):
+        members.setdefault(residuals.photo[row], []).append(place)
     return {
-        str(name): PhotoVectors(
-            str(name), residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine]
-        )
-        for name in dict.fromkeys(names.tolist())
-        for mine in [names == name]
+        name: PhotoVectors(name, residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine])
+        for name, mine in members.items()
     }
 
 
@@ -161,13 +166,12 @@ def _sheet(matter: Matter, camera: str) -> VectorSheet | None:
 
 
 def _finding(means: CellMeans) -> str:
-    cells, points = counted(len(means.count), "cell"), counted(int(means.count.sum()), "photo point")
+    what = f"The means of {counted(int(means.count.sum()), 'photo point')} in {counted(len(means.count), 'cell')}"
+    p = probability(means.p)
     if means.p < _ALPHA:
-        return (
-            f"The means of {points} in {cells} are larger than chance makes them (p {probability(means.p)}): there is a "
-            "systematic pattern that the camera model does not describe."
-        )
-    return f"The means of {points} in {cells} are what chance makes them (p {probability(means.p)}): no systematic pattern."
+        pattern = "there is a systematic pattern that the camera model does not describe"
+        return f"{what} are larger than chance makes them (p {p}): {pattern}."
+    return f"{what} are what chance makes them (p {p}): no systematic pattern."
 
 
 def _of_camera(matter: Matter, camera: str) -> list[PhotoVectors]:

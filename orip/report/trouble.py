@@ -137,7 +137,7 @@ def _unchecked(solution: Solution) -> list[Spot]:
             continue
         where = f"point {point}" if kind == "photo" else f"control point {point}"
         in_photo = f" in photo {photo}" if photo else ""
-        what = f"{residuals.component[row]}{in_photo} is hardly checked: redundancy number {numbers[row]:.2f}"
+        what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
         remedy = "measure it in a further photo" if kind == "photo" else "add control near it"
         spots.setdefault(where, (where, what, remedy))
     return list(spots.values())

@@ -108,7 +108,8 @@ def check_point_table(solution: Solution) -> Table | None:
     if not points:
         return None
     place = {name: row for row, name in enumerate(solution.points.names)}
-    sd = np.array([solution.points.sd[place[each.name]] for each in points])
+    unknown = np.full(3, np.nan)
+    sd = np.array([solution.points.sd[place[each.name]] if each.name in place else unknown for each in points])
     decimals = decimals_for(sd)
     differences = np.array([(each.dX, each.dY, each.dZ) for each in points])
     columns = [Column("Point", [each.name for each in points], key="name", words=True)]

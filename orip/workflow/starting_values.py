@@ -45,7 +45,8 @@ def started_block(
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
-    return with_starting_values(replace(block, photo_orientation=orientation), [*preliminary, *points])
+    started, warnings = with_starting_values(replace(block, photo_orientation=orientation), [*preliminary, *points])
+    return started, [*(ProjectWarning("preliminary-values", "", each) for each in values.findings), *warnings]
 
 
 def not_oriented(values: PreliminaryValues) -> str:

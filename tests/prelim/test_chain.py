@@ -98,7 +98,7 @@ def sigma0(found: SolvedBlock) -> float:
 
 
 def test_three_control_points_are_enough() -> None:
-    made = synthetic_block("strip", "three control points", noise_mm=0.005, enp_stop=6.0)
+    made = synthetic_block("convergent", "three control points", noise_mm=0.005, enp_stop=6.0)
     place, twice = made.block.point_index(), seen_twice(made.block)
     control = [each for each in made.block.control_points if twice[place[each.name]]]
     block = replace(made.block, control_points=(control[0], control[1], control[-1]))

@@ -29,7 +29,8 @@ NOBODY = SolveWatcher(oriented=hear_nothing, started=hear_nothing, passed=hear_n
 def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcome, ...]:
     """Do what `orip run` does."""
     with threadpool_limits(1):  # as the command line does: with more threads the last digits vary
-        checked = run(folder, prefer, RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing, hear_nothing, hear_nothing))
+        watcher = RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing, hear_nothing, hear_nothing)
+        checked = run(folder, prefer, watcher)
     return tuple(each.outcome for each in checked)
 
 

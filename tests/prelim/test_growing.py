@@ -1,0 +1,109 @@
+"""Growing on scenes whose truth is known: from two photos that are placed to all that can be added."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.synthetic_block import SyntheticBlock, synthetic_block
+
+from orip.model.preliminary import ImageRays
+from orip.prelim.growing import Growth
+from orip.prelim.image_rays import image_rays
+from orip.prelim.pair_selection import common_point_counts
+from orip.prelim.photo_index import photo_index
+from orip.prelim.placed import Placed, nothing_placed
+from orip.prelim.resection import Resected
+
+
+def growth(rays: ImageRays, held: np.ndarray | None = None) -> Growth:
+    """Return what grows with nothing held, or some points."""
+    nothing = np.full((len(rays.points), 3), np.nan)
+    everyone = np.ones(len(rays.photos), dtype=bool)
+    return Growth(rays, photo_index(rays), common_point_counts(rays), nothing if held is None else held, everyone)
+
+
+def first_two(made: SyntheticBlock, rays: ImageRays) -> Placed:
+    """Return the system with the true orientation of the first two photos, and nothing else."""
+    start = nothing_placed(rays)
+    for photo in (0, 1):
+        rotation = Rotation.from_euler("XYZ", made.orientations[photo, 3:]).as_matrix()
+        start = start.with_photo(photo, rotation, made.orientations[photo, :3], "true")
+    return start
+
+
+@pytest.fixture(scope="module")
+def convergent() -> SyntheticBlock:
+    return synthetic_block("convergent", "growing")
+
+
+def errors(placed: Placed, made: SyntheticBlock) -> np.ndarray:
+    """Return the distances of the centres from the truth, in distances from the object."""
+    distance = np.median(np.linalg.norm(made.points.mean(axis=0) - made.orientations[:, :3], axis=1))
+    return np.linalg.norm(placed.centres - made.orientations[:, :3], axis=1) / distance
+
+
+def test_all_photos_are_added_at_their_true_places(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    grower = growth(rays)
+    placed = grower.grown(grower.intersected(first_two(convergent, rays)))
+    assert placed.oriented.all()
+    # the common points of the first two fix the datum in the adjustments to a millionth
+    assert errors(placed, convergent).max() < 1e-5
+    assert placed.known.all()
+    assert placed.how[0] == placed.how[1] == "true"
+    assert all(how for how in placed.how)
+
+
+def test_a_photo_that_sees_no_known_point_is_not_added(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    kept = rays.photo != 5
+    lonely = replace(
+        rays, photo=rays.photo[kept], point=rays.point[kept], xy=rays.xy[kept], vectors=rays.vectors[kept],
+        error=rays.error[kept],
+    )  # fmt: skip
+    grower = growth(lonely)
+    placed = grower.grown(grower.intersected(first_two(convergent, lonely)))
+    assert np.flatnonzero(~placed.oriented).tolist() == [5]
+    assert placed.how[5] == ""
+
+
+def test_a_photo_whose_points_have_the_numbers_of_others_stays_out_of_the_way(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    point = rays.point.copy()
+    mine = np.flatnonzero(rays.photo == 4)
+    point[mine] = np.roll(point[mine], 7)
+    confused = replace(rays, point=point)
+    grower = growth(confused)
+    placed = grower.grown(grower.intersected(first_two(convergent, confused)))
+    others = np.arange(len(rays.photos)) != 4
+    assert placed.oriented[others].all()
+    assert errors(placed, convergent)[others].max() < 1e-4
+    assert not placed.oriented[4]
+
+
+def test_held_points_do_not_move(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    held = np.full((len(rays.points), 3), np.nan)
+    held[::4] = convergent.points[::4] + 0.001
+    start = replace(nothing_placed(rays), coordinates=held.copy(), deviations=np.where(np.isnan(held), np.nan, 0.0))
+    placed = growth(rays, held).grown(start)
+    assert placed.oriented.all()
+    np.testing.assert_array_equal(placed.coordinates[::4], held[::4])
+    assert (placed.deviations[::4] == 0.0).all()
+
+
+def test_a_resection_needs_known_points_that_agree(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    grower = growth(rays)
+    placed = grower.intersected(first_two(convergent, rays))
+    found = grower.resection(placed, 2)
+    assert isinstance(found, Resected)
+    np.testing.assert_allclose(found.centre, convergent.orientations[2, :3], atol=1e-6)
+    mixed = replace(placed, coordinates=np.roll(placed.coordinates, 3, axis=0))
+    assert grower.resection(mixed, 2) is None
+    few = placed.coordinates.copy()
+    few[3:] = np.nan
+    assert grower.resection(replace(placed, coordinates=few), 2) is None
