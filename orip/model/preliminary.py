@@ -153,7 +153,8 @@ class SimilarityStep:
     common_photo : str
         Photo that appears in both; "" if none.
     points : tuple of str
-        n common points (control points); the common photo's centre is not among them.
+        n common points (control points, and "photo NAME" for centres that serve as control); the centre of the common
+        photo is not among them.
     coordinates : array (n, 3)
         In the target system; NaN where not known.
     residuals : array (n, 3)

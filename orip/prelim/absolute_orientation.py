@@ -89,13 +89,15 @@ def absolute_orientation(
 def control_of_block(
     block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> tuple[tuple[str, ...], CommonPoints]:
-    """Return the control that is in a block, projection centres below the points, and the names of the points."""
+    """Return the control that is in a block, projection centres below the points, and its names: "photo P1"."""
     own = {names.points[k]: row for row, k in enumerate(block.points)}
     rows, at, target, errors = _usable(control, own)
+    chosen = [control.names[k] for k in rows]
     source, deviation = block.coordinates[at], steady_deviations(block)[at]
     if centres is not None:
         photos = {names.photos[k]: row for row, k in enumerate(block.photos)}
-        _, at_centre, place, error = _usable(centres, photos)
+        given, at_centre, place, error = _usable(centres, photos)
+        chosen += [f"photo {centres.names[k]}" for k in given]
         reduced = place - place.mean(axis=0) if len(place) else place
         usual = _CENTRE * float(np.sqrt((reduced**2).sum(axis=1).mean())) if len(place) else 0.0
         source = np.vstack([source, block.centres[at_centre]])
@@ -105,8 +107,7 @@ def control_of_block(
     held = np.isfinite(target) & ~(errors > 0.0)
     positive = errors[errors > 0.0]
     errors = np.where(held, _CONSTANT * float(np.median(positive)) if positive.size else 0.0, errors)
-    chosen = tuple(control.names[k] for k in rows)
-    return chosen, CommonPoints(source, target, deviation, errors, np.zeros(len(source), dtype=bool))
+    return tuple(chosen), CommonPoints(source, target, deviation, errors, np.zeros(len(source), dtype=bool))
 
 
 def _usable(known: KnownPositions, own: dict[str, int]) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
@@ -126,18 +127,16 @@ def _from(
         found = fitted(common, block.rotations, remarks)
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
-    count = len(points)
     typical, extent = float(np.median(found.lengths)), common.extent
     if typical > _AGREEMENT * extent:
         return NotOriented(
             block.name,
             "",
             f"the control does not fit the block: residuals are {typical:.3g} with an extent of {extent:.3g} "
-            f"({count} control points: {', '.join(points)})",
+            f"({len(points)} control points: {', '.join(points)})",
         )
-    own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
-    step = similarity_step(own, "absolute", (block.name, ""), points, common.target[:count])
-    remarks += misfitting_control(points, own)
+    step = similarity_step(found, "absolute", (block.name, ""), points, common.target)
+    remarks += misfitting_control(points, found)
     return Joined(found.similarity, transformed(block, found.similarity), replace(step, remarks=tuple(remarks)))
 
 
@@ -231,8 +230,9 @@ def misfitting_control(points: Sequence[str], found: SimilarityAdjustment) -> li
         if off:
             axes = ", ".join("XYZ"[axis] for axis in off)
             values = ", ".join(f"{found.residuals[k, axis]:.3g}" for axis in off)
+            point = points[k] if points[k].startswith("photo ") else f"control point {points[k]}"
             sentences.append(
-                f"{axes} of control point {points[k]} {'does' if len(off) == 1 else 'do'} not fit: the block lies "
+                f"{axes} of {point} {'does' if len(off) == 1 else 'do'} not fit: the block lies "
                 f"{values} beside it (root mean square of the others: {usual:.2g})"
             )
     return sentences

@@ -57,11 +57,10 @@ def camera_sheets(matter: Matter) -> tuple[CameraSheet, ...]:
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
     """Return the correlations of a camera's unknowns; None where it has less than two."""
-    found = {(each.a, each.b): each.r for each in solution.correlations if each.a.startswith(f"{camera}.")}
+    found = {(each.a, each.b): each.r for each in solution.correlations if each.a.rpartition(".")[0] == camera}
     names = tuple(dict.fromkeys(name for pair in found for name in pair))
     if not names:
         return None
-    names = tuple(sorted(names, key=lambda name: CAMERA_PARAMETERS.index(name.rpartition(".")[2])))
     rows = tuple(tuple(1.0 if a == b else found.get((a, b), found.get((b, a), math.nan)) for b in names) for a in names)
     return CorrelationMatrix(tuple(name.rpartition(".")[2] for name in names), rows)
 

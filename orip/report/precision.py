@@ -123,6 +123,6 @@ def _thinned(shown: int, all_of_them: int, noun: str, what: str) -> str:
     if shown == all_of_them:
         return ""
     return (
-        f"The {counted(shown, noun)} with the largest standard deviations of {all_of_them:,} are shown; "
+        f"The {counted(shown, noun)} with the largest standard deviations of {all_of_them} are shown; "
         f"result.json and 'orip results {what}' have all."
     )

@@ -77,6 +77,25 @@ def write_drive_table(folder: Path, bundle: str | None) -> DriveTableOutcome:
 
 def write_bundle_drive_table(project: Project, name: str) -> DriveTableOutcome:
     """Do what `write_drive_table` does for a bundle of a project that is open."""
+    table, warnings = _current_table(project, name)
+    path = project.beside_photos(name, "DRV")
+    return DriveTableOutcome(project, table, path, _write(project, path, table), warnings)
+
+
+def is_drive_table_current(project: Project, name: str) -> bool:
+    """Tell whether BUNDLE.DRV is what `write_drive_table` would write now.
+
+    Raises
+    ------
+    InputError
+        If it would write none.
+    """
+    path = project.beside_photos(name, "DRV")
+    table, _ = _current_table(project, name)
+    return path.is_file() and path.read_bytes() == drive_table_text(table).encode("ascii")
+
+
+def _current_table(project: Project, name: str) -> tuple[DriveTable, tuple[ProjectWarning, ...]]:
     stored = _read_stored(project, name)
     to_photo = _plate_to_photo(stored)
     models, warnings = _drivable_models(stored, to_photo)
@@ -97,8 +116,7 @@ def write_bundle_drive_table(project: Project, name: str) -> DriveTableOutcome:
             "which straight rays would be curved"
         )
         warnings.append(ProjectWarning("local-object-frame", f"{name}.DRV", text))
-    path = project.beside_photos(name, "DRV")
-    return DriveTableOutcome(project, table, path, _write(project, path, table), tuple(warnings))
+    return table, tuple(warnings)
 
 
 def load_drive_table(data: bytes) -> Loaded | tuple[DriveFault, ...]:

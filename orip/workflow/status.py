@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from orip.errors import ProjectWarning
+from orip.errors import InputError, ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.model.names import record_key
 from orip.workflow.apply_text import apply_text
 from orip.workflow.bundle_input import stored_digests
+from orip.workflow.drive_table import is_drive_table_current
 from orip.workflow.measure import measurement_inputs
 from orip.workflow.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
 from orip.workflow.project import Project, open_project
@@ -72,6 +73,7 @@ def project_status(folder: Path) -> ProjectStatus:
         steps = [_initialised(project, definitions), _measured(project, stores, definitions)]
         steps += [_solved(project, stores, definitions, name) for name in bundles]
         points = sum(len(each.points) for each in read_measured(project, stores, bundles).observations.values())
+    steps += [step for name in bundles if (step := _driven(project, name, steps)) is not None]
     counts = (
         ("camera", len(project.definition.cameras)),
         ("template", len(project.definition.templates)),
@@ -135,6 +137,22 @@ def _solved(project: Project, stores: Stores, definitions: StoredDefinitions, bu
     if solution.status == "stopped":
         return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
     return Step(command, "up to date", found)
+
+
+def _driven(project: Project, bundle: str, before: Sequence[Step]) -> Step | None:
+    """Return the state of a drive table; None while it has to wait, or where there is nothing to drive."""
+    models = any(each.models for each in project.definition.bundles if each.name == bundle)
+    if not models or any(step.state != "up to date" for step in before):
+        return None
+    command = "orip drive table" if len(project.definition.bundles) == 1 else f"orip drive table {bundle}"
+    shown = project.shown(project.beside_photos(bundle, "DRV"))
+    try:
+        current = is_drive_table_current(project, bundle)
+    except InputError:
+        return None
+    if current:
+        return Step(command, "up to date", f"{shown} holds the last adjustment")
+    return Step(command, "out of date", f"{shown} is missing, or not of the last adjustment and the mountings in force")
 
 
 _WRITTEN_BY = "the next init, measure, solve or run writes it"

@@ -165,3 +165,17 @@ def test_help_names_the_command(tmp_path):
     said = orip(tmp_path, "drive", "--help")
     assert said.code == 0
     assert "table" in said.out
+
+
+def test_status_says_when_the_table_is_old(folder):
+    run(folder)
+    assert "up to date" in status_of_table(folder)
+    (folder / "MAIN.DRV").write_text("ORIPDRIVE 1\n")
+    assert "out of date" in status_of_table(folder)
+    assert orip(folder, "drive", "table").code == 0
+    assert "up to date" in status_of_table(folder)
+
+
+def status_of_table(folder):
+    said = orip(folder, "status", "--json").document
+    return next(step["state"] for step in said["steps"] if step["command"] == "orip drive table")

@@ -496,6 +496,10 @@ def test_projection_centres_serve_as_control(made: StripsProject, tmp_path: Path
     said = orip(folder, "prelim", "absolute")
     assert said.code == 0
     assert "projection centres are used as control" in said.out
+    for name, truth in made.true_orientations.items():
+        (line,) = [line.split() for line in said.out.splitlines() if line.split()[:2] == ["photo", name]]
+        assert [float(each) for each in line[2:5]] == pytest.approx(truth[:3], abs=1e-3)
+        assert np.abs([float(each) for each in line[5:8]]).max() < 0.3
     assert orip(folder, "prelim").code == 0
     for name, values in stored_photos(folder).items():
         assert values[:3] == list(made.true_orientations[name][:3])
@@ -523,6 +527,53 @@ def test_given_orientations_without_control(made: StripsProject, tmp_path: Path,
     listing = {"PRELIM_RESULT.OUT": before["PRELIM_RESULT.OUT"]}
     assert {**contents(folder), **listing} == before
     assert orip(folder, "solve").code == 0
+
+
+# a free network
+
+
+@pytest.mark.parametrize("models", [True, False])
+def test_a_free_network_is_oriented_in_a_system_of_its_own(made: StripsProject, tmp_path: Path, models: bool) -> None:
+    project = strips_project(NOISE_MM)
+    project.control, project.settings = {}, 'datum = "free"'
+    project.models = project.models if models else {}
+    folder = measured(project, tmp_path / "strips")
+    said = orip(folder, "prelim")
+    assert said.code == 0
+    assert "note     nothing is known on the ground: origin and axes of the block are those of photo P1" in said.err
+    assert "its scale is arbitrary" in said.err
+    values = stored_photos(folder)
+    assert values["P1"] == pytest.approx([0.0] * 6, abs=1e-12)
+    assert shapes(values) == pytest.approx(shapes(made.true_orientations), abs=0.01)
+    said = orip(folder, "solve", "--json")
+    assert said.code == 0
+    assert said.document["sigma0"] == pytest.approx(NOISE_MM / 0.003, rel=0.2)
+
+
+def test_distances_give_a_free_network_its_scale(made: StripsProject, tmp_path: Path) -> None:
+    project = strips_project(NOISE_MM)
+    project.control, project.settings = {}, 'datum = "free"'
+    folder = project.write(tmp_path / "strips")
+    pairs = [("105", "156"), ("C1", "C4")]
+    lengths = {pair: float(np.linalg.norm(np.subtract(made.points[pair[0]], made.points[pair[1]]))) for pair in pairs}
+    lines = [f"{number} {a} {b} XYZ {length:.4f} 0.01" for number, ((a, b), length) in enumerate(lengths.items(), 1)]
+    (folder / "STRIPS.LEN").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for command in ("init", "measure"):
+        assert orip(folder, command).code == 0
+    said = orip(folder, "prelim", "--json")
+    assert said.code == 0
+    assert "its scale comes from 2 distances" in said.document["findings"][0]
+    found = {name: [each[axis] for axis in "XYZ"] for name, each in said.document["points"].items()}
+    for (start, end), length in lengths.items():
+        # a thousandth of 50 m is what some micrometres in the photo are
+        assert np.linalg.norm(np.subtract(found[start], found[end])) == pytest.approx(length, rel=1e-3)
+
+
+def shapes(orientations: dict[str, list[float]] | dict[str, tuple[float, ...]]) -> list[float]:
+    """Return the distances of the photos from each other, over their mean."""
+    centres = np.array([values[:3] for values in orientations.values()])
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2)[np.triu_indices(len(centres), k=1)]
+    return list(apart / apart.mean())
 
 
 # solve runs the chain where values are missing
