@@ -102,6 +102,7 @@ class _Chain:
         self.rays = thinned(self.all_rays, np.asarray(np.isfinite(self._full_control()).all(axis=1)))
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
+        self.by_models: Route | None = None
         self.models: dict[tuple[int, int], RelativeOrientation | NotOriented] = {}
 
     def values(self) -> PreliminaryValues:
@@ -125,7 +126,8 @@ class _Chain:
         seeing = photos_with_control(with_control)
         models = self.block.definition.models
         if models:
-            yield by_models(free, models)
+            self.by_models = by_models(free, models)
+            yield self.by_models
         elif seeing.mean() > 0.5:
             yield by_control(with_control)
         for choice in range(_STARTING_PAIRS):
@@ -235,11 +237,15 @@ class _Chain:
     # what is told
 
     def _told(self, best: _Outcome | None) -> PreliminaryValues:
+        # the user's models are listed in any case: what failed there is what is to be mended
+        steps = self.by_models or (best.route if best is not None else Route(()))
         if best is None:
             reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
             photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
-            return PreliminaryValues((), (), (), None, (), tuple(photos), (), ())
-        placed, route = self._where_rays_meet(best.placed), best.route
+            return PreliminaryValues(
+                steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), (), ()
+            )
+        placed = self._where_rays_meet(best.placed)
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
         known = np.flatnonzero(placed.known if best.on_ground else np.zeros(len(placed.known), dtype=bool))
         places = zip(placed.coordinates[known].tolist(), placed.deviations[known].tolist(), strict=True)
@@ -248,11 +254,11 @@ class _Chain:
             for row, ((x, y, z), (sx, sy, sz)) in zip(known, places, strict=True)
         ]
         return PreliminaryValues(
-            route.relative,
-            route.bridges,
-            route.connections,
+            steps.relative,
+            steps.bridges,
+            steps.connections,
             best.absolute,
-            route.failures,
+            steps.failures,
             tuple(photos),
             tuple(points),
             best.findings or tuple(self._doubtful_photos(best)),

@@ -21,6 +21,7 @@ from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.precision import photo_table, point_table, spreads
 from orip.report.residual_vectors import vector_sheets
+from orip.report.run_mark import RUN_NAME
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, global_test, verdict
 
@@ -30,21 +31,12 @@ if TYPE_CHECKING:
 MOST_BYTES = 6_000_000
 """What a page may have; for 500 photos and 50 000 points that is kept by drawing and listing fewer."""
 
-RUN_NAME = "orip-run"
-"""Name of the page's meta element with the run id."""
-
 _COMPRESSION = 4
 
 
 def report_page(matter: Matter) -> str:
     """Return the report as one HTML page that loads nothing."""
     return f"{_template().render(_content(matter))}\n"
-
-
-def run_of_page(head: str) -> str | None:
-    """Return the run id that the beginning of a page names, None where there is none."""
-    _, found, rest = head.partition(f'<meta name="{RUN_NAME}" content="')
-    return rest.partition('"')[0] if found else None
 
 
 @cache

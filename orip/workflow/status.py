@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,6 +12,7 @@ from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.model.names import record_key
+from orip.report.run_mark import run_of_page
 from orip.workflow.apply_text import apply_text
 from orip.workflow.bundle_input import stored_digests
 from orip.workflow.drive_table import is_drive_table_current
@@ -69,6 +70,7 @@ def project_status(folder: Path) -> ProjectStatus:
     project = open_project(folder)
     bundles = [bundle.name for bundle in project.definition.bundles]
     with reading([*project.record_stores, *(project.observations(name) for name in bundles)]) as stores:
+        old_reports = list(_old_reports(project, stores))
         definitions = read_definitions(project, stores)
         steps = [_initialised(project, definitions), _measured(project, stores, definitions)]
         steps += [_solved(project, stores, definitions, name) for name in bundles]
@@ -82,7 +84,8 @@ def project_status(folder: Path) -> ProjectStatus:
         ("photo point", points),
     )
     following = next((step.command for step in steps if step.state != "up to date"), None)
-    return ProjectStatus(project, counts, tuple(steps), following, (*project.warnings, *_old_outputs(project)))
+    warnings = (*project.warnings, *_old_outputs(project), *old_reports)
+    return ProjectStatus(project, counts, tuple(steps), following, warnings)
 
 
 def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
@@ -155,12 +158,25 @@ def _driven(project: Project, bundle: str, before: Sequence[Step]) -> Step | Non
     return Step(command, "out of date", f"{shown} is missing, or not of the last adjustment and the mountings in force")
 
 
+_HEAD_OF_REPORT = 4096
 _WRITTEN_BY = "the next init, measure, solve or run writes it"
 
 
 def _old_outputs(project: Project) -> list[ProjectWarning]:
     text = "is of a time when the project had another number of bundles, and is not written any more; remove it"
     return [ProjectWarning("old-output", project.shown(path), text) for path in outputs_of_other_names(project)]
+
+
+def _old_reports(project: Project, stores: Stores) -> Iterator[ProjectWarning]:
+    for bundle in project.definition.bundles:
+        path, solution = project.report(bundle.name), solutions.read_head(stores[project.exterior], bundle.name)
+        if solution is None or not path.is_file():
+            continue
+        with path.open(encoding="utf-8", errors="replace") as file:
+            run = run_of_page(file.read(_HEAD_OF_REPORT))
+        if run != solution.run:
+            text = "is not of the last adjustment; 'orip report' writes it again"
+            yield ProjectWarning("old-report", project.shown(path), text)
 
 
 def _changed_inputs(old: Sequence[tuple[str, str]], new: Sequence[tuple[str, str]]) -> list[str]:

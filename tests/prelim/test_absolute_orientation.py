@@ -172,7 +172,7 @@ def test_projection_centres_help_where_control_does_not_suffice():
     assert "2 control points in the block, 3 are needed" in refused(sample)
     found = oriented(sample, centres=sample.centres)
     assert sample.turned_by(found.similarity) < 1.0
-    assert found.step.points == ("C0", "C1")
+    assert found.step.points == ("C0", "C1", "photo A", "photo B", "photo C", "photo D")
     assert found.step.remarks[0].startswith("projection centres are used as control")
     unknown = replace(sample.centres, errors=np.full((4, 3), np.nan))
     assert sample.turned_by(oriented(sample, centres=unknown).similarity) < 1.0

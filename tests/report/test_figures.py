@@ -21,6 +21,8 @@ def agrees(shown: str, figure: Any) -> bool:
         return shown == "not determined"
     if isinstance(figure, str):
         return shown == figure
+    if shown in {"constant", "–", "not determined"}:
+        return False
     number = Decimal(shown)
     # half a unit of the last digit; what is exactly between two numbers may go either way in binary
     allowed = Decimal(10) ** number.as_tuple().exponent * Decimal("0.500001")

@@ -6,7 +6,7 @@ import base64
 import re
 import zlib
 from dataclasses import replace
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -15,13 +15,15 @@ from files.stores.store_samples import rich_solution
 from plotly.offline import get_plotlyjs
 from report.sample_pages import SAMPLES, Page, sample
 
+from orip.files.gate_text import parse_gate
 from orip.model.camera import Camera
-from orip.model.gate import GateResult, parse_gate
+from orip.model.gate import GateResult
 from orip.model.photo import Photo
 from orip.model.project import BundleDefinition, StereoModel
 from orip.model.solution import Blunder, Estimates, Residuals, Solution
 from orip.report.matter import Matter
-from orip.report.page import MOST_BYTES, report_page, run_of_page
+from orip.report.page import MOST_BYTES, report_page
+from orip.report.run_mark import run_of_page
 
 DRAWING = re.compile(r"<svg class=.*?</svg>(?=\s*</?(?:figure|div|svg|p)\b)", re.DOTALL)
 
@@ -46,7 +48,7 @@ def test_the_drawings_are_well_formed(name: str) -> None:
     # plan and two elevations, three curves of convergence, a drawing for each photo and their mean
     assert len(drawings) >= 6 + len(sample(name).result["photos"]) + 1
     for each in drawings:
-        assert ElementTree.fromstring(each).get("role") == "img"
+        assert ET.fromstring(each).get("role") == "img"
         assert "nan" not in each
 
 
@@ -126,7 +128,9 @@ def large_block(photos: int, points: int, rays: int) -> Matter:
     point_names = tuple(f"{100_000 + row}" for row in range(points))
     corner, extent = np.array([2.6e6, 1.2e6, 400.0]), np.array([1e4, 1e4, 300.0])
     at = corner + extent * random.random((points, 3))
-    stations = np.column_stack([corner + extent * random.random((photos, 3)) + (0, 0, 1500), random.normal(size=(photos, 3))])
+    stations = np.column_stack(
+        [corner + extent * random.random((photos, 3)) + (0, 0, 1500), random.normal(size=(photos, 3))]
+    )
     n = 2 * points * rays
     residuals = Residuals(
         ("photo",) * n,

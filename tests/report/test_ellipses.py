@@ -1,0 +1,87 @@
+"""Error ellipses: correlations of coordinates against dense matrices, and axes against eigenvectors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle.solving import OFF, noisy, redefined, solved
+from support.synthetic_block import synthetic_block
+
+from orip.bundle.results import solution_of
+from orip.bundle.unknowns import CONSTANT
+from orip.report.ellipses import drawn_points, ellipse_views, standard_ellipses
+
+PAIRS = ((0, 1), (0, 2), (1, 2))
+
+
+@pytest.fixture(scope="module")
+def adjusted():
+    return solved(redefined(noisy(synthetic_block("convergent", "control"), 5), **OFF))
+
+
+def test_correlations_are_those_of_the_dense_inverse(adjusted) -> None:
+    equations = adjusted.adjusted.linearised.equations
+    design = equations.design[equations.active]
+    design = design.toarray() if hasattr(design, "toarray") else design
+    covariance = np.linalg.inv(design.T @ design)
+    sd = np.sqrt(np.diag(covariance))
+    found = solution_of(adjusted)
+    compared = 0
+    for columns, shown in (
+        (adjusted.problem.unknowns.photos[:, :3], found.photo_correlations),
+        (adjusted.problem.unknowns.points, found.point_correlations),
+    ):
+        for place, row in zip(columns, shown, strict=True):
+            for (a, b), r in zip(PAIRS, row, strict=True):
+                if CONSTANT in (place[a], place[b]):
+                    assert np.isnan(r)
+                    continue
+                expected = covariance[place[a], place[b]] / (sd[place[a]] * sd[place[b]])
+                # the inverse of a matrix of condition 1e8 or so keeps eight digits
+                assert r == pytest.approx(expected, abs=1e-6)
+                compared += 1
+    assert compared > 60
+
+
+def test_axes_are_the_eigenvectors() -> None:
+    random = np.random.default_rng(4)
+    root = random.normal(size=(50, 2, 2))
+    covariance = root @ root.transpose(0, 2, 1)
+    sd = np.sqrt(np.einsum("nii->ni", covariance))
+    found = standard_ellipses(sd[:, 0], sd[:, 1], covariance[:, 0, 1] / sd.prod(axis=1))
+    values, vectors = np.linalg.eigh(covariance)
+    # the smaller eigenvalue is a difference: its digits are those of the larger one
+    np.testing.assert_allclose(found.major**2, values[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(found.minor**2, values[:, 0], atol=1e-12 * values[:, 1].max())
+    across = np.cos(found.angle) * vectors[:, 1, 1] - np.sin(found.angle) * vectors[:, 0, 1]
+    np.testing.assert_allclose(across, 0.0, atol=1e-7)
+
+
+def test_a_constant_coordinate_has_no_ellipse() -> None:
+    found = standard_ellipses(np.array([np.nan]), np.array([1.0]), np.array([np.nan]))
+    assert np.isnan(found.major).all()
+
+
+def test_the_drawing_has_an_ellipse_for_each_place_with_deviations(adjusted) -> None:
+    found = solution_of(adjusted)
+    views = ellipse_views(replace(found, ground_unit="m"))
+    assert views is not None
+    expected = int(
+        np.isfinite(found.points.sd).all(axis=1).sum() + np.isfinite(found.photos.sd[:, :3]).all(axis=1).sum()
+    )
+    assert [view.picture.count("<ellipse") for view in views.views] == [expected] * 3
+
+
+def test_a_solution_without_correlations_is_not_drawn(adjusted) -> None:
+    assert ellipse_views(replace(solution_of(adjusted), point_correlations=np.empty((0, 3)))) is None
+
+
+def test_control_is_never_thinned_away(adjusted) -> None:
+    found = solution_of(adjusted)
+    kinds = ("tie",) * 1000 + ("control",) * 7 + ("check",) * 3
+    rows = drawn_points(replace(found, point_kinds=kinds), 110)
+    assert set(range(1000, 1010)) <= set(rows.tolist())
+    assert len(rows) <= 110
+    assert np.ptp(np.diff(rows[rows < 1000])) == 0, "tie points are drawn evenly"

@@ -1,0 +1,98 @@
+"""`orip report`, and the report that `orip solve` and `orip run` write."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from cli.command_line import orip
+from workflow.quiet import run_quietly
+from workflow.small_projects import first_project, replace_in, two_bundles
+
+from orip.report.run_mark import run_of_page
+from orip.workflow.status import project_status
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    folder = first_project(tmp_path / "first")
+    run_quietly(folder)
+    return folder
+
+
+def run_in_store(folder: Path) -> str:
+    return str(json.loads((folder / "result.json").read_text())["run"])
+
+
+def test_report_is_written_where_it_is_wanted(project: Path, tmp_path: Path) -> None:
+    assert orip(project, "report").code == 0
+    page = (project / "report.html").read_text()
+    assert run_of_page(page) == run_in_store(project)
+    wanted = tmp_path / "elsewhere.html"
+    said = orip(project, "report", "MAIN", "--output", str(wanted))
+    assert said.out == ""
+    assert f"wrote    {wanted}" in said.err
+    assert wanted.read_text() == page
+
+
+def test_json_names_the_file(project: Path) -> None:
+    said = orip(project, "report", "--json")
+    assert said.document == {
+        "command": "report", "run": run_in_store(project), "bundle": "MAIN", "file": "report.html",
+    }  # fmt: skip
+
+
+def test_solve_and_run_write_it_unless_told_not_to(project: Path) -> None:
+    for command in ("solve", "run"):
+        assert orip(project, command, "--no-report").code == 0
+        assert not (project / "report.html").exists()
+        assert "report.html" in orip(project, command).err
+        (project / "report.html").unlink()
+
+
+def test_gates_of_the_command_line_are_on_the_page_of_solve(project: Path) -> None:
+    assert orip(project, "solve", "--check", "redundancy>=1000").code == 5
+    assert "redundancy &gt;= 1000" in (project / "report.html").read_text()
+
+
+def test_each_bundle_has_its_report(tmp_path: Path) -> None:
+    folder = two_bundles(tmp_path / "two")
+    assert orip(folder, "run").code == 0
+    assert "bundle MAIN" in (folder / "MAIN_report.html").read_text()
+    assert "bundle AGAIN" in (folder / "AGAIN_report.html").read_text()
+    assert not (folder / "report.html").exists()
+
+
+def test_without_an_adjustment_there_is_nothing_to_report(tmp_path: Path) -> None:
+    folder = first_project(tmp_path / "first")
+    assert orip(folder, "init").code == 0
+    said = orip(folder, "report")
+    assert said.code == 3
+    assert "bundle MAIN has not been adjusted yet; run 'orip solve' first" in said.err
+    assert not (folder / "report.html").exists()
+
+
+def test_a_report_of_an_older_adjustment_is_named(project: Path) -> None:
+    assert orip(project, "report").code == 0
+    assert project_status(project).warnings == ()
+    replace_in(project / "FIRST.PNT", "1012.40", "1012.41")
+    assert orip(project, "solve", "--no-report").code == 0
+    (warning,) = project_status(project).warnings
+    assert str(warning) == "report.html: is not of the last adjustment; 'orip report' writes it again"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_refuses_is_named(project: Path, tmp_path: Path) -> None:
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o500)
+    said = orip(project, "report", "--output", str(closed / "report.html"))
+    assert said.code == 1
+    assert "cannot be written" in said.err
+
+
+def test_a_missing_folder_is_named(project: Path, tmp_path: Path) -> None:
+    said = orip(project, "report", "--output", str(tmp_path / "nowhere" / "report.html"))
+    assert said.code == 1
+    assert "report.html cannot be written: No such file or directory; choose another file: --output" in said.err

@@ -1,0 +1,79 @@
+"""The chi-square test of sigma0, and what the page says first."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from files.hand_built_solutions import awkward
+from scipy.stats import chi2
+
+from orip.files.gate_text import parse_gate
+from orip.model.gate import GateResult
+from orip.model.project import BundleDefinition
+from orip.model.solution import Blunder, Solution
+from orip.report.matter import Matter
+from orip.report.trust import global_test, verdict
+
+QUIET = replace(
+    awkward(), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,
+    redundancy_used=400.0,
+)  # fmt: skip
+
+
+def headline(solution: Solution, *gates: GateResult) -> tuple[str, str]:
+    test = global_test(solution.sigma0, solution.redundancy_used)
+    found = verdict(Matter(solution, gates, BundleDefinition("MAIN"), {}, {}), test)
+    return found.level, found.headline
+
+
+def test_limits_are_those_of_the_printed_table() -> None:
+    # chi-square on 10 degrees of freedom: 3.247 and 20.483 (every textbook's table, three decimals)
+    test = global_test(1.2, 10.0)
+    assert test is not None
+    assert 10.0 * test.lower**2 == pytest.approx(3.247, abs=0.0005)
+    assert 10.0 * test.upper**2 == pytest.approx(20.483, abs=0.0005)
+    assert test.statistic == pytest.approx(14.4)
+
+
+@pytest.mark.parametrize(("sigma0", "redundancy"), [(0.8, 217.0), (1.0059, 355.006), (14.3, 283.0), (0.5, 1.5)])
+def test_it_is_the_chi_square_distribution(sigma0: float, redundancy: float) -> None:
+    test = global_test(sigma0, redundancy)
+    assert test is not None
+    # both evaluate the incomplete gamma function, to some 12 digits
+    assert test.lower == pytest.approx(math.sqrt(chi2.ppf(0.025, redundancy) / redundancy), rel=1e-10)
+    assert test.upper == pytest.approx(math.sqrt(chi2.ppf(0.975, redundancy) / redundancy), rel=1e-10)
+    assert test.p == pytest.approx(chi2.sf(redundancy * sigma0**2, redundancy), rel=1e-9)
+
+
+def test_nothing_redundant_is_no_test() -> None:
+    assert global_test(float("nan"), 0.0) is None
+    nothing = replace(QUIET, sigma0=float("nan"), redundancy=0)
+    said = verdict(Matter(nothing, (), BundleDefinition("MAIN"), {}, {}), None).sentences
+    assert "Nothing is redundant" in " ".join(said)
+
+
+def test_the_gravest_comes_first() -> None:
+    blunder = Blunder(1, "photo", "P", "1", "x", 0.1, 0.01, 9.0, 3.3)
+    failed = GateResult(parse_gate("sigma0<=0.5"), 1.0, passed=False)
+    assert headline(replace(QUIET, status="not_converged"), failed)[1] == (
+        "The adjustment did not converge: do not use its values"
+    )
+    assert headline(replace(QUIET, singular=awkward().singular), failed) == (
+        "bad", "Converged, but 2 unknowns could not be determined",
+    )  # fmt: skip
+    assert headline(replace(QUIET, blunders=(blunder,)), failed) == ("bad", "Converged, but 1 gate failed")
+    assert headline(replace(QUIET, blunders=(blunder,))) == (
+        "caution", "Converged, with doubts: 1 blunder found and left out",
+    )  # fmt: skip
+    assert headline(replace(QUIET, sigma0=14.3))[0] == "caution"
+    assert headline(QUIET) == ("good", "Converged, nothing conspicuous")
+
+
+def test_sigma0_is_put_in_words() -> None:
+    for sigma0, words in ((1.0, "the a-priori errors are right"), (0.8, "better than"), (1.2, "larger than")):
+        solution = replace(QUIET, sigma0=sigma0)
+        test = global_test(sigma0, solution.redundancy_used)
+        said = verdict(Matter(solution, (), BundleDefinition("MAIN"), {}, {}), test).sentences[1]
+        assert words in said
