@@ -83,6 +83,12 @@ class Problem(Protocol[State]):
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor (at most 1) that keeps a correction where the linearisation means something."""
 
+    def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
+        """Return a state in which more observations fit than where weights were reduced in the course of things.
+
+        `limit` is the standard residual up to which an observation fits. None: there is none.
+        """
+
 
 @dataclass(frozen=True, slots=True)
 class Linearised(Generic[State]):

@@ -27,6 +27,9 @@ _GIVING_BACK_ENP = 2.0
 """Corrections this far below their deviations change no standard residual enough to matter for giving weight back."""
 
 
+_LOOKS = 3
+"""Times that points are taken to where more of their observations fit."""
+
 _LEAST_LEFT = 0.5
 """Part of the observations; where fewer can still be computed, what is left is not the block."""
 
@@ -118,7 +121,7 @@ def adjust(
     layout = problem.layout
     current = Linearised(start, problem.linearise(start))
     passes: list[PassRecord] = []
-    given_back: set[int] = set()
+    second_look = _SecondLook(problem, settings)
     again: list[int] = []
     acceleration = Acceleration(layout)
     termination = Termination.MAX_ITERATIONS
@@ -144,18 +147,48 @@ def adjust(
         ended = _termination(passes, settings, weighing, steady, stop_asked())
         again = []
         if ended in (None, Termination.CONVERGED) and steady and enp >= _GIVING_BACK_ENP:
-            again = _to_give_back(current.equations, next_weights, normals, layout, settings, given_back)
-        if again:
-            given_back.update(again)
-            last = iteration + settings.max_iterations
-            acceleration.forget()
-            continue
+            found = second_look.at(current, next_weights, normals)
+            if found is not None:
+                current, again = found
+                last = iteration + settings.max_iterations
+                acceleration.forget()
+                continue
         if ended is not None:
             termination = ended
             break
     weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
     normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
     return Adjusted(current, weights, normals, tuple(passes), termination)
+
+
+class _SecondLook(Generic[State]):
+    """What is reconsidered once the weights are steady, so that the end state depends less on the start.
+
+    First points that have gone with the wrong ones of their observations, some times; then observations that would fit
+    with their full weight, one after the other, each of them once.
+    """
+
+    def __init__(self, problem: Problem[State], settings: IterationSettings) -> None:
+        self._problem, self._settings = problem, settings
+        self._given_back: set[int] = set()
+        self._looks = 0
+
+    def at(
+        self, current: Linearised[State], weights: FloatArray, normals: SolvedNormals
+    ) -> tuple[Linearised[State], list[int]] | None:
+        """Return where the iterations go on, and the observations that have full weight there; None if all is well."""
+        if self._settings.start_down_weight is None:
+            return None
+        if self._looks < _LOOKS:
+            self._looks += 1
+            limit = self._settings.max_standard_residual
+            state = self._problem.reconsidered(current.state, current.equations, limit)
+            if state is not None:
+                return Linearised(state, self._problem.linearise(state)), []
+        layout = self._problem.layout
+        again = _to_give_back(current.equations, weights, normals, layout, self._settings, self._given_back)
+        self._given_back.update(again)
+        return (current, again) if again else None
 
 
 def _to_give_back(

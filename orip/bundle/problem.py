@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations, Layout
+from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
+from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -77,6 +79,16 @@ class BlockProblem:
         moved = state.moved(correction, self.unknowns)
         memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(moved)) is not None}
         return replace(moved, memory=memory)
+
+    def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
+        """Return the state with points moved to where more of their rays fit; None if there are none."""
+        first = 0
+        correction = np.zeros(self.layout.size)
+        for each in self.observations:
+            if isinstance(each, PhotoPointObservations):
+                correction += moves_to_consensus(each, first, self.unknowns.points, equations, limit)
+            first += len(each.rows.photo)
+        return state.moved(correction, self.unknowns) if correction.any() else None
 
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps every photo's turn small enough to linearise."""

@@ -24,7 +24,7 @@ def convergence_charts(matter: Matter) -> tuple[Markup, ...]:
     return (
         line_chart("ENP over the iterations", _frame("ENP"), enp),
         line_chart("sigma0 over the iterations", _frame("sigma0", logarithmic=wide), sigma0),
-        line_chart("Down-weighted components over the iterations", _frame("down-weighted", from_zero=True), down),
+        line_chart("Down-weighted components over the iterations", _frame("down-weighted", counts=True), down),
     )
 
 
@@ -43,5 +43,5 @@ def iteration_table(solution: Solution) -> Table:
     return Table("iterations", "Iterations", columns, note)
 
 
-def _frame(up: str, *, logarithmic: bool = False, from_zero: bool = False) -> ChartFrame:
-    return ChartFrame("iteration", up, 340.0, 200.0, True, logarithmic, from_zero)
+def _frame(up: str, *, logarithmic: bool = False, counts: bool = False) -> ChartFrame:
+    return ChartFrame("iteration", up, 340.0, 200.0, True, logarithmic, counts)

@@ -21,7 +21,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class ChartFrame:
-    """Size of a chart in pixels, and what stands at its axes."""
+    """Size of a chart in pixels, and what stands at its axes; counts are whole numbers from zero upwards."""
 
     across: str
     up: str
@@ -29,7 +29,7 @@ class ChartFrame:
     height: float = 220.0
     whole_across: bool = False
     logarithmic: bool = False
-    from_zero: bool = False
+    counts: bool = False
 
 
 Place = Callable[[float, float], tuple[float, float]]
@@ -58,7 +58,7 @@ def drawing(width: float, height: float, label: str, parts: Iterable[str], style
     return Markup(
         element(
             "svg", content, class_=f"drawing {style}".strip(), viewBox=f"0 0 {number(width)} {number(height)}",
-            style=f"max-width:{number(width)}px", role="img", aria_label=label,
+            style=f"--width:{number(width)}px", role="img", aria_label=label,
         )
     )  # fmt: skip
 
@@ -99,8 +99,7 @@ def line_chart(label: str, frame: ChartFrame, lines: Sequence[Line]) -> Markup:
         return Markup("")
     x0, x1 = _widened(min(acrosses), max(acrosses), 0.0)
     scaled = [math.log10(y) for y in ups if y > 0.0] if frame.logarithmic else ups
-    lowest = 0.0 if frame.from_zero else min(scaled)
-    y0, y1 = _widened(lowest, max(scaled), 0.06)
+    y0, y1 = _widened(0.0, max(1.0, *scaled), 0.06) if frame.counts else _widened(min(scaled), max(scaled), 0.06)
 
     def place(x: float, y: float) -> tuple[float, float]:
         height = math.log10(max(y, 1e-300)) if frame.logarithmic else y
@@ -139,7 +138,7 @@ def _up(frame: ChartFrame, y0: float, y1: float, place: Place, x0: float) -> Ite
         if len(levels) > 7:
             levels = [level for level in levels if math.log10(level) == round(math.log10(level))]
     else:
-        levels = ticks(y0, y1)
+        levels = ticks(y0, y1, whole=frame.counts)
     for level in levels:
         _, y = place(x0, level)
         yield element("line", x1=LEFT, x2=frame.width - RIGHT, y1=y, y2=y, class_="zero" if level == 0 else "grid")

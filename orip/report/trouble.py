@@ -35,7 +35,7 @@ def blunder_table(solution: Solution) -> Table | None:
         Column("No.", [str(each.order) for each in found], key="order"),
         Column("Observation", [_named(each.kind, each.photo, each.point) for each in found], words=True),
         Column("Component", [each.component for each in found], key="component", words=True),
-        Column("Size", [significant(each.size) for each in found], key="size"),
+        Column("Size", [fixed(each.size, decimals_for([each.sd])) for each in found], key="size"),
         Column("sd", [significant(each.sd, 2) for each in found], key="sd"),
         Column("Test", [significant(each.statistic) for each in found], key="statistic"),
         Column("Limit", [significant(each.limit) for each in found], key="limit"),

@@ -78,6 +78,9 @@ def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
     failed = [each for each in matter.gates if not each.passed]
     level, headline = _headline(solution, len(failed), test)
     sentences = [_about_status(solution), _about_sigma0(solution, test)]
+    if solution.blunders:
+        found = counted(len({each.order for each in solution.blunders}), "observation")
+        sentences.append(f"{found} turned out wrong and had no part in it.")
     if matter.gates:
         passed = len(matter.gates) - len(failed)
         names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""

@@ -97,6 +97,9 @@ class CurvedProblem:
     def update(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
         return state + correction
 
+    def reconsidered(self, state: np.ndarray, equations: Equations, limit: float) -> None:
+        return None
+
     def step_factor(self, correction: np.ndarray) -> float:
         del correction
         return 1.0

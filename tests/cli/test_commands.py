@@ -11,7 +11,14 @@ from cli.command_line import orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
 STORES = ["CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO"]
-OUTPUTS = ["INTERIOR_RESULT.OUT", "BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT", "result.json", "residuals.csv", "report.html"]
+OUTPUTS = [
+    "INTERIOR_RESULT.OUT",
+    "BUNDLE_RESULT.OUT",
+    "BUNDLE_ERROR.OUT",
+    "result.json",
+    "residuals.csv",
+    "report.html",
+]
 
 
 @pytest.fixture

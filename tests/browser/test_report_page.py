@@ -1,0 +1,164 @@
+"""The report in a real browser: Chromium without a window, by its driver.
+
+Needs the packages chromium and chromium-driver of the system and `pip install 'orip[browser]'`; is skipped without.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import pytest
+from report.sample_pages import SAMPLES, sample
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install 'orip[browser]'")
+from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402  # only where there is selenium
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="needs Chromium and its driver: apt install chromium chromium-driver"
+)
+
+OPTIONS = (
+    "--headless=new --disable-quic --no-first-run --disable-background-networking --disable-component-update "
+    "--disable-sync --window-size=1280,900 --use-angle=swiftshader --enable-unsafe-swiftshader"
+)
+"""WebGL is computed by the processor: there need not be a graphics card."""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for word in [*OPTIONS.split(), f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"]:
+        options.add_argument(word)
+    if os.geteuid() == 0:
+        options.add_argument("--no-sandbox")  # Chromium's own sandbox does not start for root
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def opened(browser, tmp_path):
+    """Open the page of a sample project; the block in three dimensions is out of sight and not drawn."""
+
+    def open_page(name):
+        path = tmp_path / "report.html"
+        path.write_text(sample(name).page, encoding="utf-8")
+        browser.get_log("browser")
+        browser.get_log("performance")
+        browser.get(path.as_uri())
+        return sample(name).result
+
+    return open_page
+
+
+@pytest.fixture
+def shown(browser, opened):
+    """Open the page of a sample project and have the block in three dimensions drawn."""
+
+    def show(name):
+        result = opened(name)
+        browser.execute_script("document.getElementById('view').scrollIntoView()")
+        WebDriverWait(browser, 60, 0.1).until(lambda _: drawn(browser))
+        return result
+
+    return show
+
+
+def drawn(browser):
+    return browser.execute_script("return document.getElementById('view').dataset.drawn") == "yes"
+
+
+def column(browser, records, key):
+    """Return the cells of a column of a table as they stand, from top to bottom."""
+    return browser.execute_script(
+        "const [records, key] = arguments, table = document.querySelector(`table[data-records='${records}']`);"
+        "const place = table.querySelector(`th[data-key='${key}']`).cellIndex;"
+        "return [...table.tBodies[0].rows].map(row => row.cells[place].textContent)",
+        records, key,
+    )  # fmt: skip
+
+
+def sort(browser, records, key):
+    button = browser.find_element("css selector", f"table[data-records='{records}'] th[data-key='{key}'] button")
+    browser.execute_script("arguments[0].click()", button)
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_the_page_is_shown_without_an_error_and_from_nowhere_else(browser, shown, name):
+    shown(name)
+    # plotly reads its canvas back for the mouse, which Chromium remarks upon; remarks are no errors
+    assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
+    requests = [each["message"] for each in browser.get_log("performance") if "requestWillBeSent" in each["message"]]
+    assert [each for each in requests if '"url":"http' in each] == []
+
+
+def test_the_block_is_drawn_with_photos_points_and_rays_on_demand(browser, shown):
+    result = shown("small_frame_block")
+    traces = browser.execute_script(
+        "return view.data.map(trace => [trace.name, trace.x.filter(each => each !== null).length])"
+    )
+    kinds = [each["kind"] for each in result["points"].values()]
+    # nine places for the three lines of a pyramid over its frame
+    assert dict(traces[:1]) == {"photo frames": 11 * 12}
+    assert dict(traces)["photo"] == 12
+    for kind in ("tie", "control", "check"):
+        assert dict(traces)[f"{kind} point"] == kinds.count(kind)
+    assert dict(traces)["rays"] == 0
+    Select(browser.find_element("id", "rays")).select_by_visible_text("of photo 203")
+    WebDriverWait(browser, 20, 0.1).until(lambda _: rays_drawn(browser) == 46)
+    Select(browser.find_element("id", "rays")).select_by_visible_text("of all photos")
+    WebDriverWait(browser, 20, 0.1).until(lambda _: rays_drawn(browser) == 428)
+
+
+def rays_drawn(browser):
+    return browser.execute_script(
+        "return view.data.find(trace => trace.name === 'rays').x.filter(each => each === null).length"
+    )
+
+
+def test_tables_are_sorted_by_a_click(browser, opened):
+    opened("zurich_city_hall")
+    sort(browser, "points", "X.sd")
+    cells = column(browser, "points", "X.sd")
+    numbers = [float(cell) for cell in cells if cell != "constant"]
+    assert numbers == sorted(numbers)
+    assert cells[len(numbers) :] == ["constant"] * (len(cells) - len(numbers)), "what has no number comes last"
+    sort(browser, "points", "X.sd")
+    numbers = [float(cell) for cell in column(browser, "points", "X.sd") if cell != "constant"]
+    assert numbers == sorted(numbers, reverse=True)
+    heading = browser.find_element("css selector", "table[data-records='points'] th[data-key='X.sd']")
+    assert heading.get_attribute("aria-sort") == "descending"
+
+
+def test_the_page_fits_a_telephone_and_the_dark(browser, shown):
+    shown("small_frame_block")
+    screen = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    try:
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
+        paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+        assert sum(map(int, paper.removeprefix("rgb(").removesuffix(")").split(","))) < 3 * 60
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_it_prints_all_rows_of_its_tables(browser, opened):
+    opened("small_frame_block")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        hidden = browser.execute_script(
+            "return [...document.querySelectorAll('.table')]"
+            ".filter(each => each.scrollHeight > each.clientHeight + 1).length"
+        )
+        assert hidden == 0
+        assert not browser.find_element("css selector", "nav").is_displayed()
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
