@@ -144,7 +144,7 @@ def adjust(
         ended = _termination(passes, settings, weighing, steady, stop_asked())
         again = []
         if ended in (None, Termination.CONVERGED) and steady and enp >= _GIVING_BACK_ENP:
-            again = _to_give_back(current.equations, next_weights, normals, layout, settings, given_back)
+            again = _to_give_back(current.equations, next_weights, normals, settings, given_back)
         if again:
             given_back.update(again)
             last = iteration + settings.max_iterations
@@ -162,7 +162,6 @@ def _to_give_back(
     equations: Equations,
     weights: FloatArray,
     normals: SolvedNormals,
-    layout: Layout,
     settings: IterationSettings,
     given_back: set[int],
 ) -> list[int]:
@@ -176,7 +175,7 @@ def _to_give_back(
     reduced = np.array([row for row in reduced if int(row) not in given_back], dtype=np.int64)
     if not len(reduced):
         return []
-    leverage = cofactors(equations, normals, layout).leverage[reduced]
+    leverage = cofactors(equations, normals).leverage[reduced]
     with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
     best = int(with_full_weight.argmin())
     return [int(reduced[best])] if with_full_weight[best] <= settings.max_standard_residual else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,25 @@ class PhotoPointObservations(Observations):
     xy: FloatArray
     at_measured: NDArray[np.bool_]
     sets: tuple[tuple[int, AdditionalSet, float], ...]
+
+    def of(self, chosen: NDArray[np.bool_]) -> PhotoPointObservations:
+        """Return some of the photo points."""
+        twice = np.repeat(chosen, 2)
+        rows = self.rows
+        some = Rows(
+            kind=rows.kind,
+            photo=tuple(compress(rows.photo, twice)),
+            point=tuple(compress(rows.point, twice)),
+            component=tuple(compress(rows.component, twice)),
+            observed=rows.observed[twice],
+            error=rows.error[twice],
+            used=rows.used[twice],
+            columns=rows.columns[twice],
+        )
+        return PhotoPointObservations(
+            some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
+            self.at_measured[chosen], self.sets,
+        )  # fmt: skip
 
     def linearise_with_partials(self, state: State) -> Linearisation:
         """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns and the additional ones.

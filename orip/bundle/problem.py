@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
+from orip.bundle.photo_loop import PhotoLoop, photo_loop
+from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, rotation_limit
+from orip.bundle.streamed_rows import StreamedRows
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
@@ -35,6 +39,8 @@ class BlockProblem:
         That of a free network; None: control.
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
+    streamed : tuple (loop, others) or None
+        The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
     unknowns: Unknowns
@@ -42,6 +48,7 @@ class BlockProblem:
     pattern: tuple[NDArray[np.int64], NDArray[np.int64], tuple[NDArray[np.bool_], ...]]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
+    streamed: tuple[PhotoLoop, BlockProblem] | None = None
 
     @property
     def layout(self) -> Layout:
@@ -55,6 +62,14 @@ class BlockProblem:
 
     def linearise(self, state: State) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
+        found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
+        return found if self.excluded is None else replace(found, active=found.active & ~self.excluded)
+
+    def design(self, state: State) -> csr_array:
+        """Return the whole design matrix (n, m + 3 b) at a state."""
+        return self._stored(state).design
+
+    def _stored(self, state: State) -> Equations:
         indices, indptr, kept = self.pattern
         data, residual, active, exact = [], [], [], []
         for observations, keep in zip(self.observations, kept, strict=True):
@@ -65,10 +80,21 @@ class BlockProblem:
             exact.append(np.full(len(error), observations.exact))
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
-        taking_part = np.concatenate(active)
-        if self.excluded is not None:
-            taking_part &= ~self.excluded
-        return Equations(design, np.concatenate(residual), taking_part, np.concatenate(exact))
+        return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
+
+    def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
+        rest = others.linearise(state)
+        of_photos, in_front = loop.residuals(state)
+        stay = np.count_nonzero(~loop.eliminated) * 2
+        rows = np.concatenate(
+            [np.flatnonzero(np.repeat(~loop.eliminated, 2)), len(of_photos) + np.arange(len(rest.residual) - stay)]
+        )
+        return Equations(
+            StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
+            np.concatenate([of_photos, rest.residual[stay:]]),
+            np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]]),
+            np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]]),
+        )
 
     def update(self, state: State, correction: FloatArray) -> State:
         """Return the state after a correction."""
@@ -88,13 +114,33 @@ def pose_problem(block: Block) -> BlockProblem:
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
+    problem = _stored_problem(unknowns, observations)
+    photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
+    if (loop := photo_loop(photo_points, unknowns)) is not None:
+        rest = tuple(each for each in observations if each is not photo_points)
+        staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+        others = _stored_problem(unknowns, (*staying, *rest))
+        if not _couples_points(others):
+            problem = replace(problem, streamed=(loop, others))
+    return problem if block.definition.datum == "control" else _freed(problem, block)
+
+
+def _stored_problem(unknowns: Unknowns, observations: tuple[Observations, ...]) -> BlockProblem:
+    """Return the problem of some observations, with its design matrix stored."""
     kept = tuple(each.rows.columns != CONSTANT for each in observations)
-    pairs = list(zip(observations, kept, strict=True))
-    indices = np.concatenate([each.rows.columns[keep] for each, keep in pairs])
+    indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(observations, kept, strict=True)])
     counts = np.concatenate([keep.sum(axis=1) for keep in kept])
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    problem = BlockProblem(unknowns, observations, (indices, indptr, kept))
-    return problem if block.definition.datum == "control" else _freed(problem, block)
+    return BlockProblem(unknowns, observations, (indices, indptr, kept))
+
+
+def _couples_points(problem: BlockProblem) -> bool:
+    """Whether an observation touches a point that is eliminated together with a reduced unknown."""
+    reduced = problem.layout.reduced
+    return any(
+        bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
+        for columns in (each.rows.columns for each in problem.observations)
+    )
 
 
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
