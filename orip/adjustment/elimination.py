@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Symmetric
 from orip.adjustment.cholesky import LOST_ALL
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +46,7 @@ class EliminatedNormals:
 
     Parameters
     ----------
-    matrix : array (m, m)
+    matrix : array or BandMatrix (m, m)
         Of the reduced system.
     right : array (m,)
     diagonal : array (m,)
@@ -57,7 +58,7 @@ class EliminatedNormals:
         H times the blocks' right-hand side.
     """
 
-    matrix: FloatArray
+    matrix: Symmetric
     right: FloatArray
     diagonal: FloatArray
     blocks: BlockFactors

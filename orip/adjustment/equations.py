@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Arrangement, Symmetric
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 
 FloatArray = NDArray[np.float64]
@@ -29,11 +30,14 @@ class Layout:
         Number b of blocks of three; an observation touches one of them at most.
     fixed : array (m + 3 b,) of bool
         Places that are not unknowns (constant coordinates of a block).
+    arrangement : Arrangement or None
+        That of the reduced system as a band; None: it is a full matrix.
     """
 
     reduced: int
     blocks: int
     fixed: BoolArray
+    arrangement: Arrangement | None = None
 
     @property
     def size(self) -> int:
@@ -67,7 +71,7 @@ class Rows(Protocol):
     ) -> EliminatedNormals:
         """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted."""
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: FloatArray) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import BandMatrix, Symmetric
+from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
 from orip.adjustment.elimination import BlockFactors, block_diagonal
 from orip.adjustment.equations import Equations, Layout
@@ -27,7 +29,7 @@ class SolvedNormals:
         dx^T N dx.
     scale : array (m,)
         Root of the complete diagonal of the reduced unknowns; 1 where it is zero.
-    factor : Factor
+    factor : Factor or BandFactor
         Of the reduced system divided by `scale` on both sides.
     blocks : BlockFactors
     coupling : sparse array (3 b, m)
@@ -40,7 +42,7 @@ class SolvedNormals:
     correction: FloatArray
     reduced_square_sum: float
     scale: FloatArray
-    factor: Factor
+    factor: Factor | BandFactor
     blocks: BlockFactors
     coupling: csr_array | bsr_array
     removed: NDArray[np.bool_]
@@ -78,8 +80,7 @@ def solve_normals(
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
-    matrix = normals.matrix / scale[:, None] / scale[None, :]
-    factor = factorise(matrix, max_lost_digits, diagonal <= 0.0)
+    factor = _factorised(normals.matrix, 1.0 / scale, max_lost_digits, diagonal <= 0.0)
     reduced_right = factor.reduce(normals.right / scale)
     solution = factor.back_substitute(reduced_right) / scale
     block_solution = block_diagonal(normals.blocks.half).T @ (normals.block_right - normals.coupling @ solution)
@@ -93,3 +94,14 @@ def solve_normals(
         removed=np.concatenate([factor.removed & ~held, normals.blocks.removed.ravel()]),
         lost_digits=np.concatenate([factor.lost_digits, normals.blocks.lost_digits.ravel()]),
     )
+
+
+def _factorised(
+    matrix: Symmetric, factors: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]
+) -> Factor | BandFactor:
+    """Return the factor of a matrix with rows and columns multiplied by `factors`."""
+    if isinstance(matrix, BandMatrix):
+        scaled = matrix.scaled(factors)
+        found = factorise_band(scaled, max_lost_digits, undetermined)
+        return found or factorise(scaled.toarray(), max_lost_digits, undetermined)
+    return factorise(matrix * factors[:, None] * factors, max_lost_digits, undetermined)

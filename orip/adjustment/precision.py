@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.band import BandMatrix, Symmetric
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 
@@ -23,13 +24,13 @@ class Cofactors:
 
     Parameters
     ----------
-    reduced : array (m, m)
+    reduced : array or BandMatrix (m, m)
     blocks : array (b, 3, 3)
     leverage : array (n,)
         h_i = a_i Q a_i^T of every observation equation, disregarded ones included.
     """
 
-    reduced: FloatArray
+    reduced: Symmetric
     blocks: FloatArray
     leverage: FloatArray
 
@@ -65,7 +66,10 @@ def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
     With the points' rows B of the triangular factor and Q the inverse of the reduced system, a point block's cofactor
     is H^T (I + B Q B^T) H, and an observation's a Q a^T follows from its row freed of the point: a_r - a_p H^T B.
     """
-    inverse = normals.factor.inverse() / np.outer(normals.scale, normals.scale)
+    scaled, factors = normals.factor.inverse(), 1.0 / normals.scale
+    inverse: Symmetric = (
+        scaled.scaled(factors) if isinstance(scaled, BandMatrix) else scaled * factors[:, None] * factors
+    )
     return Cofactors(inverse, *equations.rows.precision(normals.blocks, normals.coupling, inverse))
 
 

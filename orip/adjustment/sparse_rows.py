@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Symmetric, band_of
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals, block_diagonal, factorise_blocks
 from orip.adjustment.equations import BlockPrecision, Layout
 
@@ -34,28 +35,29 @@ class SparseRows:
         """Return the weighted normal equations with their blocks eliminated."""
         weighted = scale_rows(self.stored, root_weights)
         reduced_design, block_design = weighted[:, : layout.reduced], weighted[:, layout.reduced :]
-        matrix = (reduced_design.T @ reduced_design).toarray()
+        complete = (reduced_design.T @ reduced_design).tocsr()
         fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)
         factors = factorise_blocks(diagonal_blocks(block_design), fixed_places, max_lost_digits)
         half = block_diagonal(factors.half)
         coupling = (half @ (block_design.T @ reduced_design)).tocsr()
         block_right = half @ (block_design.T @ misclosure)
+        matrix = (complete - coupling.T @ coupling).tocsr()
         return EliminatedNormals(
-            matrix=matrix - (coupling.T @ coupling).toarray(),
+            matrix=matrix.toarray() if layout.arrangement is None else band_of(matrix, layout.arrangement),
             right=reduced_design.T @ misclosure - coupling.T @ block_right,
-            diagonal=np.diag(matrix),
+            diagonal=complete.diagonal(),
             blocks=factors,
             coupling=coupling,
             block_right=block_right,
         )
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: FloatArray) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         half = factors.half
         inner = np.eye(3) + _quadratic_blocks(coupling, inverse, len(half))
         return BlockPrecision(np.swapaxes(half, 1, 2) @ inner @ half, self.leverages(factors, coupling, inverse))
 
-    def leverages(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: FloatArray) -> FloatArray:
+    def leverages(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> FloatArray:
         """Return h = a Q a^T of each row a, from the row freed of its point."""
         reduced = len(inverse)
         in_blocks = self.stored[:, reduced:] @ block_diagonal(np.swapaxes(factors.half, 1, 2))
@@ -94,7 +96,7 @@ def _groups_by_length(indptr: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[
             yield int(length), rows[start : start + piece]
 
 
-def _quadratic_rows(matrix: csr_array, inner: FloatArray) -> FloatArray:
+def _quadratic_rows(matrix: csr_array, inner: Symmetric) -> FloatArray:
     """Return a Q a^T for each row a of a sparse matrix."""
     result = np.zeros(matrix.shape[0])
     for length, rows in _groups_by_length(matrix.indptr):
@@ -105,7 +107,7 @@ def _quadratic_rows(matrix: csr_array, inner: FloatArray) -> FloatArray:
     return result
 
 
-def _quadratic_blocks(matrix: csr_array, inner: FloatArray, count: int) -> FloatArray:
+def _quadratic_blocks(matrix: csr_array, inner: Symmetric, count: int) -> FloatArray:
     """Return B Q B^T (count, 3, 3) for each triple of rows B of a sparse matrix."""
     result = np.zeros((count, 3, 3))
     if not count:

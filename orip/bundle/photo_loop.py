@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array
+from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 from orip.adjustment.equations import BlockPrecision, Layout
 from orip.bundle.photo_point import PhotoPointObservations
@@ -38,13 +39,13 @@ class Contributions(NamedTuple):
 
     Attributes
     ----------
-    matrix : array (m, m)
+    matrix : sparse array (m, m)
     right : array (m,)
     blocks : array (b, 3, 3)
     block_right : array (3 b,)
     """
 
-    matrix: FloatArray
+    matrix: csr_array
     right: FloatArray
     blocks: FloatArray
     block_right: FloatArray
@@ -125,45 +126,57 @@ class PhotoLoop:
         root_weights, misclosure : arrays (2 n,)
             Root of the weight factors, and weighted residuals with opposite sign; see `Rows.eliminated`.
         others : Contributions
-            Its arrays are used up.
+            Its arrays of blocks are used up.
         layout : Layout
         max_lost_digits : float
         """
         m, b = layout.reduced, layout.blocks
-        diagonal = np.diag(others.matrix).copy()
+        arrangement = layout.arrangement or _whole(m)
+        columns = arrangement.columns
+        matrix = band_of(others.matrix, arrangement)
+        diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
         half, lost = np.empty((b, 3, 3)), np.empty((b, 3))
         removed = np.empty((b, 3), dtype=np.uint8)
         coupling = np.empty((len(self.pattern.coupling_columns), 3, 1))
         compiled.eliminate(
-            *self._observations(state), *self._pattern(), root_weights / self.points.rows.error, misclosure,
-            np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, others.right,
-            half, lost, removed, coupling, others.matrix, np.empty(0), max_lost_digits, m, m,
+            *self._observations(state), *self._pattern(arrangement), root_weights / self.points.rows.error, misclosure,
+            np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
+            half, lost, removed, coupling, matrix.band, matrix.border,
+            max_lost_digits, arrangement.width, arrangement.banded,
         )  # fmt: skip
-        # the upper triangle of the array is the lower one of a matrix stored by columns
-        upper = np.triu(others.matrix)
         return EliminatedNormals(
-            upper + np.triu(upper, 1).T,
-            others.right,
-            diagonal,
+            matrix.toarray() if layout.arrangement is None else matrix,
+            right[arrangement.places],
+            diagonal[arrangement.places],
             BlockFactors(half, lost, removed.astype(bool)),
-            bsr_array(
-                (coupling, self.pattern.coupling_columns, self.pattern.coupling_start), shape=(3 * b, m), copy=False
-            ),
+            bsr_array((coupling, self.pattern.coupling_columns, self.pattern.coupling_start), shape=(3 * b, m)),
             others.block_right,
         )
 
     def precision(
-        self, state: State, factors: BlockFactors, coupling: bsr_array, inverse: FloatArray
+        self, state: State, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric
     ) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         blocks, leverage = np.empty_like(factors.half), np.zeros(self.points.xy.size)
         longest = int(np.diff(self.pattern.coupling_start).max(initial=0))
+        size = len(inverse)
+        if isinstance(inverse, BandMatrix):
+            arrangement, width, stored = inverse.arrangement, inverse.arrangement.width, (inverse.band, inverse.border)
+        else:
+            arrangement, width, stored = _whole(size), size, (inverse, np.empty(0))
         compiled.precision(
-            *self._observations(state), *self._pattern(), np.ascontiguousarray(factors.half), coupling.data,
-            np.ascontiguousarray(inverse), np.empty(0), blocks, leverage, np.empty(3 * longest),
-            len(inverse), len(inverse), len(inverse),
+            *self._observations(state), *self._pattern(arrangement), np.ascontiguousarray(factors.half), coupling.data,
+            *map(np.ascontiguousarray, stored), blocks, leverage, np.empty(3 * longest),
+            width, arrangement.banded, size,
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
+
+    def touched(self) -> tuple[IntArray, IntArray]:
+        """Return pairs of a block and the first unknown of a camera or photo that it is coupled with."""
+        pattern = self.pattern
+        block = np.repeat(np.arange(len(pattern.runs_start) - 1), np.diff(pattern.runs_start))
+        is_unknown = pattern.run_count[pattern.runs] > 0
+        return block[is_unknown], pattern.run_first[pattern.runs[is_unknown]]
 
     def _observations(self, state: State) -> tuple[NDArray[np.generic], ...]:
         points = self.points
@@ -173,12 +186,17 @@ class PhotoLoop:
         )  # fmt: skip
         return tuple(np.ascontiguousarray(each) for each in arrays)
 
-    def _pattern(self) -> tuple[IntArray, ...]:
+    def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
         p = self.pattern
         return (
-            p.order, p.start, p.camera_at, p.photo_at, p.run_first, p.run_count, p.run_elements, p.runs_start, p.runs,
-            p.coupling_start,
+            p.order, p.start, p.camera_at, p.photo_at, arrangement.places[p.run_first], p.run_count, p.run_elements,
+            p.runs_start, p.runs, p.coupling_start,
         )  # fmt: skip
+
+
+def _whole(size: int) -> Arrangement:
+    """Return the arrangement of a full matrix: a band as wide as it."""
+    return Arrangement(np.arange(size), size, max(size - 1, 0))
 
 
 def is_compiled() -> bool:
@@ -187,14 +205,14 @@ def is_compiled() -> bool:
 
 
 def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop | None:
-    """Return the loop over the photo points of a block; None where it cannot be used.
+    """Return the loop over the photo points of a block; None with additional parameters, which it does not know.
 
     Parameters
     ----------
     points : PhotoPointObservations
     unknowns : Unknowns
     """
-    if not is_compiled() or points.sets:
+    if points.sets:
         return None
     layout = unknowns.layout
     block = _blocks_of_points(unknowns)[points.point]

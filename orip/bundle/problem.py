@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
-from orip.bundle.photo_loop import PhotoLoop, photo_loop
+from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, rotation_limit
 from orip.bundle.streamed_rows import StreamedRows
@@ -22,6 +24,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +36,6 @@ class BlockProblem:
     unknowns : Unknowns
     observations : tuple of Observations
         One of each kind; their rows follow one another.
-    pattern : tuple (indices, indptr, kept)
-        Of the sparse design matrix; `kept` marks the partials that belong to unknowns.
     datum : FreeDatum or None
         That of a free network; None: control.
     excluded : array (n,) of bool or None
@@ -45,7 +46,6 @@ class BlockProblem:
 
     unknowns: Unknowns
     observations: tuple[Observations, ...]
-    pattern: tuple[NDArray[np.int64], NDArray[np.int64], tuple[NDArray[np.bool_], ...]]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
     streamed: tuple[PhotoLoop, BlockProblem] | None = None
@@ -70,7 +70,7 @@ class BlockProblem:
         return self._stored(state).design
 
     def _stored(self, state: State) -> Equations:
-        indices, indptr, kept = self.pattern
+        indices, indptr, kept = self._pattern()
         data, residual, active, exact = [], [], [], []
         for observations, keep in zip(self.observations, kept, strict=True):
             values = observations.linearise_with_partials(state)
@@ -81,6 +81,13 @@ class BlockProblem:
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
         return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
+
+    def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
+        """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
+        kept = [each.rows.columns != CONSTANT for each in self.observations]
+        indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(self.observations, kept, strict=True)])
+        counts = np.concatenate([keep.sum(axis=1) for keep in kept])
+        return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
     def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
@@ -114,24 +121,35 @@ def pose_problem(block: Block) -> BlockProblem:
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
-    problem = _stored_problem(unknowns, observations)
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
+    problem = BlockProblem(unknowns, observations)
     if (loop := photo_loop(photo_points, unknowns)) is not None:
         rest = tuple(each for each in observations if each is not photo_points)
         staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
-        others = _stored_problem(unknowns, (*staying, *rest))
+        others = BlockProblem(unknowns, (*staying, *rest))
         if not _couples_points(others):
-            problem = replace(problem, streamed=(loop, others))
+            problem = _arranged(problem, loop, others)
     return problem if block.definition.datum == "control" else _freed(problem, block)
 
 
-def _stored_problem(unknowns: Unknowns, observations: tuple[Observations, ...]) -> BlockProblem:
-    """Return the problem of some observations, with its design matrix stored."""
-    kept = tuple(each.rows.columns != CONSTANT for each in observations)
-    indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(observations, kept, strict=True)])
-    counts = np.concatenate([keep.sum(axis=1) for keep in kept])
-    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return BlockProblem(unknowns, observations, (indices, indptr, kept))
+def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:
+    """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
+    layout = problem.layout
+    names = problem.unknowns.names[: layout.reduced]
+    records = [None if name is None else name[:2] for name in names]
+    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
+    touching, touched = ([each] for each in loop.touched())
+    first = layout.blocks
+    for each in others.observations:
+        rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
+        touching.append(first + rows)
+        touched.append(each.rows.columns[rows, places])
+        first += len(each.rows.columns)
+    shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
+    row, column = np.concatenate(touching), groups[np.concatenate(touched)]
+    arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
+    unknowns = replace(problem.unknowns, layout=replace(layout, arrangement=arrangement))
+    return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
 
 
 def _couples_points(problem: BlockProblem) -> bool:
@@ -152,7 +170,9 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     datum = free_datum(block, state, unknowns, problem.linearise(state), on_the_ground)
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
-    return replace(problem, unknowns=replace(unknowns, layout=replace(unknowns.layout, fixed=fixed)), datum=datum)
+    # its cofactors are transformed as a whole: no band
+    layout = replace(unknowns.layout, fixed=fixed, arrangement=None)
+    return replace(problem, unknowns=replace(unknowns, layout=layout), datum=datum)
 
 
 def starting_state(block: Block) -> State:

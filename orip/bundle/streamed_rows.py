@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Symmetric
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 from orip.adjustment.equations import BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, scale_rows
@@ -52,7 +53,7 @@ class StreamedRows:
         right = weighted.T @ misclosure[self.other_rows]
         reduced = weighted[:, : layout.reduced]
         others = Contributions(
-            matrix=(reduced.T @ reduced).toarray(order="C"),
+            matrix=(reduced.T @ reduced).tocsr(),
             right=right[: layout.reduced],
             blocks=diagonal_blocks(weighted[:, layout.reduced :]),
             block_right=right[layout.reduced :],
@@ -62,7 +63,7 @@ class StreamedRows:
             self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits
         )
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: FloatArray) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         found = self.loop.precision(self.state, factors, coupling, inverse)
         photos = self.loop.points.xy.size

@@ -15,7 +15,7 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
-from orip.bundle import photo_loop
+from orip.bundle import photo_loop, problem
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
 from orip.model.block import Block
@@ -74,7 +74,7 @@ def tied_points() -> Block:
 
 def behind() -> Block:
     """Return a block with a point that starts above two of its photos."""
-    block = synthetic_block("strip", "photo loop", noise_mm=0.003, start_error=0.01, unknown=("C", "A3")).block
+    block = held_elements()
     points, start = block.photo_points, block.point_start.copy()
     often = np.bincount(points.point).argmax()
     photos = points.photo[points.point == often]
@@ -103,9 +103,9 @@ def block(request: pytest.FixtureRequest) -> Block:
 
 def both_ways(block):
     """Return the layout and the equations by the loop and with the stored matrix."""
-    problem, state = pose_problem(block), starting_state(block)
-    assert problem.streamed is not None
-    return problem.layout, problem.linearise(state), replace(problem, streamed=None).linearise(state)
+    posed, state = pose_problem(block), starting_state(block)
+    assert posed.streamed is not None
+    return posed.layout, posed.linearise(state), replace(posed, streamed=None).linearise(state)
 
 
 def weights_of(equations):
@@ -166,7 +166,7 @@ def test_solution_and_precision(block):
 def test_without_the_extension_the_stored_matrix_is_used(monkeypatch):
     block = self_calibrated("ideal")
     compiled = solve_block(block, lambda _: None, lambda: False)
-    monkeypatch.setattr(photo_loop, "is_compiled", lambda: False)
+    monkeypatch.setattr(problem, "is_compiled", lambda: False)
     assert pose_problem(block).streamed is None
     stored = solve_block(block, lambda _: None, lambda: False)
     assert compiled.variance.sigma0 == pytest.approx(stored.variance.sigma0, rel=1e-10)
@@ -174,7 +174,7 @@ def test_without_the_extension_the_stored_matrix_is_used(monkeypatch):
 
 
 def test_arrays_that_do_not_belong_together_are_refused():
-    problem, state = pose_problem(held_elements()), starting_state(held_elements())
-    loop, _ = problem.streamed
+    posed, state = pose_problem(held_elements()), starting_state(held_elements())
+    loop, _ = posed.streamed
     with pytest.raises(ValueError, match="do not belong together"):
         loop.residuals(replace(state, centres=state.centres[1:]))

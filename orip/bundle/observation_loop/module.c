@@ -159,17 +159,21 @@ typedef struct {
     Reduced inverse;
 } Precision;
 
-/* result[i] += sum over j of Q[first_i + i, first_j + j] vectors[j], three numbers each. */
+/* Add Q a to `of_b` and Q b to `of_a`, for the part of Q between the unknowns of two runs; three numbers for each. */
 static inline __attribute__((always_inline)) void add_inverse_times(
-    const Reduced *Q, int64_t first_i, int64_t count_i, int64_t first_j, int64_t count_j, const double *vectors,
-    double *result)
+    const Reduced *Q, int64_t first_i, int64_t count_i, const double *a, double *of_a, int64_t first_j, int64_t count_j,
+    const double *b, double *of_b)
 {
-    for (int64_t i = 0; i < count_i; i++)
-        for (int64_t j = 0; j < count_j; j++) {
-            const int64_t row = first_i + i, column = first_j + j;
-            const double q = row > column ? *at(Q, row, column) : *at(Q, column, row);
+    const int same = a == b, is_border = first_i >= Q->banded;
+    for (int64_t j = 0; j < count_j; j++)
+        for (int64_t i = same ? j : 0; i < count_i; i++) {
+            const double q = is_border ? Q->border[(first_i + i - Q->banded) * Q->size + first_j + j]
+                                       : Q->band[(first_j + j) * Q->stride + first_i + i];
             for (int k = 0; k < 3; k++)
-                result[3 * i + k] += q * vectors[3 * j + k];
+                of_a[3 * i + k] += q * b[3 * j + k];
+            if (!same || i != j)
+                for (int k = 0; k < 3; k++)
+                    of_b[3 * j + k] += q * a[3 * i + k];
         }
 }
 
@@ -213,16 +217,21 @@ static void precision_loop(const Block *b, const Precision *p)
         const int64_t unknowns = b->coupling_start[block + 1] - b->coupling_start[block];
         double *QB = p->product;
         memset(QB, 0, sizeof(double) * 3 * (size_t)unknowns);
-        double *result = QB;
+        int64_t at_r = 0;
         for (int64_t r = b->runs_start[block]; r < b->runs_start[block + 1]; r++) {
             const Run run = run_of(b, b->runs[r]);
-            const double *vectors = B;
-            for (int64_t s = b->runs_start[block]; s < b->runs_start[block + 1]; s++) {
+            int64_t at_s = 0;
+            for (int64_t s = b->runs_start[block]; s <= r; s++) {
                 const Run other = run_of(b, b->runs[s]);
-                add_inverse_times(&p->inverse, run.first, run.count, other.first, other.count, vectors, result);
-                vectors += 3 * other.count;
+                if (run.count && other.count && run.first >= other.first)
+                    add_inverse_times(&p->inverse, run.first, run.count, B + at_r, QB + at_r, other.first, other.count,
+                                      B + at_s, QB + at_s);
+                else if (run.count && other.count)
+                    add_inverse_times(&p->inverse, other.first, other.count, B + at_s, QB + at_s, run.first, run.count,
+                                      B + at_r, QB + at_r);
+                at_s += 3 * other.count;
             }
-            result += 3 * run.count;
+            at_r += 3 * run.count;
         }
         double inner[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
         for (int64_t k = 0; k < unknowns; k++)

@@ -28,6 +28,14 @@ static inline __attribute__((always_inline)) double *at(const Reduced *m, int64_
     return i < m->banded ? m->band + j * m->stride + i : m->border + (i - m->banded) * m->size + j;
 }
 
+static inline __attribute__((always_inline)) double dot(const double *a, const double *b, int width)
+{
+    double sum = a[0] * b[0];
+    for (int k = 1; k < width; k++)
+        sum += a[k] * b[k];
+    return sum;
+}
+
 /* Add sign * sum over k of a[i][k] b[j][k] for the unknowns of two runs, with vectors of `width` for each unknown. */
 static inline __attribute__((always_inline)) void add_products(
     const Reduced *m, int64_t first_i, int64_t count_i, const double *a, int64_t first_j, int64_t count_j,
@@ -42,15 +50,19 @@ static inline __attribute__((always_inline)) void add_products(
     if (!count_i || !count_j)
         return;
     const int same = first_i == first_j;
-    for (int64_t i = 0; i < count_i; i++) {
-        const int64_t last = same ? i + 1 : count_j;
-        for (int64_t j = 0; j < last; j++) {
-            double sum = 0.0;
-            for (int k = 0; k < width; k++)
-                sum += a[width * i + k] * b[width * j + k];
-            *at(m, first_i + i, first_j + j) += sign * sum;
+    /* elements that stand beside each other are added one after the other */
+    if (first_i < m->banded)
+        for (int64_t j = 0; j < count_j; j++) {
+            double *column = m->band + (first_j + j) * m->stride + first_i;
+            for (int64_t i = same ? j : 0; i < count_i; i++)
+                column[i] += sign * dot(a + width * i, b + width * j, width);
         }
-    }
+    else
+        for (int64_t i = 0; i < count_i; i++) {
+            double *row = m->border + (first_i + i - m->banded) * m->size + first_j;
+            for (int64_t j = 0; j < (same ? i + 1 : count_j); j++)
+                row[j] += sign * dot(a + width * i, b + width * j, width);
+        }
 }
 
 /* Factor a symmetric 3 x 3 block; see orip/adjustment/elimination.py. half: H with H^T H = inverse of the block. */
