@@ -63,7 +63,7 @@ class SparseRows:
         in_blocks = self.stored[:, reduced:] @ block_diagonal(np.swapaxes(factors.half, 1, 2))
         freed = (self.stored[:, :reduced] - in_blocks @ coupling).tocsr()
         of_points = in_blocks.multiply(in_blocks).sum(axis=1)
-        return _quadratic_rows(freed, inverse) + np.asarray(of_points, dtype=np.float64).ravel()
+        return quadratic_rows(freed, inverse) + np.asarray(of_points, dtype=np.float64).ravel()
 
 
 def scale_rows(matrix: csr_array, factors: FloatArray) -> csr_array:
@@ -96,7 +96,7 @@ def _groups_by_length(indptr: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[
             yield int(length), rows[start : start + piece]
 
 
-def _quadratic_rows(matrix: csr_array, inner: Symmetric) -> FloatArray:
+def quadratic_rows(matrix: csr_array, inner: Symmetric) -> FloatArray:
     """Return a Q a^T for each row a of a sparse matrix."""
     result = np.zeros(matrix.shape[0])
     for length, rows in _groups_by_length(matrix.indptr):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 
@@ -150,11 +151,10 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         for row, each in enumerate(block.cameras)
         if each.additional_set is not None
     )
-    photo_names = [photo.name for photo in block.photos]
     rows = Rows(
         kind="photo",
-        photo=tuple(photo_names[photo] for photo in points.photo for _ in "xy"),
-        point=tuple(block.point_names[point] for point in points.point for _ in "xy"),
+        photo=_named_twice([photo.name for photo in block.photos], points.photo),
+        point=_named_twice(block.point_names, points.point),
         component=("x", "y") * len(points.photo),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
@@ -163,3 +163,8 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     )
     at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
     return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets)
+
+
+def _named_twice(names: Sequence[str], places: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return the name at each place, once for x and once for y."""
+    return tuple(np.repeat(np.array(names, dtype=object)[places], 2).tolist())

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from orip.adjustment.band import Symmetric
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals
+from orip.adjustment.elimination import BlockFactors, EliminatedNormals, block_diagonal
 from orip.adjustment.equations import BlockPrecision, Layout
-from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, scale_rows
+from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
 from orip.bundle.photo_loop import Contributions, PhotoLoop
 from orip.bundle.state import State
 
@@ -69,5 +69,11 @@ class StreamedRows:
         photos = self.loop.points.xy.size
         leverage = np.zeros(np.count_nonzero(self.other_rows >= photos) + photos)
         leverage[:photos] = found.leverage
-        leverage[self.other_rows] = self.others.leverages(factors, coupling, inverse)
+        leverage[self.other_rows] = self._other_leverages(found.blocks, inverse)
         return BlockPrecision(found.blocks, leverage)
+
+    def _other_leverages(self, blocks: FloatArray, inverse: Symmetric) -> FloatArray:
+        """Return the leverages of the rows that touch reduced unknowns, or one point, but never both."""
+        in_reduced, in_blocks = self.others.stored[:, : len(inverse)], self.others.stored[:, len(inverse) :]
+        of_points = (in_blocks @ block_diagonal(blocks)).multiply(in_blocks).sum(axis=1)
+        return quadratic_rows(in_reduced.tocsr(), inverse) + np.asarray(of_points, dtype=np.float64).ravel()

@@ -177,36 +177,61 @@ static inline __attribute__((always_inline)) void add_inverse_times(
         }
 }
 
+/* Add a Q a^T for the part of Q between the unknowns of two runs, for x and y; `a`, `b` hold pairs. */
+static inline __attribute__((always_inline)) void add_quadratic(
+    const Reduced *Q, const Run *one, const double *a, const Run *other, const double *b, double *sums)
+{
+    const int same = a == b, swapped = one->first < other->first;
+    const Run *high = swapped ? other : one, *low = swapped ? one : other;
+    const double *of_high = swapped ? b : a, *of_low = swapped ? a : b;
+    const int is_border = high->first >= Q->banded;
+    for (int64_t j = 0; j < low->count; j++) {
+        double x = 0.0, y = 0.0;
+        for (int64_t i = same ? j + 1 : 0; i < high->count; i++) {
+            const double q = is_border ? Q->border[(high->first + i - Q->banded) * Q->size + low->first + j]
+                                       : Q->band[(low->first + j) * Q->stride + high->first + i];
+            x += q * of_high[2 * i];
+            y += q * of_high[2 * i + 1];
+        }
+        sums[0] += 2.0 * x * of_low[2 * j];
+        sums[1] += 2.0 * y * of_low[2 * j + 1];
+        if (same) {
+            const double q = *at(Q, low->first + j, low->first + j);
+            sums[0] += q * of_low[2 * j] * of_low[2 * j];
+            sums[1] += q * of_low[2 * j + 1] * of_low[2 * j + 1];
+        }
+    }
+}
+
 /* Leverages of a photo point: a_r Q a_r^T - 2 a_r (Q B^T) t + t (I + B Q B^T) t with t = H a_p. */
 static inline __attribute__((always_inline)) void photo_point_leverage(
     const Block *b, const Precision *p, int64_t row, const double *H, const double *QB, const double *inner)
 {
-    double mm[2], partials[2][ELEMENTS], pairs[2][2 * MOST_UNKNOWNS];
+    double mm[2], partials[2][ELEMENTS], pairs[2][2 * MOST_UNKNOWNS], sums[2] = {0.0, 0.0}, t[2][3];
     if (!linearise(b, row, mm, partials))
         return;
+    for (int c = 0; c < 2; c++) {
+        double with_inner[3];
+        multiply(H, partials[c] + POINT, t[c]);
+        multiply(inner, t[c], with_inner);
+        for (int k = 0; k < 3; k++)
+            sums[c] += t[c][k] * with_inner[k];
+    }
     const Run runs[2] = {run_of(b, b->camera[row]), run_of(b, b->camera_count + b->photo[row])};
     const int64_t places[2] = {b->camera_at[row], b->photo_at[row]};
-    for (int r = 0; r < 2; r++)
+    for (int r = 0; r < 2; r++) {
         gather(&runs[r], partials, pairs[r]);
-    for (int c = 0; c < 2; c++) {
-        double t[3], with_inner[3], sum = 0.0;
-        multiply(H, partials[c] + POINT, t);
-        multiply(inner, t, with_inner);
-        for (int k = 0; k < 3; k++)
-            sum += t[k] * with_inner[k];
-        for (int r = 0; r < 2; r++)
-            for (int64_t i = 0; i < runs[r].count; i++) {
-                const double *qb = QB + 3 * (places[r] + i);
-                double of_i = -2.0 * (qb[0] * t[0] + qb[1] * t[1] + qb[2] * t[2]);
-                for (int s = 0; s < 2; s++)
-                    for (int64_t j = 0; j < runs[s].count; j++) {
-                        const int64_t x = runs[r].first + i, y = runs[s].first + j;
-                        of_i += (x > y ? *at(&p->inverse, x, y) : *at(&p->inverse, y, x)) * pairs[s][2 * j + c];
-                    }
-                sum += pairs[r][2 * i + c] * of_i;
-            }
-        p->leverage[2 * row + c] = sum / (b->error[2 * row + c] * b->error[2 * row + c]);
+        for (int64_t i = 0; i < runs[r].count; i++) {
+            const double *qb = QB + 3 * (places[r] + i);
+            for (int c = 0; c < 2; c++)
+                sums[c] -= 2.0 * pairs[r][2 * i + c] * (qb[0] * t[c][0] + qb[1] * t[c][1] + qb[2] * t[c][2]);
+        }
+        for (int s = 0; s <= r; s++)
+            if (runs[r].count && runs[s].count)
+                add_quadratic(&p->inverse, &runs[r], pairs[r], &runs[s], pairs[s], sums);
     }
+    for (int c = 0; c < 2; c++)
+        p->leverage[2 * row + c] = sums[c] / (b->error[2 * row + c] * b->error[2 * row + c]);
 }
 
 FOR_EACH_PROCESSOR
