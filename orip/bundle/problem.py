@@ -135,8 +135,7 @@ def pose_problem(block: Block) -> BlockProblem:
 def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
     layout = problem.layout
-    names = problem.unknowns.names[: layout.reduced]
-    records = [None if name is None else name[:2] for name in names]
+    records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
     touching, touched = ([each] for each in loop.touched())
     first = layout.blocks

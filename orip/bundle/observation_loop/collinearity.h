@@ -74,10 +74,11 @@ static inline __attribute__((always_inline)) int photo_point(
     double u[3];
     for (int axis = 0; axis < 3; axis++)
         u[axis] = rotation[axis] * v[0] + rotation[3 + axis] * v[1] + rotation[6 + axis] * v[2];
-    const double depth = u[2];
-    if (!(depth < -1e-6 * sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])))
+    /* depth < -1e-6 |u| without the root */
+    if (!(u[2] < 0.0 && u[2] * u[2] > 1e-12 * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2])))
         return 0;
-    const double direction[2] = {-u[0] / depth, -u[1] / depth};
+    const double inverse = -1.0 / u[2];
+    const double direction[2] = {u[0] * inverse, u[1] * inverse};
     const double ideal[2] = {camera[0] * direction[0], camera[0] * direction[1]};
 
     Distorted d;
@@ -93,7 +94,8 @@ static inline __attribute__((always_inline)) int photo_point(
     if (!partials)
         return 1;
 
-    const double scale = -camera[0] / depth, by_depth[2] = {-ideal[0] / depth, -ideal[1] / depth};
+    const double scale = camera[0] * inverse;
+    const double by_depth[2] = {ideal[0] * inverse, ideal[1] * inverse};
     double of_ideal[2][3];
     for (int axis = 0; axis < 3; axis++) {
         of_ideal[0][axis] = scale * rotation[3 * axis] + by_depth[0] * rotation[3 * axis + 2];

@@ -28,13 +28,8 @@ static inline __attribute__((always_inline)) double *at(const Reduced *m, int64_
     return i < m->banded ? m->band + j * m->stride + i : m->border + (i - m->banded) * m->size + j;
 }
 
-static inline __attribute__((always_inline)) double dot(const double *a, const double *b, int width)
-{
-    double sum = a[0] * b[0];
-    for (int k = 1; k < width; k++)
-        sum += a[k] * b[k];
-    return sum;
-}
+#define MOST_IN_RUN 11
+#define PHOTO_UNKNOWNS 6
 
 /* Add sign * sum over k of a[i][k] b[j][k] for the unknowns of two runs, with vectors of `width` for each unknown. */
 static inline __attribute__((always_inline)) void add_products(
@@ -49,20 +44,40 @@ static inline __attribute__((always_inline)) void add_products(
     }
     if (!count_i || !count_j)
         return;
-    const int same = first_i == first_j;
-    /* elements that stand beside each other are added one after the other */
-    if (first_i < m->banded)
-        for (int64_t j = 0; j < count_j; j++) {
-            double *column = m->band + (first_j + j) * m->stride + first_i;
-            for (int64_t i = same ? j : 0; i < count_i; i++)
-                column[i] += sign * dot(a + width * i, b + width * j, width);
-        }
-    else
+    if (first_i >= m->banded) {
         for (int64_t i = 0; i < count_i; i++) {
             double *row = m->border + (first_i + i - m->banded) * m->size + first_j;
-            for (int64_t j = 0; j < (same ? i + 1 : count_j); j++)
-                row[j] += sign * dot(a + width * i, b + width * j, width);
+            for (int64_t j = 0; j < (first_i == first_j ? i + 1 : count_j); j++) {
+                double sum = 0.0;
+                for (int k = 0; k < width; k++)
+                    sum += a[width * i + k] * b[width * j + k];
+                row[j] += sign * sum;
+            }
         }
+        return;
+    }
+    /* component by component, so that elements that stand beside each other are added at once */
+    double components[3][MOST_IN_RUN];
+    for (int64_t i = 0; i < count_i; i++)
+        for (int k = 0; k < width; k++)
+            components[k][i] = sign * a[width * i + k];
+    for (int64_t j = 0; j < count_j; j++) {
+        double *column = m->band + (first_j + j) * m->stride + first_i;
+        if (first_i != first_j && count_i == PHOTO_UNKNOWNS)
+            for (int64_t i = 0; i < PHOTO_UNKNOWNS; i++) {
+                double sum = components[0][i] * b[width * j];
+                for (int k = 1; k < width; k++)
+                    sum += components[k][i] * b[width * j + k];
+                column[i] += sum;
+            }
+        else
+            for (int64_t i = first_i == first_j ? j : 0; i < count_i; i++) {
+                double sum = components[0][i] * b[width * j];
+                for (int k = 1; k < width; k++)
+                    sum += components[k][i] * b[width * j + k];
+                column[i] += sum;
+            }
+    }
 }
 
 /* Factor a symmetric 3 x 3 block; see orip/adjustment/elimination.py. half: H with H^T H = inverse of the block. */
