@@ -26,6 +26,7 @@ help:
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types and layers: ruff, mypy, import-linter'
+	@echo 'make bench     compare the speed with that of pycolmap (BENCH_PHOTOS="50 500"); installs it in .venv-bench'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
 .PHONY: demo
@@ -60,9 +61,16 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+BENCH_PHOTOS := 50 500
+
+.PHONY: bench
+bench: $(READY)
+	@[ -x .venv-bench/bin/python ] || { $(BIN)/python -m venv .venv-bench && .venv-bench/bin/pip install -q 'pycolmap==4.2.1'; }
+	$(BIN)/python benchmarks/against_peers.py --peer "$$(pwd -P)/.venv-bench/bin/python" $(BENCH_PHOTOS)
+
 .PHONY: clean
 clean:
-	rm -rf $(VENV) demo build dist orip.egg-info
+	rm -rf $(VENV) .venv-bench demo build dist orip.egg-info
 	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find orip tests -name __pycache__ -type d -prune -exec rm -rf {} +
 

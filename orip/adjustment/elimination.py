@@ -10,11 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.band import Symmetric
 from orip.adjustment.cholesky import LOST_ALL
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+
+_AS_LARGE = 1e-9
+"""Pivots that differ by less than this part are taken in their order: rounding is not to say which is removed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +38,32 @@ class BlockFactors:
     half: FloatArray
     lost_digits: FloatArray
     removed: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class EliminatedNormals:
+    """Normal equations with all blocks eliminated: the reduced system, and what leads back to the blocks.
+
+    Parameters
+    ----------
+    matrix : array or BandMatrix (m, m)
+        Of the reduced system.
+    right : array (m,)
+    diagonal : array (m,)
+        Of the reduced unknowns in the complete matrix, before any elimination.
+    blocks : BlockFactors
+    coupling : sparse array (3 b, m)
+        H N_pr: the eliminated points' rows of the triangular factor.
+    block_right : array (3 b,)
+        H times the blocks' right-hand side.
+    """
+
+    matrix: Symmetric
+    right: FloatArray
+    diagonal: FloatArray
+    blocks: BlockFactors
+    coupling: csr_array | bsr_array
+    block_right: FloatArray
 
 
 def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: float) -> BlockFactors:
@@ -63,7 +95,8 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
     every = np.arange(count)
     for step in range(3):
         pivots = np.where(open_places, np.einsum("bii->bi", remainder), -np.inf)
-        place = pivots.argmax(axis=1)
+        largest = pivots.max(axis=1, keepdims=True)
+        place = (pivots >= largest - _AS_LARGE * np.abs(largest)).argmax(axis=1)
         pivot = pivots[every, place]
         has_turn = open_places.any(axis=1)
         digits = np.where(pivot > 0.0, -np.log10(np.where(pivot > 0.0, pivot, 1.0)), LOST_ALL)
@@ -81,3 +114,9 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
         # the pivot's own row must not be changed by itself: its multiplier is 1
         accumulated -= multiplier[:, :, None] * np.where(sound[:, None], accumulated[every, place], 0.0)[:, None, :]
     return BlockFactors(half * scale[:, None, :], lost, removed)
+
+
+def block_diagonal(blocks: FloatArray) -> bsr_array:
+    """Return b blocks (b, 3, 3) as a sparse block-diagonal matrix."""
+    count = len(blocks)
+    return bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
+
+from orip.adjustment.band import Arrangement, Symmetric
+from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -27,11 +30,14 @@ class Layout:
         Number b of blocks of three; an observation touches one of them at most.
     fixed : array (m + 3 b,) of bool
         Places that are not unknowns (constant coordinates of a block).
+    arrangement : Arrangement or None
+        That of the reduced system as a band; None: it is a full matrix.
     """
 
     reduced: int
     blocks: int
     fixed: BoolArray
+    arrangement: Arrangement | None = None
 
     @property
     def size(self) -> int:
@@ -44,15 +50,38 @@ class Layout:
         return self.size - int(np.count_nonzero(self.fixed))
 
 
+class BlockPrecision(NamedTuple):
+    """Cofactors (b, 3, 3) of the eliminated blocks and leverages (n,) of all observations, for sigma0 = 1."""
+
+    blocks: FloatArray
+    leverage: FloatArray
+
+
+class Rows(Protocol):
+    """The design matrix: partials of n computed observations, divided by their a-priori errors.
+
+    It need not be stored: what the adjustment wants of it are the normal equations and the leverages.
+    """
+
+    def matrix(self) -> csr_array:
+        """Return the design matrix (n, m + 3 b). Its rows have the same pattern at every linearisation."""
+
+    def eliminated(
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+    ) -> EliminatedNormals:
+        """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted."""
+
+    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
+
+
 @dataclass(frozen=True, slots=True)
 class Equations:
     """n linearised observation equations, divided by their a-priori errors.
 
     Parameters
     ----------
-    design : sparse array (n, m + 3 b)
-        Partials of the computed observation by the unknowns, divided by the a-priori error. Its rows have the same
-        pattern at every linearisation.
+    rows : Rows
     residual : array (n,)
         Computed minus observed, divided by the a-priori error.
     active : array (n,) of bool
@@ -61,10 +90,15 @@ class Equations:
         A constant that is met exactly: full weight always, a part of the redundancy, no part of sigma0.
     """
 
-    design: csr_array
+    rows: Rows
     residual: FloatArray
     active: BoolArray
     exact: BoolArray
+
+    @property
+    def design(self) -> csr_array:
+        """Return the design matrix (n, m + 3 b); it may have to be computed."""
+        return self.rows.matrix()
 
 
 class Problem(Protocol[State]):

@@ -185,8 +185,7 @@ class _SecondLook(Generic[State]):
             state = self._problem.reconsidered(current.state, current.equations, limit)
             if state is not None:
                 return Linearised(state, self._problem.linearise(state)), []
-        layout = self._problem.layout
-        again = _to_give_back(current.equations, weights, normals, layout, self._settings, self._given_back)
+        again = _to_give_back(current.equations, weights, normals, self._settings, self._given_back)
         self._given_back.update(again)
         return (current, again) if again else None
 
@@ -195,7 +194,6 @@ def _to_give_back(
     equations: Equations,
     weights: FloatArray,
     normals: SolvedNormals,
-    layout: Layout,
     settings: IterationSettings,
     given_back: set[int],
 ) -> list[int]:
@@ -209,7 +207,7 @@ def _to_give_back(
     reduced = np.array([row for row in reduced if int(row) not in given_back], dtype=np.int64)
     if not len(reduced):
         return []
-    leverage = cofactors(equations, normals, layout).leverage[reduced]
+    leverage = cofactors(equations, normals).leverage[reduced]
     with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
     best = int(with_full_weight.argmin())
     return [int(reduced[best])] if with_full_weight[best] <= settings.max_standard_residual else []

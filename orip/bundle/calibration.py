@@ -86,7 +86,7 @@ def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
     if not len(places):
         return
     columns = unknowns[unknowns != CONSTANT]
-    cofactor = np.diag(solved.cofactors.reduced)[columns]
+    cofactor = solved.cofactors.reduced.diagonal()[columns]
     from_photos = solved.adjusted.normals.scale[columns] ** 2 - 1.0 / _a_priori_errors(solved) ** 2
     unexplained = 1.0 / np.maximum(from_photos * cofactor, 1.0)
     spoiling = _share_of_trace(solved, columns, cofactor) > MOST_OF_TRACE

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations
-from orip.bundle.photo_point import PhotoPointObservations
+from orip.bundle.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +24,12 @@ _FEWEST, _MOST = 3, 10
 
 
 def moves_to_consensus(
-    observations: PhotoPointObservations, first: int, columns: IntArray, equations: Equations, limit: float
+    observations: PhotoPointObservations,
+    first: int,
+    columns: IntArray,
+    equations: Equations,
+    state: State,
+    limit: float,
 ) -> FloatArray:
     """Return corrections that take points to where more of their rays fit than do now.
 
@@ -36,27 +42,33 @@ def moves_to_consensus(
         Unknowns of the points.
     equations : Equations
         At the state in hand.
+    state : State
     limit : float
         Standard residual up to which a component fits.
 
     Returns
     -------
-    array (unknowns,)
+    array (m + 3 b,)
         Zero for all that stays; all zero where no point has a better place.
     """
-    correction = np.zeros(equations.design.shape[1])
+    correction = np.zeros(int(columns.max(initial=CONSTANT)) + 1)
     rows = first + 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
-    size = np.abs(equations.residual[rows])
     used = equations.active[rows].all(axis=1)
-    doubtful = np.unique(observations.point[used & (size > limit).any(axis=1)])
-    for point in doubtful[(columns[doubtful] != CONSTANT).all(axis=1)]:
-        mine = rows[used & (observations.point == point)]
-        if not _FEWEST <= len(mine) <= _MOST:
-            continue
-        design = equations.design[mine.ravel()][:, columns[point]].toarray().reshape(-1, 2, 3)
-        move = _move(design, equations.residual[mine], limit)
-        if move is not None:
-            correction[columns[point]] = move
+    doubtful = np.zeros(len(columns), dtype=bool)
+    doubtful[observations.point[used & (np.abs(equations.residual[rows]) > limit).any(axis=1)]] = True
+    doubtful &= (columns != CONSTANT).all(axis=1)
+    chosen = used & doubtful[observations.point]
+    if not chosen.any():
+        return correction
+    some = observations.of(chosen)
+    design = some.linearise_with_partials(state).partials[:, POINT_PARTIALS] / some.rows.error[:, None]
+    residual = equations.residual[rows[chosen]]
+    for point in np.unique(some.point):
+        mine = some.point == point
+        if _FEWEST <= np.count_nonzero(mine) <= _MOST:
+            move = _move(design.reshape(-1, 2, 3)[mine], residual[mine], limit)
+            if move is not None:
+                correction[columns[point]] = move
     return correction
 
 

@@ -63,6 +63,7 @@ class FreeDatum:
         moved = generator @ solver
         middle = inner.T @ spread
         m = unknowns.layout.reduced
+        assert isinstance(found.reduced, np.ndarray), "the reduced system of a free network is no band"
         reduced = _s_transformed(found.reduced, moved[:m], spread[:m], middle)
         shape = (-1, 3, moved.shape[1])
         blocks = _s_transformed(found.blocks, moved[m:].reshape(shape), spread[m:].reshape(shape), middle)

@@ -78,7 +78,7 @@ def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
 def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return standard deviations of unknowns: NaN for constants, infinite for removed ones."""
     blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
-    diagonal = np.concatenate([np.diag(solved.cofactors.reduced), blocks])
+    diagonal = np.concatenate([solved.cofactors.reduced.diagonal(), blocks])
     deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
     deviation[solved.adjusted.normals.removed] = UNDETERMINED
     padded = np.append(deviation, np.nan)
@@ -138,6 +138,7 @@ def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     reduced = (last != CONSTANT) & ~eliminated
     mine = columns[reduced]
     unknown = mine != CONSTANT
+    mine = np.where(unknown, mine, mine.max(axis=1, keepdims=True, initial=CONSTANT))
     found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
     result[reduced] = np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0)
     return result

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,7 @@ from orip.model.camera import AdditionalSet
 
 FloatArray = NDArray[np.float64]
 
-_CAMERA, _CENTRE, _ROTATION, _POINT = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
+_CAMERA, _CENTRE, _ROTATION, POINT_PARTIALS = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,25 @@ class PhotoPointObservations(Observations):
     xy: FloatArray
     at_measured: NDArray[np.bool_]
     sets: tuple[tuple[int, AdditionalSet, float], ...]
+
+    def of(self, chosen: NDArray[np.bool_]) -> PhotoPointObservations:
+        """Return some of the photo points."""
+        twice = np.repeat(chosen, 2)
+        rows = self.rows
+        some = Rows(
+            kind=rows.kind,
+            photo=tuple(compress(rows.photo, twice)),
+            point=tuple(compress(rows.point, twice)),
+            component=tuple(compress(rows.component, twice)),
+            observed=rows.observed[twice],
+            error=rows.error[twice],
+            used=rows.used[twice],
+            columns=rows.columns[twice],
+        )
+        return PhotoPointObservations(
+            some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
+            self.at_measured[chosen], self.sets,
+        )  # fmt: skip
 
     def linearise_with_partials(self, state: State) -> Linearisation:
         """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
@@ -106,8 +127,8 @@ def _partials(
     result[:, :, 0] = (by_ideal @ image.by_principal_distance[:, :, None])[:, :, 0]
     result[:, :, 1:3] = by_principal_point
     result[:, :, 3:11] = by_coefficients
-    result[:, :, _POINT] = by_ideal @ image.by_point
-    result[:, :, _CENTRE] = -result[:, :, _POINT]
+    result[:, :, POINT_PARTIALS] = by_ideal @ image.by_point
+    result[:, :, _CENTRE] = -result[:, :, POINT_PARTIALS]
     result[:, :, _ROTATION] = by_ideal @ image.by_rotation
     return result
 
@@ -130,11 +151,10 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         for row, each in enumerate(block.cameras)
         if each.additional_set is not None
     )
-    photo_names = [photo.name for photo in block.photos]
     rows = Rows(
         kind="photo",
-        photo=tuple(photo_names[photo] for photo in points.photo for _ in "xy"),
-        point=tuple(block.point_names[point] for point in points.point for _ in "xy"),
+        photo=_named_twice([photo.name for photo in block.photos], points.photo),
+        point=_named_twice(block.point_names, points.point),
         component=("x", "y") * len(points.photo),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
@@ -143,3 +163,8 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     )
     at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
     return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets)
+
+
+def _named_twice(names: Sequence[str], places: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return the name at each place, once for x and once for y."""
+    return tuple(np.repeat(np.array(names, dtype=object)[places], 2).tolist())

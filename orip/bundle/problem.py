@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
+from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, rotation_limit
+from orip.bundle.streamed_rows import StreamedRows
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +37,19 @@ class BlockProblem:
     unknowns : Unknowns
     observations : tuple of Observations
         One of each kind; their rows follow one another.
-    pattern : tuple (indices, indptr, kept)
-        Of the sparse design matrix; `kept` marks the partials that belong to unknowns.
     datum : FreeDatum or None
         That of a free network; None: control.
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
+    streamed : tuple (loop, others) or None
+        The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
     unknowns: Unknowns
     observations: tuple[Observations, ...]
-    pattern: tuple[NDArray[np.int64], NDArray[np.int64], tuple[NDArray[np.bool_], ...]]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
+    streamed: tuple[PhotoLoop, BlockProblem] | None = None
 
     @property
     def layout(self) -> Layout:
@@ -57,7 +63,15 @@ class BlockProblem:
 
     def linearise(self, state: State) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
-        indices, indptr, kept = self.pattern
+        found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
+        return found if self.excluded is None else replace(found, active=found.active & ~self.excluded)
+
+    def design(self, state: State) -> csr_array:
+        """Return the whole design matrix (n, m + 3 b) at a state."""
+        return self._stored(state).design
+
+    def _stored(self, state: State) -> Equations:
+        indices, indptr, kept = self._pattern()
         data, residual, active, exact = [], [], [], []
         for observations, keep in zip(self.observations, kept, strict=True):
             values = observations.linearise_with_partials(state)
@@ -67,10 +81,28 @@ class BlockProblem:
             exact.append(np.full(len(error), observations.exact))
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
-        taking_part = np.concatenate(active)
-        if self.excluded is not None:
-            taking_part &= ~self.excluded
-        return Equations(design, np.concatenate(residual), taking_part, np.concatenate(exact))
+        return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
+
+    def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
+        """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
+        kept = [each.rows.columns != CONSTANT for each in self.observations]
+        indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(self.observations, kept, strict=True)])
+        counts = np.concatenate([keep.sum(axis=1) for keep in kept])
+        return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
+
+    def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
+        rest = others.linearise(state)
+        of_photos, in_front = loop.residuals(state)
+        stay = np.count_nonzero(~loop.eliminated) * 2
+        rows = np.concatenate(
+            [np.flatnonzero(np.repeat(~loop.eliminated, 2)), len(of_photos) + np.arange(len(rest.residual) - stay)]
+        )
+        return Equations(
+            StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
+            np.concatenate([of_photos, rest.residual[stay:]]),
+            np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]]),
+            np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]]),
+        )
 
     def update(self, state: State, correction: FloatArray) -> State:
         """Return the state after a correction."""
@@ -86,7 +118,8 @@ class BlockProblem:
         correction = np.zeros(self.layout.size)
         for each in self.observations:
             if isinstance(each, PhotoPointObservations):
-                correction += moves_to_consensus(each, first, self.unknowns.points, equations, limit)
+                moves = moves_to_consensus(each, first, self.unknowns.points, equations, state, limit)
+                correction[: len(moves)] += moves
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
@@ -100,13 +133,43 @@ def pose_problem(block: Block) -> BlockProblem:
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
-    kept = tuple(each.rows.columns != CONSTANT for each in observations)
-    pairs = list(zip(observations, kept, strict=True))
-    indices = np.concatenate([each.rows.columns[keep] for each, keep in pairs])
-    counts = np.concatenate([keep.sum(axis=1) for keep in kept])
-    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    problem = BlockProblem(unknowns, observations, (indices, indptr, kept))
+    photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
+    problem = BlockProblem(unknowns, observations)
+    if (loop := photo_loop(photo_points, unknowns)) is not None:
+        rest = tuple(each for each in observations if each is not photo_points)
+        staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+        others = BlockProblem(unknowns, (*staying, *rest))
+        if not _couples_points(others):
+            problem = _arranged(problem, loop, others)
     return problem if block.definition.datum == "control" else _freed(problem, block)
+
+
+def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:
+    """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
+    layout = problem.layout
+    records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
+    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
+    touching, touched = ([each] for each in loop.touched())
+    first = layout.blocks
+    for each in others.observations:
+        rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
+        touching.append(first + rows)
+        touched.append(each.rows.columns[rows, places])
+        first += len(each.rows.columns)
+    shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
+    row, column = np.concatenate(touching), groups[np.concatenate(touched)]
+    arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
+    unknowns = replace(problem.unknowns, layout=replace(layout, arrangement=arrangement))
+    return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
+
+
+def _couples_points(problem: BlockProblem) -> bool:
+    """Whether an observation touches a point that is eliminated together with a reduced unknown."""
+    reduced = problem.layout.reduced
+    return any(
+        bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
+        for columns in (each.rows.columns for each in problem.observations)
+    )
 
 
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
@@ -118,7 +181,9 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     datum = free_datum(block, state, unknowns, problem.linearise(state), on_the_ground)
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
-    return replace(problem, unknowns=replace(unknowns, layout=replace(unknowns.layout, fixed=fixed)), datum=datum)
+    # its cofactors are transformed as a whole: no band
+    layout = replace(unknowns.layout, fixed=fixed, arrangement=None)
+    return replace(problem, unknowns=replace(unknowns, layout=layout), datum=datum)
 
 
 def starting_state(block: Block) -> State:

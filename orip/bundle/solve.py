@@ -98,7 +98,7 @@ def solve_problem(
             "the control and the a-priori errors"
         )
         raise NotSolvableError(message)
-    found = cofactors(equations, adjusted.normals, problem.layout)
+    found = cofactors(equations, adjusted.normals)
     if problem.datum is not None:
         state = adjusted.linearised.state
         found = problem.datum.transformed_cofactors(found, adjusted.normals, state, problem.unknowns)

@@ -6,9 +6,10 @@ is OMEGA or PHI that is named, and not KAPPA.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from operator import index
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,41 @@ class UnknownName(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class UnknownNames:
+    """Names of all unknowns by their columns; those of eliminated points are made when they are asked for.
+
+    Parameters
+    ----------
+    reduced : tuple of UnknownName, length m
+    point_names : tuple of str
+    eliminated : array (b,) of int
+        Points that are eliminated.
+    fixed : array (3 b,) of bool
+        Their constant coordinates, which have no name.
+    """
+
+    reduced: tuple[UnknownName, ...]
+    point_names: tuple[str, ...]
+    eliminated: IntArray
+    fixed: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.reduced) + len(self.fixed)
+
+    def __getitem__(self, at: SupportsIndex) -> UnknownName | None:
+        column = index(at)
+        if column < len(self.reduced):
+            return self.reduced[column]
+        place = column - len(self.reduced)
+        if self.fixed[place]:
+            return None
+        return UnknownName("POINT", self.point_names[self.eliminated[place // 3]], POINT_COORDINATES[place % 3])
+
+    def __iter__(self) -> Iterator[UnknownName | None]:
+        return (self[column] for column in range(len(self)))
+
+
+@dataclass(frozen=True, slots=True)
 class Unknowns:
     """Columns of the unknowns; `CONSTANT` where a parameter is none.
 
@@ -48,7 +84,7 @@ class Unknowns:
         In the order of `PHOTO_PARAMETERS`.
     points : array (number of points, 3)
     layout : Layout
-    names : tuple of UnknownName or None, length m + 3 b
+    names : UnknownNames, length m + 3 b
         None for places that are no unknowns.
     """
 
@@ -58,7 +94,7 @@ class Unknowns:
     photos: IntArray
     points: IntArray
     layout: Layout
-    names: tuple[UnknownName | None, ...]
+    names: UnknownNames
 
 
 def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
@@ -74,7 +110,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     -------
     Unknowns
     """
-    names: list[UnknownName | None] = []
+    names: list[UnknownName] = []
     sets = [set_names(camera) for camera in block.cameras]
     cameras = np.full((len(sets), len(CAMERA_PARAMETERS)), CONSTANT)
     additional = np.full((len(sets), max(map(len, sets))), CONSTANT)
@@ -106,14 +142,15 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     eliminated = np.setdiff1d(np.arange(len(block.point_names)), tied)
     held = block.constant_points[eliminated]
     points[eliminated] = np.where(held, CONSTANT, reduced + np.arange(3 * len(eliminated)).reshape(-1, 3))
-    names += [
-        None if hold else UnknownName("POINT", block.point_names[point], kind)
-        for point, holds in zip(eliminated, held, strict=True)
-        for hold, kind in zip(holds, POINT_COORDINATES, strict=True)
-    ]
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])
     return Unknowns(
-        cameras, additional, theodolites, photos, points, Layout(reduced, len(eliminated), fixed), tuple(names)
+        cameras,
+        additional,
+        theodolites,
+        photos,
+        points,
+        Layout(reduced, len(eliminated), fixed),
+        UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
     )
 
 
@@ -123,7 +160,7 @@ def set_names(camera: Camera) -> tuple[str, ...]:
 
 
 def _number(
-    group: str, name: str, kinds: Sequence[str], unknown: Container[str], names: list[UnknownName | None]
+    group: str, name: str, kinds: Sequence[str], unknown: Container[str], names: list[UnknownName]
 ) -> list[int]:
     """Append the unknown ones of `kinds` to `names` and return their columns in the order of `kinds`."""
     columns = []

@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 def show(invocation: Invocation) -> None:
     """Print the state of the project on stdout."""
-    from orip.workflow.status import project_status
+    from orip.workflow.status import observation_loop, project_status
 
     found = project_status(invocation.folder)
     terminal = invocation.terminal
@@ -49,3 +49,5 @@ def show(invocation: Invocation) -> None:
         terminal.data("next     nothing: everything is up to date")
     else:
         terminal.data(f"next     {'orip run  (or step by step: orip init)' if untouched else found.next_command}")
+    if terminal.verbose:
+        terminal.data(f"loop     {observation_loop()}")

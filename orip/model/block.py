@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +106,12 @@ class Block:
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
 
-    def point_index(self) -> dict[str, int]:
+    def point_index(self) -> Mapping[str, int]:
         """Return the place of each point by its name."""
-        return {name: index for index, name in enumerate(self.point_names)}
+        return _index(self.point_names)
+
+
+@lru_cache(maxsize=2)
+def _index(names: tuple[str, ...]) -> Mapping[str, int]:
+    # every kind of observation asks for it
+    return MappingProxyType({name: index for index, name in enumerate(names)})

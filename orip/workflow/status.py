@@ -88,6 +88,13 @@ def project_status(folder: Path) -> ProjectStatus:
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
 
 
+def observation_loop() -> str:
+    """Return which loop over photo points this installation has."""
+    from orip.bundle.photo_loop import is_compiled
+
+    return "compiled" if is_compiled() else "NumPy (slower: the extension was not built, as no C compiler was found)"
+
+
 def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
     applied = apply_text(project, definitions, prefer=None)
     if applied.complaints:

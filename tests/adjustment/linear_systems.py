@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.convergence import Termination
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.iteration import Adjusted, IterationSettings, adjust
+from orip.adjustment.sparse_rows import SparseRows
 
 OFF = None
 """An iteration at which nobody starts to reduce weights."""
@@ -48,7 +49,7 @@ def random_equations(
 
 def equations_of(design: np.ndarray, residual: np.ndarray) -> Equations:
     count = len(design)
-    return Equations(csr_array(design), residual, np.ones(count, dtype=bool), np.zeros(count, dtype=bool))
+    return Equations(SparseRows(csr_array(design)), residual, np.ones(count, dtype=bool), np.zeros(count, dtype=bool))
 
 
 def random_weights(seed: int, count: int) -> np.ndarray:

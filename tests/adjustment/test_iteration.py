@@ -160,8 +160,7 @@ def test_a_constant_is_met_exactly_and_is_neither_down_weighted_nor_part_of_sigm
     assert found.linearised.state[:3].sum() == pytest.approx(6.0 + wrong, abs=1e-7)
     assert found.weight_factors[-1] == 1.0
     equations = found.linearised.equations
-    layout = held_sum(wrong).layout
-    leverage = cofactors(equations, found.normals, layout).leverage
+    leverage = cofactors(equations, found.normals).leverage
     variance = variance_of_unit_weight(equations, found.weight_factors, leverage, 3)
     # 12 observations, 3 unknowns, one condition
     assert variance.redundancy == 10

@@ -23,7 +23,7 @@ SHAPES = {
 
 def computed(equations, weights, layout):
     normals = solve_normals(equations, weights, layout, MAX_LOST)
-    return normals, cofactors(equations, normals, layout)
+    return normals, cofactors(equations, normals)
 
 
 def assert_dense(found, dense, layout, equations):

@@ -10,6 +10,8 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
+from orip.bundle.photo_loop import is_compiled
+
 STORES = ["CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO"]
 OUTPUTS = [
     "INTERIOR_RESULT.OUT",
@@ -100,6 +102,13 @@ def test_results_as_text(project: Path) -> None:
 def test_orip_alone_shows_the_status(project: Path) -> None:
     assert orip(project).out == orip(project, "status").out
     assert "next     orip run" in orip(project).out
+
+
+def test_verbose_status_says_which_loop_is_in_use(project: Path) -> None:
+    assert "loop     " not in orip(project, "status").out
+    said = orip(project, "--verbose", "status").out
+    assert ("loop     compiled" in said) == is_compiled()
+    assert ("loop     NumPy" in said) != is_compiled()
 
 
 def test_dump_and_load(project: Path, tmp_path: Path) -> None:

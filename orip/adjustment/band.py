@@ -1,0 +1,177 @@
+"""A symmetric matrix of reduced unknowns as a band with a border: photos beside one another, cameras at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_LEAST_UNKNOWNS = 400
+"""Below, a full matrix is as fast."""
+_LARGEST_SHARE = 0.4
+"""Of all unknowns, in the width of a band that pays."""
+_BORDER_SHARE = 0.25
+"""Of all groups of unknowns; one that is coupled with more goes to the border."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrangement:
+    """Places of m reduced unknowns: the first `banded` are coupled over at most `width` places, the others with all.
+
+    Parameters
+    ----------
+    places : array (m,) of int
+    banded : int
+    width : int
+    """
+
+    places: IntArray
+    banded: int
+    width: int
+
+    @property
+    def columns(self) -> IntArray:
+        """Return the unknowns (m,) in the order of their places."""
+        return np.argsort(self.places)
+
+
+@dataclass(frozen=True, slots=True)
+class BandMatrix:
+    """The lower triangle of a symmetric matrix (m, m) in an arrangement.
+
+    Parameters
+    ----------
+    arrangement : Arrangement
+    band : array (banded, width + 1)
+        Row j has the elements (j, j) to (j + width, j): LAPACK's lower band storage by columns.
+    border : array (m - banded, m)
+        Full rows of the other places.
+    """
+
+    arrangement: Arrangement
+    band: FloatArray
+    border: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.arrangement.places)
+
+    def __getitem__(self, key: tuple[IntArray | int, ...]) -> FloatArray:
+        """Return elements of the matrix by rows and columns, which are broadcast; each must be stored.
+
+        Raises
+        ------
+        IndexError
+            For an element outside the band.
+        """
+        places = self.arrangement.places
+        one, other = np.broadcast_arrays(places[key[0]], places[key[1]])
+        i, j = np.maximum(one, other), np.minimum(one, other)
+        banded = self.arrangement.banded
+        in_band = i < banded
+        if (in_band & (i - j > self.arrangement.width)).any():
+            message = "these unknowns have no observation in common: their cofactor is not computed"
+            raise IndexError(message)
+        found = np.empty(i.shape)
+        found[in_band] = self.band[j[in_band], (i - j)[in_band]]
+        found[~in_band] = self.border[i[~in_band] - banded, j[~in_band]]
+        return found
+
+    def diagonal(self) -> FloatArray:
+        """Return the diagonal (m,)."""
+        every = np.arange(len(self))
+        return self[every, every]
+
+    def add(self, matrix: csr_array) -> None:
+        """Add a sparse symmetric matrix (m, m) that fits into the band."""
+        elements = matrix.tocoo()
+        i, j = self.arrangement.places[elements.row], self.arrangement.places[elements.col]
+        banded = self.arrangement.banded
+        in_band, in_border = (i >= j) & (i < banded), (i >= j) & (i >= banded)
+        np.add.at(self.band, (j[in_band], (i - j)[in_band]), elements.data[in_band])
+        np.add.at(self.border, (i[in_border] - banded, j[in_border]), elements.data[in_border])
+
+    def scaled(self, factors: FloatArray) -> BandMatrix:
+        """Return the matrix with rows and columns multiplied by factors (m,)."""
+        banded, width = self.arrangement.banded, self.arrangement.width
+        ordered = factors[self.arrangement.columns]
+        # what stands beyond the last row is no part of the matrix
+        padded = np.append(ordered[:banded], np.zeros(width))
+        band = self.band * np.lib.stride_tricks.sliding_window_view(padded, width + 1)
+        band *= ordered[:banded, None]
+        return BandMatrix(self.arrangement, band, self.border * ordered * ordered[banded:, None])
+
+    def toarray(self) -> FloatArray:
+        """Return the full matrix (m, m) in the unknowns' own order."""
+        size, banded, width = len(self), self.arrangement.banded, self.arrangement.width
+        lower = np.zeros((size, size))
+        elements = lower.ravel()
+        for below in range(min(width + 1, banded)):
+            elements[below * size :: size + 1][: banded - below] = self.band[: banded - below, below]
+        lower[banded:] = np.tril(self.border, banded)
+        return np.asarray((lower + np.tril(lower, -1).T)[np.ix_(self.arrangement.places, self.arrangement.places)])
+
+
+Symmetric = FloatArray | BandMatrix
+"""A symmetric matrix (m, m); both kinds have a diagonal() and elements [rows, columns]."""
+
+
+def zero_matrix(arrangement: Arrangement) -> BandMatrix:
+    """Return a matrix of zeros."""
+    size, banded = len(arrangement.places), arrangement.banded
+    return BandMatrix(arrangement, np.zeros((banded, arrangement.width + 1)), np.zeros((size - banded, size)))
+
+
+def band_of(matrix: csr_array, arrangement: Arrangement) -> BandMatrix:
+    """Return a sparse symmetric matrix (m, m) as a band with a border."""
+    result = zero_matrix(arrangement)
+    result.add(matrix)
+    return result
+
+
+def arranged(groups: IntArray, touched: csr_array) -> Arrangement | None:
+    """Return an arrangement that makes a narrow band, or None where a full matrix is better.
+
+    The order is that of Cuthill and McKee (1969), reversed, or the given one where that is narrower.
+
+    Parameters
+    ----------
+    groups : array (m,) of int
+        Group of each unknown, ascending from 0; unknowns of a group stay together.
+    touched : sparse array (r, g)
+        Not zero where an observation, or an eliminated block, touches a group.
+    """
+    if len(groups) < _LEAST_UNKNOWNS:
+        return None
+    pattern = (touched.T @ touched).tocsr()
+    count = pattern.shape[0]
+    is_border = np.diff(pattern.indptr) > _BORDER_SHARE * count
+    inner = np.flatnonzero(~is_border)
+    if not len(inner):
+        return None
+    graph = pattern[inner][:, inner]
+    sizes = np.bincount(groups, minlength=count)
+    orders = [inner, inner[reverse_cuthill_mckee(graph, symmetric_mode=True)]]
+    widths = [_width(graph.tocoo(), inner, order, sizes) for order in orders]
+    best = orders[int(np.argmin(widths))]
+    width, banded = min(widths), int(sizes[best].sum())
+    if width > _LARGEST_SHARE * len(groups) or banded < 2:
+        return None
+    order = np.concatenate([best, np.flatnonzero(is_border)])
+    place_of_group = np.empty(count, dtype=np.int64)
+    place_of_group[order] = np.cumsum(sizes[order]) - sizes[order]
+    first = np.searchsorted(groups, np.arange(count))
+    return Arrangement(place_of_group[groups] + np.arange(len(groups)) - first[groups], banded, width)
+
+
+def _width(graph: coo_array, inner: IntArray, order: IntArray, sizes: IntArray) -> int:
+    """Return how many places apart coupled unknowns are at most, in an order of their groups."""
+    begins = np.zeros(len(sizes), dtype=np.int64)
+    begins[order] = np.cumsum(sizes[order]) - sizes[order]
+    ends = begins + sizes - 1
+    return int((ends[inner[graph.row]] - begins[inner[graph.col]]).max(initial=1))

@@ -1,0 +1,122 @@
+"""A design matrix that is stored: sparse products give the normal equations and the precision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_array, csr_array
+
+from orip.adjustment.band import Symmetric, band_of
+from orip.adjustment.elimination import BlockFactors, EliminatedNormals, block_diagonal, factorise_blocks
+from orip.adjustment.equations import BlockPrecision, Layout
+
+FloatArray = NDArray[np.float64]
+
+_CHUNK_NUMBERS = 4_000_000
+"""Numbers gathered at a time: bounds the memory of the blockwise products."""
+
+
+@dataclass(frozen=True, slots=True)
+class SparseRows:
+    """Rows of the design matrix as a sparse matrix (n, m + 3 b)."""
+
+    stored: csr_array
+
+    def matrix(self) -> csr_array:
+        """Return the design matrix."""
+        return self.stored
+
+    def eliminated(
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+    ) -> EliminatedNormals:
+        """Return the weighted normal equations with their blocks eliminated."""
+        weighted = scale_rows(self.stored, root_weights)
+        reduced_design, block_design = weighted[:, : layout.reduced], weighted[:, layout.reduced :]
+        complete = (reduced_design.T @ reduced_design).tocsr()
+        fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)
+        factors = factorise_blocks(diagonal_blocks(block_design), fixed_places, max_lost_digits)
+        half = block_diagonal(factors.half)
+        coupling = (half @ (block_design.T @ reduced_design)).tocsr()
+        block_right = half @ (block_design.T @ misclosure)
+        matrix = (complete - coupling.T @ coupling).tocsr()
+        return EliminatedNormals(
+            matrix=matrix.toarray() if layout.arrangement is None else band_of(matrix, layout.arrangement),
+            right=reduced_design.T @ misclosure - coupling.T @ block_right,
+            diagonal=complete.diagonal(),
+            blocks=factors,
+            coupling=coupling,
+            block_right=block_right,
+        )
+
+    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors of the blocks and leverages."""
+        half = factors.half
+        inner = np.eye(3) + _quadratic_blocks(coupling, inverse, len(half))
+        return BlockPrecision(np.swapaxes(half, 1, 2) @ inner @ half, self.leverages(factors, coupling, inverse))
+
+    def leverages(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> FloatArray:
+        """Return h = a Q a^T of each row a, from the row freed of its point."""
+        reduced = len(inverse)
+        in_blocks = self.stored[:, reduced:] @ block_diagonal(np.swapaxes(factors.half, 1, 2))
+        freed = (self.stored[:, :reduced] - in_blocks @ coupling).tocsr()
+        of_points = in_blocks.multiply(in_blocks).sum(axis=1)
+        return quadratic_rows(freed, inverse) + np.asarray(of_points, dtype=np.float64).ravel()
+
+
+def scale_rows(matrix: csr_array, factors: FloatArray) -> csr_array:
+    """Return the matrix with each row multiplied by its factor; the pattern is kept, zeros included."""
+    data = matrix.data * np.repeat(factors, np.diff(matrix.indptr))
+    return csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def diagonal_blocks(block_design: csr_array) -> FloatArray:
+    """Return the 3 x 3 diagonal blocks (b, 3, 3) of D^T D, for rows that each touch one block at most."""
+    rows, columns = block_design.shape
+    coordinates = block_design.tocoo()
+    dense = np.zeros((rows, 3))
+    dense[coordinates.row, coordinates.col % 3] = coordinates.data
+    block_of_row = np.full(rows, -1)
+    block_of_row[coordinates.row] = coordinates.col // 3
+    used = block_of_row >= 0
+    result = np.zeros((columns // 3, 3, 3))
+    np.add.at(result, block_of_row[used], dense[used][:, :, None] * dense[used][:, None, :])
+    return result
+
+
+def _groups_by_length(indptr: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield (number of columns k, rows that have k of them), in pieces of bounded memory."""
+    lengths = np.diff(indptr)
+    for length in np.unique(lengths[lengths > 0]):
+        rows = np.flatnonzero(lengths == length)
+        piece = max(1, _CHUNK_NUMBERS // int(length * length))
+        for start in range(0, len(rows), piece):
+            yield int(length), rows[start : start + piece]
+
+
+def quadratic_rows(matrix: csr_array, inner: Symmetric) -> FloatArray:
+    """Return a Q a^T for each row a of a sparse matrix."""
+    result = np.zeros(matrix.shape[0])
+    for length, rows in _groups_by_length(matrix.indptr):
+        places = matrix.indptr[rows][:, None] + np.arange(length)
+        columns, values = matrix.indices[places], matrix.data[places]
+        gathered = inner[columns[:, :, None], columns[:, None, :]]
+        result[rows] = np.einsum("ni,nij,nj->n", values, gathered, values, optimize=True)
+    return result
+
+
+def _quadratic_blocks(matrix: csr_array, inner: Symmetric, count: int) -> FloatArray:
+    """Return B Q B^T (count, 3, 3) for each triple of rows B of a sparse matrix."""
+    result = np.zeros((count, 3, 3))
+    if not count:
+        return result
+    triples = matrix.tobsr(blocksize=(3, 1))
+    for length, blocks in _groups_by_length(triples.indptr):
+        places = triples.indptr[blocks][:, None] + np.arange(length)
+        columns = triples.indices[places]
+        values = triples.data[places][:, :, :, 0]
+        gathered = inner[columns[:, :, None], columns[:, None, :]]
+        result[blocks] = np.einsum("nia,nij,njb->nab", values, gathered, values, optimize=True)
+    return result

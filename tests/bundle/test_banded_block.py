@@ -1,0 +1,73 @@
+"""The reduced system as a band against the full one, on a block of a hundred photos."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from aerial_blocks import aerial_block
+
+from orip.adjustment.band import BandMatrix
+from orip.adjustment.band_cholesky import BandFactor
+from orip.adjustment.normals import solve_normals
+from orip.adjustment.precision import cofactors
+from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.results import solution_of
+from orip.bundle.solve import solve_block
+
+MAX_LOST = 12.0
+BLOCK = aerial_block(100, 40)
+
+
+def solved_normals(block, *, streamed, banded):
+    problem = pose_problem(block)
+    layout = problem.layout if banded else replace(problem.layout, arrangement=None)
+    if not streamed:
+        problem = replace(problem, streamed=None)
+    equations = problem.linearise(starting_state(block))
+    weights = np.random.default_rng(8).uniform(0.3, 1.0, len(equations.residual))
+    normals = solve_normals(equations, weights, layout, MAX_LOST)
+    return normals, cofactors(equations, normals), problem.unknowns
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_band_and_full_matrix_give_the_same_figures(streamed):
+    normals, found, unknowns = solved_normals(BLOCK, streamed=streamed, banded=True)
+    full, wanted, _ = solved_normals(BLOCK, streamed=False, banded=False)
+    assert isinstance(normals.factor, BandFactor)
+    assert isinstance(found.reduced, BandMatrix)
+    deviation = np.sqrt(np.concatenate([np.diag(wanted.reduced), np.einsum("bii->bi", wanted.blocks).ravel()]))
+    size = np.abs(full.correction / deviation).max()
+    # a self-calibrated block of a hundred photos loses some six digits
+    assert np.abs((normals.correction - full.correction) / deviation).max() < 1e-8 * size
+    assert normals.reduced_square_sum == pytest.approx(full.reduced_square_sum, rel=1e-9)
+    assert np.allclose(found.reduced.diagonal(), np.diag(wanted.reduced), rtol=1e-7)
+    assert np.allclose(np.einsum("bii->bi", found.blocks), np.einsum("bii->bi", wanted.blocks), rtol=1e-7)
+    assert np.allclose(found.leverage, wanted.leverage, rtol=1e-6, atol=1e-9)
+    for columns in (unknowns.photos[17], unknowns.cameras[0][unknowns.cameras[0] >= 0]):
+        pairs = np.ix_(columns, columns)
+        roots = np.outer(deviation[columns], deviation[columns])
+        assert np.allclose(found.reduced[pairs] / roots, wanted.reduced[pairs] / roots, atol=1e-7)
+    right = np.random.default_rng(9).normal(size=(len(deviation), 2)) / deviation[:, None]
+    roots = deviation[:, None]
+    assert np.allclose(normals.solve(right) / roots, full.solve(right) / roots, rtol=1e-6, atol=1e-5)
+
+
+def test_without_control_the_same_unknowns_are_removed():
+    block = replace(BLOCK, control_points=())
+    normals, _, _ = solved_normals(block, streamed=True, banded=True)
+    full, _, _ = solved_normals(block, streamed=False, banded=False)
+    assert np.count_nonzero(full.removed) == 7
+    assert np.array_equal(normals.removed, full.removed)
+
+
+def test_results_of_a_block_with_a_band():
+    solved = solve_block(BLOCK, lambda _: None, lambda: False)
+    assert isinstance(solved.cofactors.reduced, BandMatrix)
+    solution = solution_of(solved)
+    assert solution.status == "converged"
+    assert np.isfinite(solution.photos.sd).all()
+    assert np.isfinite(solution.points.sd).all()
+    assert np.nansum(solved.variance.redundancy_numbers) == pytest.approx(solved.variance.redundancy, abs=1e-4)
+    assert len(solution.correlations) == 10

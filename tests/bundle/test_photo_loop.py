@@ -1,0 +1,180 @@
+"""The compiled loop over photo points against the stored design matrix: two ways to the same figures.
+
+Both add the same terms in another order, so that they agree to some 1e-13 of what is added; matrices are divided by the
+roots of their diagonals before they are compared, as units differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle.aerial_block import aerial_block
+from support.synthetic_block import DISTORTED, synthetic_block
+
+from orip.adjustment.normals import solve_normals
+from orip.adjustment.precision import cofactors
+from orip.bundle import photo_loop, problem
+from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.solve import solve_block
+from orip.model.block import Block
+from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.control import ControlDistance
+
+pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
+
+RELATIVE = 1e-12
+MAX_LOST = 12.0
+
+
+def self_calibrated(distortion_at: str) -> Block:
+    return synthetic_block(
+        "convergent",
+        "photo loop",
+        noise_mm=0.003,
+        distortion=DISTORTED,
+        distortion_at=distortion_at,
+        unknown=CAMERA_PARAMETERS,
+        start_error=0.01,
+    ).block
+
+
+def two_cameras() -> Block:
+    """Return a block of a calibrated and an uncalibrated camera, the polynomial at "measured" in one of them."""
+    block = self_calibrated("ideal")
+    known = replace(block.cameras[0], name="KNOWN", unknown=("DX", "A3"), distortion_at="measured")
+    photos = tuple(replace(photo, camera="KNOWN") if row % 2 else photo for row, photo in enumerate(block.photos))
+    return replace(
+        block, cameras=(*block.cameras, known), photos=photos, photo_camera=np.arange(len(photos), dtype=np.int64) % 2
+    )
+
+
+def held_elements() -> Block:
+    return synthetic_block(
+        "strip", "photo loop", noise_mm=0.003, start_error=0.01, constant=[("X0", "OMEGA"), (), ("PHI", "KAPPA")]
+    ).block
+
+
+def constant_points() -> Block:
+    block = synthetic_block("strip", "photo loop", noise_mm=0.003, start_error=0.01, control="constant").block
+    constant = block.constant_points.copy()
+    constant[1, 2] = constant[2, :2] = True
+    return replace(block, constant_points=constant)
+
+
+def tied_points() -> Block:
+    block = aerial_block("photo loop", 6).block
+    tied = (
+        ControlDistance("D1", "102", "110", "XYZ", 500.0, 0.1),
+        ControlDistance("D2", "101", "105", "X", 700.0, 0.0),
+    )
+    return replace(block, distances=tied)
+
+
+def behind() -> Block:
+    """Return a block with a point that starts above two of its photos."""
+    block = held_elements()
+    points, start = block.photo_points, block.point_start.copy()
+    often = np.bincount(points.point).argmax()
+    photos = points.photo[points.point == often]
+    start[often, 2] = np.sort(block.photo_orientation[photos, 2])[1] + 0.5
+    return replace(block, point_start=start)
+
+
+BLOCKS = {
+    "ideal": lambda: self_calibrated("ideal"),
+    "measured": lambda: self_calibrated("measured"),
+    "two cameras": two_cameras,
+    "held elements": held_elements,
+    "constant points": constant_points,
+    "tied points": tied_points,
+    "behind": behind,
+    "free": lambda: replace(
+        self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free")
+    ),
+}
+
+
+@pytest.fixture(params=BLOCKS)
+def block(request: pytest.FixtureRequest) -> Block:
+    return BLOCKS[request.param]()
+
+
+def both_ways(block):
+    """Return the layout and the equations by the loop and with the stored matrix."""
+    posed, state = pose_problem(block), starting_state(block)
+    assert posed.streamed is not None
+    return posed.layout, posed.linearise(state), replace(posed, streamed=None).linearise(state)
+
+
+def weights_of(equations):
+    """Return weight factors of all sizes; a few observations are left out, and every point stays determined."""
+    count = len(equations.residual)
+    return np.random.default_rng(7).uniform(0.1, 1.0, count) * (np.arange(count) % 29 != 3)
+
+
+def test_residuals(block):
+    _, streamed, stored = both_ways(block)
+    size = np.abs(stored.residual).max()
+    assert np.allclose(streamed.residual, stored.residual, rtol=RELATIVE, atol=RELATIVE * size)
+    assert np.array_equal(streamed.active, stored.active)
+    assert np.array_equal(streamed.exact, stored.exact)
+    assert np.array_equal(streamed.design.toarray(), stored.design.toarray())
+
+
+def test_normal_equations_with_eliminated_points(block):
+    layout, streamed, stored = both_ways(block)
+    root = np.sqrt(weights_of(stored) * stored.active)
+    found, wanted = (each.rows.eliminated(root, -each.residual * root, layout, MAX_LOST) for each in (streamed, stored))
+    scale = np.sqrt(np.where(wanted.diagonal > 0.0, wanted.diagonal, 1.0))
+    assert np.allclose(found.diagonal, wanted.diagonal, rtol=RELATIVE)
+    assert np.allclose(found.matrix / np.outer(scale, scale), wanted.matrix / np.outer(scale, scale), atol=RELATIVE)
+    right = np.abs(wanted.right / scale).max()
+    assert np.allclose(found.right / scale, wanted.right / scale, atol=RELATIVE * max(right, 1.0) * 10.0)
+    assert np.array_equal(found.blocks.removed, wanted.blocks.removed)
+    # the order of the pivots may differ where diagonals are equal but for rounding: the inverses are compared
+    inverse, other = (np.swapaxes(each.blocks.half, 1, 2) @ each.blocks.half for each in (found, wanted))
+    size = np.sqrt(np.einsum("bii->bi", other))
+    unit = np.where(size > 0.0, size, 1.0)
+    # the inverse of a block has lost as many digits as its pivots
+    lost = 10.0 ** wanted.blocks.lost_digits[~wanted.blocks.removed].max(initial=0.0)
+    assert np.allclose(
+        inverse / (unit[:, :, None] * unit[:, None, :]), other / (unit[:, :, None] * unit[:, None, :]),
+        atol=RELATIVE * lost,
+    )  # fmt: skip
+
+
+def test_solution_and_precision(block):
+    layout, streamed, stored = both_ways(block)
+    weights = weights_of(stored)
+    found, wanted = (solve_normals(each, weights, layout, MAX_LOST) for each in (streamed, stored))
+    assert np.array_equal(found.removed, wanted.removed)
+    precise, expected = cofactors(streamed, found), cofactors(stored, wanted)
+    deviation = np.sqrt(np.concatenate([np.diag(expected.reduced), np.einsum("bii->bi", expected.blocks).ravel()]))
+    used = deviation > 0.0
+    # solving loses the digits of the system's condition, up to eight of the sixteen here
+    difference, size = (
+        np.abs(each[used] / deviation[used]).max() for each in (found.correction - wanted.correction, wanted.correction)
+    )
+    assert difference < 1e-7 * max(size, 1.0)
+    assert np.allclose(np.diag(precise.reduced), np.diag(expected.reduced), rtol=1e-7)
+    assert np.allclose(np.einsum("bii->bi", precise.blocks), np.einsum("bii->bi", expected.blocks), rtol=1e-7)
+    assert np.allclose(precise.leverage, expected.leverage, rtol=1e-7, atol=1e-9)
+
+
+def test_without_the_extension_the_stored_matrix_is_used(monkeypatch):
+    block = self_calibrated("ideal")
+    compiled = solve_block(block, lambda _: None, lambda: False)
+    monkeypatch.setattr(problem, "is_compiled", lambda: False)
+    assert pose_problem(block).streamed is None
+    stored = solve_block(block, lambda _: None, lambda: False)
+    assert compiled.variance.sigma0 == pytest.approx(stored.variance.sigma0, rel=1e-10)
+    assert compiled.adjusted.termination is stored.adjusted.termination
+
+
+def test_arrays_that_do_not_belong_together_are_refused():
+    posed, state = pose_problem(held_elements()), starting_state(held_elements())
+    loop, _ = posed.streamed
+    with pytest.raises(ValueError, match="do not belong together"):
+        loop.residuals(replace(state, centres=state.centres[1:]))
