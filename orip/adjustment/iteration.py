@@ -121,8 +121,7 @@ def adjust(
     given_back: set[int] = set()
     again: list[int] = []
     acceleration = Acceleration(layout)
-    termination = Termination.MAX_ITERATIONS
-    last = settings.max_iterations
+    termination, last = Termination.MAX_ITERATIONS, settings.max_iterations
     weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
     while len(passes) < last:
         iteration = len(passes) + 1
@@ -153,6 +152,8 @@ def adjust(
         if ended is not None:
             termination = ended
             break
+        # those of the next iteration need the room
+        del normals
     weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
     normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
     return Adjusted(current, weights, normals, tuple(passes), termination)
