@@ -124,8 +124,7 @@ def adjust(
     second_look = _SecondLook(problem, settings)
     again: list[int] = []
     acceleration = Acceleration(layout)
-    termination = Termination.MAX_ITERATIONS
-    last = settings.max_iterations
+    termination, last = Termination.MAX_ITERATIONS, settings.max_iterations
     weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
     while len(passes) < last:
         iteration = len(passes) + 1
@@ -156,6 +155,8 @@ def adjust(
         if ended is not None:
             termination = ended
             break
+        # those of the next iteration need the room
+        del normals
     weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
     normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
     return Adjusted(current, weights, normals, tuple(passes), termination)

@@ -43,7 +43,7 @@ class Rows:
     observed: FloatArray
     error: FloatArray
     used: BoolArray
-    columns: IntArray
+    columns: IntArray | NDArray[np.int32]
 
 
 class Linearisation(NamedTuple):

@@ -154,7 +154,7 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
     for each in others.observations:
         rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
         touching.append(first + rows)
-        touched.append(each.rows.columns[rows, places])
+        touched.append(each.rows.columns[rows, places].astype(np.int64))
         first += len(each.rows.columns)
     shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
     row, column = np.concatenate(touching), groups[np.concatenate(touched)]
