@@ -99,7 +99,7 @@ class CurvedProblem:
         return state + correction
 
     def reconsidered(self, state: np.ndarray, equations: Equations, limit: float) -> None:
-        return None
+        del state, equations, limit
 
     def step_factor(self, correction: np.ndarray) -> float:
         del correction
