@@ -100,7 +100,7 @@ def true_minimum(records: SimulatedRecords) -> SolvedBlock:
 def photo_deviations(found: SolvedBlock) -> tuple[np.ndarray, np.ndarray]:
     """Return standard deviations of centres (n, 3) and of rotations about the ground axes (n, 3), radians."""
     columns = found.problem.unknowns.photos
-    deviations = found.deviation_scale * np.sqrt(np.diag(found.cofactors.reduced))[columns]
+    deviations = found.deviation_scale * np.sqrt(found.cofactors.reduced.diagonal())[columns]
     return deviations[:, :3], deviations[:, 3:]
 
 
