@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.prelim.configuration import image_configuration
 from orip.prelim.intersection import intersect
 from orip.prelim.joining import Joined, join
 from orip.prelim.misplaced import misplaced
@@ -182,7 +183,10 @@ class Growth:
         found = resect(self.rays.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
-        return found if np.mean(found.weight_factor >= 1.0) >= _FITTING else None
+        if np.mean(found.weight_factor >= 1.0) < _FITTING:
+            return None
+        spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
+        return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
     def _with_model(self, placed: Placed, fewest: int) -> Placed | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.
