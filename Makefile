@@ -31,11 +31,14 @@ help:
 
 .PHONY: demo
 demo: $(READY)
-	@rm -rf 'demo/$(SAMPLE)' && mkdir -p demo && cp -R 'sample_projects/$(SAMPLE)' demo/
+	@rm -rf 'demo/$(SAMPLE)'
+	@echo 'orip init --sample $(SAMPLE) demo/$(SAMPLE)'
+	@$(BIN)/orip init --sample '$(SAMPLE)' 'demo/$(SAMPLE)'
 	@echo 'orip -C demo/$(SAMPLE) run'
 	@$(BIN)/orip -C 'demo/$(SAMPLE)' run
 	@echo
 	@echo 'The project and its results are in demo/$(SAMPLE):'
+	@echo '  report.html         to look at in a browser: can it be trusted, what is wrong, how good is it'
 	@echo '  BUNDLE_RESULT.OUT   orientations and ground points with their standard deviations'
 	@echo '  BUNDLE_ERROR.OUT    observations that do not fit'
 	@echo '  result.json         the same figures for programs; residuals.csv: every residual'

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from orip.cli.options import Invocation, command
+from orip.cli.samples import list_samples, tell_sample
 from orip.cli.terminal import Terminal, warning_rows
+from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.workflow.initialise import Initialised
@@ -18,6 +21,14 @@ PreferOption = Annotated[
     typer.Option("--prefer", help="Which side wins where orip.toml and a store have both changed a record."),
 ]
 
+SampleOption = Annotated[
+    bool, typer.Option("--sample", help="Write the sample project NAME into DIR; without a name, list them.")
+]
+SampleName = Annotated[str | None, typer.Argument(metavar="NAME", help="With --sample: which one.")]
+SampleFolder = Annotated[
+    Path | None, typer.Argument(metavar="DIR", help="With --sample: a new or empty folder; default ./NAME.")
+]
+
 _SHOWN_VALUES = 12
 
 
@@ -25,13 +36,25 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "init")
-    def init(invocation: Invocation, prefer: PreferOption = None) -> None:
-        """Apply orip.toml to the record stores. Safe to repeat.
+    def init(
+        invocation: Invocation,
+        name: SampleName = None,
+        folder: SampleFolder = None,
+        sample: SampleOption = False,
+        prefer: PreferOption = None,
+    ) -> None:
+        """Apply orip.toml to the record stores; or write a sample project to start with. Safe to repeat.
 
         Records whose text has not changed since the last time stay as they are, so what 'orip update' wrote survives.
 
-        Example: orip -C zurich init
+        Example: orip init --sample small_frame_block try
         """
+        if sample:
+            _sample(invocation, name, folder, prefer)
+            return
+        if name is not None:
+            message = f"{name!r} is too much: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            raise UsageError(message)
         from orip.workflow.initialise import initialise
 
         outcome = initialise(invocation.folder, prefer)
@@ -49,6 +72,18 @@ def register(app: typer.Typer) -> None:
                     "warnings": warning_rows(outcome.warnings),
                 }
             )
+
+
+def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefer: str | None) -> None:
+    if prefer is not None:
+        message = "--prefer does not go with --sample; leave one of them out"
+        raise UsageError(message)
+    if name is None:
+        list_samples(invocation.terminal)
+        return
+    from orip.workflow.sample_projects import write_sample
+
+    tell_sample(invocation.terminal, write_sample(name, invocation.folder / (folder or name)))
 
 
 def tell(terminal: Terminal, outcome: Initialised) -> None:

@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
         All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
 
-        Example: orip -C sample_projects/zurich_city_hall run
+        Example: orip -C zurich_city_hall run
         """
         from orip.files.result_json import result_document, result_text
         from orip.workflow.report import write_report

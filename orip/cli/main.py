@@ -94,7 +94,7 @@ def before_command(
 
     Without a command: what the project has, and what is next.
 
-    Example: orip -C sample_projects/zurich_city_hall run
+    Example: orip init --sample small_frame_block; orip -C small_frame_block run
     """
     options = SharedOptions(quiet, verbose, json, color, threads)
     context.obj = Invocation(folder, options, options.terminal())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
 import stat
 import time
 from contextlib import suppress
@@ -31,7 +32,7 @@ def replace_text(path: Path, text: str) -> None:
     """
     data = text.encode("utf-8")
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".orip-{os.getpid()}-{secrets.token_hex(8)}.tmp")
+    temporary = temporary_beside(target)
     try:
         _write_through(temporary, data, _mode_of(target))
         temporary.replace(target)
@@ -42,10 +43,15 @@ def replace_text(path: Path, text: str) -> None:
     _flush_folder(target.parent)
 
 
-def remove_leftovers(folder: Path) -> list[str]:
-    """Remove the temporary files that killed runs have left in a folder, and return their names.
+def temporary_beside(target: Path) -> Path:
+    """Return the name under which a file or folder may be made before it takes its own, in the same folder."""
+    return target.with_name(f".orip-{os.getpid()}-{secrets.token_hex(8)}.tmp")
 
-    A file is a leftover if its writer is gone, or if it is older than this process: a process number may by now
+
+def remove_leftovers(folder: Path) -> list[str]:
+    """Remove the temporary files and folders that killed runs have left in a folder, and return their names.
+
+    One is a leftover if its writer is gone, or if it is older than this process: a process number may by now
     belong to another program.
     """
     removed = []
@@ -55,9 +61,16 @@ def remove_leftovers(folder: Path) -> list[str]:
             continue
         with suppress(OSError):  # another run may have removed it first
             if _is_leftover(path, int(match.group(1))):
-                path.unlink()
+                _remove(path)
                 removed.append(path.name)
     return removed
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
 
 
 def _mode_of(target: Path) -> int | None:

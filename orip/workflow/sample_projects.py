@@ -1,0 +1,96 @@
+"""The sample projects that come with orip, and a copy of one to work with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from orip.errors import UsageError
+from orip.files.atomic_text import remove_leftovers
+from orip.files.new_folder import write_new_folder
+from orip.workflow.project import PROJECT_FILE
+
+SAMPLES: Mapping[str, str] = {
+    "zurich_city_hall": "15 terrestrial photos of a building, control and check points: data that do not fit",
+    "dcs260_calibration": "5 photos of a grid plate: calibration of a camera",
+    "small_frame_block": "12 hand-held photos of a cliff, simulated: from film to drive table, with two blunders",
+}
+"""Name and description."""
+
+_SUFFIXES = {".toml", ".md", ".MEA", ".PNT", ".PRE", ".LEN", ".py"}
+_TRUTH = "truth.json"
+
+
+@dataclass(frozen=True, slots=True)
+class SampleWritten:
+    """A sample project that was written: its name, its folder, and the names of its files."""
+
+    name: str
+    folder: Path
+    files: tuple[str, ...]
+
+
+def write_sample(name: str, folder: Path) -> SampleWritten:
+    """Write a sample project into a folder that is new or empty; stores and results are left to `orip run`.
+
+    Killed while it writes, it leaves no project: a new folder appears as a whole, and in an existing one orip.toml is
+    the last to be written. Repeated, it goes on from there.
+
+    Raises
+    ------
+    UsageError
+        If there is no such sample, or the folder has something in it; nothing is written then.
+    OSError
+        If the folder or the disk refuses.
+    """
+    texts = sample_texts(name)
+    _require_room(folder, texts)
+    write_new_folder(folder, texts)
+    return SampleWritten(name, folder, tuple(texts))
+
+
+def sample_texts(name: str) -> dict[str, str]:
+    """Return the files of a sample project, orip.toml last.
+
+    Raises
+    ------
+    UsageError
+        If there is no such sample.
+    """
+    if name not in SAMPLES:
+        width = max(map(len, SAMPLES))
+        known = "".join(f"\n  {each:{width}}  {text}" for each, text in SAMPLES.items())
+        message = f"no sample project is called {name!r}; write one of these:{known}"
+        raise UsageError(message)
+    given = [path for path in (files("orip") / "sample_projects" / name).iterdir() if _is_given(path.name)]
+    given.sort(key=lambda path: (path.name == PROJECT_FILE, path.name))
+    return {path.name: path.read_bytes().decode("utf-8") for path in given}
+
+
+def _is_given(name: str) -> bool:
+    """Tell what the sample is made of from what orip wrote there, where somebody ran it in its place."""
+    return Path(name).suffix in _SUFFIXES or name == _TRUTH
+
+
+def _require_room(folder: Path, texts: Mapping[str, str]) -> None:
+    if folder.is_dir():
+        remove_leftovers(folder)
+        found = sorted(path.name for path in folder.iterdir() if not _was_left(path, texts))
+        if not found:
+            return
+        what = f"has something in it already ({found[0]}{', …' if len(found) > 1 else ''})"
+    elif folder.exists() or folder.is_symlink():
+        what = "is not a folder"
+    else:
+        return
+    message = f"{folder} {what}; a sample is written into a new or empty folder: name another one"
+    raise UsageError(message)
+
+
+def _was_left(path: Path, texts: Mapping[str, str]) -> bool:
+    """Tell whether a killed run has written this: one of the texts, but not orip.toml that ends them."""
+    if path.name == PROJECT_FILE or path.name not in texts:
+        return False
+    return path.read_bytes() == texts[path.name].encode("utf-8")
