@@ -21,8 +21,9 @@ from orip.prelim.similarity_adjustment import CommonPoints, adjusted, start_from
 
 FloatArray = NDArray[np.float64]
 
-_BETTER = 0.4
-"""Of the misfit as given: what fits that much better is what was meant."""
+_BETTER = 0.1
+"""Of the misfit as given: what fits that much better is what was meant. A long block that is not adjusted yet may be
+bent so much that a wrong reading of few points fits three times better by chance."""
 
 _EXPECTED = 3.0
 """Standard errors of the control; what fits within them as given needs no explanation."""
