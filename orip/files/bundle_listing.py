@@ -15,6 +15,7 @@ from orip.files.bundle_listing_residuals import (
 from orip.files.listing_title import bundle_title
 from orip.files.number_text import fixed, one_fixed, root_mean_square
 from orip.files.text_table import Column, key_lines, paragraph, section, table_lines
+from orip.model.measurement import PhotoObservations
 from orip.model.solution import Reliability, Solution
 
 TITLE = "BUNDLE ADJUSTMENT: RESULTS"
@@ -22,12 +23,21 @@ TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 STRONG_CORRELATION = 0.95
 
 
-def bundle_listing(solution: Solution, reliability: Reliability) -> str:
-    """Return BUNDLE_RESULT.OUT as one text with a newline at its end."""
-    return "".join(f"{line}\n" for line in bundle_listing_lines(solution, reliability))
+def bundle_listing(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> str:
+    """Return BUNDLE_RESULT.OUT as one text with a newline at its end.
+
+    Parameters
+    ----------
+    solution : Solution
+    reliability : Reliability
+        Of its residuals.
+    measured : PhotoObservations
+        Those that were adjusted; of a photo point that is not among them no measured coordinates are listed.
+    """
+    return "".join(f"{line}\n" for line in bundle_listing_lines(solution, reliability, measured))
 
 
-def bundle_listing_lines(solution: Solution, reliability: Reliability) -> Iterator[str]:
+def bundle_listing_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> Iterator[str]:
     """Yield the lines of BUNDLE_RESULT.OUT, without newlines."""
     yield from bundle_title(TITLE, solution)
     yield from section("KEY FIGURES", _key_figures(solution))
@@ -43,7 +53,7 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability) -> Iterat
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo"))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
-    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability))
+    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability, measured))
 
 
 def _key_figures(solution: Solution) -> list[str]:

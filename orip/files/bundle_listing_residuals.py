@@ -9,8 +9,9 @@ import numpy as np
 
 from orip.files.bundle_listing_estimates import CAMERA_UNITS
 from orip.files.number_text import decimals_for, fixed, measure, root_mean_square
-from orip.files.text_table import Column, Table, table_lines
-from orip.model.measurement import IntArray
+from orip.files.text_table import Column, Table, table_lines, xy_columns
+from orip.model.measurement import IntArray, PhotoObservations
+from orip.model.names import record_key
 from orip.model.solution import FloatArray, Reliability, Residuals, Solution
 
 LARGEST = 10
@@ -27,6 +28,14 @@ LEGEND = [
     "  WF = weight factor (below 1: down-weighted, '-': disregarded), r = redundancy number, w = normalised residual",
 ]
 """What the headings of the tables of residuals mean."""
+
+PHOTO_LEGEND = [
+    "",
+    "  X-template, Y-template = measured coordinates (of a photo off a template: plate coordinates or pixels).",
+    "  Along the photo axes: WX, WY = a-priori error, X_residual, Y_residual = adjusted minus observed,",
+    "  SD = standard deviation of the adjusted observation, WF = weight factor (below 1: down-weighted,",
+    "  '-': disregarded), SR = standard residual, r = redundancy number, w = normalised residual",
+]
 
 AXES = {"x": 0, "y": 1, "X": 0, "Y": 1}
 """Column of a photo component."""
@@ -87,8 +96,16 @@ def ground_residual_lines(solution: Solution, choose: Callable[[str], bool]) -> 
     return table_lines(component_columns(residuals, rows, solution.ground_unit))
 
 
-def photo_residual_lines(solution: Solution, reliability: Reliability) -> list[str]:
-    """Return a table of photo residuals for each photo; the columns are equally wide in all of them."""
+def photo_residual_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> list[str]:
+    """Return a table of photo residuals for each photo; the columns are equally wide in all of them.
+
+    Parameters
+    ----------
+    solution : Solution
+    reliability : Reliability
+    measured : PhotoObservations
+        Those that were adjusted, for their measured coordinates; what is not among them has none.
+    """
     rows = _photo_rows(solution)
     if not rows:
         return ["  none"]
@@ -96,8 +113,13 @@ def photo_residual_lines(solution: Solution, reliability: Reliability) -> list[s
     parts = np.array([row[2:] for row in rows], dtype=np.int64)
     influential = np.where(np.isfinite(residuals.weight_factor), residuals.residual, np.nan)
     influential = np.append(influential, np.nan)[parts]
-    table = Table(_photo_columns(residuals, reliability, rows, parts), indent=4)
-    lines = []
+    columns = [
+        Column("Point", [row[1] for row in rows], align="left"),
+        *xy_columns("{}-template", _measured_at(rows, measured), 4, "mm, px"),
+        *_photo_columns(residuals, reliability, parts),
+    ]
+    table = Table(columns)
+    lines = [*PHOTO_LEGEND]
     start = 0
     for photo, group in itertools.groupby(rows, key=lambda row: row[0]):
         stop = start + sum(1 for _ in group)
@@ -124,29 +146,29 @@ def _photo_rows(solution: Solution) -> list[PhotoRow]:
     return [(photo, point, pair[0], pair[1]) for photo, points in pairs.items() for point, pair in points]
 
 
-def _photo_columns(
-    residuals: Residuals, reliability: Reliability, rows: Sequence[PhotoRow], parts: IntArray
-) -> list[Column]:
-    # millimetres: one decimal less for the coordinate than for its residual, as instruments read out
+def _measured_at(rows: Sequence[PhotoRow], measured: PhotoObservations) -> FloatArray:
+    """Return the measured coordinates of each row (n, 2), NaN where there are none."""
+    keys = zip(map(record_key, measured.photos), measured.points, strict=True)
+    place = {key: i for i, key in enumerate(keys)}
+    padded = np.vstack([measured.measured, [np.nan, np.nan]])  # row -1, of no measurement, reads NaN
+    return padded[[place.get((record_key(photo), point), -1) for photo, point, _, _ in rows]]
+
+
+def _photo_columns(residuals: Residuals, reliability: Reliability, parts: IntArray) -> list[Column]:
+    # millimetres: one decimal less for the error than for the residual, as instruments read out
     decimals = decimals_for(np.abs(residuals.a_priori[parts[parts >= 0]]) / 10.0, 5, 6)
 
-    def pair(heading: str, values: FloatArray, digits: int, unit: str = "") -> list[Column]:
-        padded = np.append(values, np.nan)  # row -1, the missing component, reads NaN
-        return [
-            Column(heading.format(axis), fixed(padded[parts[:, k]], digits), unit, gap=2 - k)
-            for k, axis in enumerate(("X", "Y"))
-        ]
+    def of_parts(values: FloatArray) -> FloatArray:
+        return np.append(values, np.nan)[parts]  # row -1, the missing component, reads NaN
 
     return [
-        Column("Point", [row[1] for row in rows], align="left"),
-        *pair("{}", residuals.observed, decimals - 1, "mm"),
-        *pair("a{}", residuals.a_priori, decimals - 1, "mm"),
-        *pair("v{}", residuals.residual, decimals, "mm"),
-        *pair("SD {}", reliability.adjusted_sd, decimals - 1, "mm"),
-        *pair("SR {}", residuals.standard_residual, 2),
-        *pair("WF {}", residuals.weight_factor, 2),
-        *pair("r {}", residuals.redundancy_number, 2),
-        *pair("w {}", residuals.w, 2),
+        *xy_columns("W{}", of_parts(residuals.a_priori), decimals - 1, "mm"),
+        *xy_columns("{}_residual", of_parts(residuals.residual), decimals, "mm"),
+        *xy_columns("SD {}", of_parts(reliability.adjusted_sd), decimals - 1, "mm"),
+        *xy_columns("{} WF", of_parts(residuals.weight_factor), 2),
+        *xy_columns("SR {}", of_parts(residuals.standard_residual), 2),
+        *xy_columns("r {}", of_parts(residuals.redundancy_number), 2),
+        *xy_columns("w {}", of_parts(residuals.w), 2),
     ]
 
 
@@ -156,4 +178,4 @@ def _quality(influential: FloatArray) -> str:
     if np.isnan(influential).all():
         return text
     means = [root_mean_square(influential[:, k]) for k in range(2)]
-    return text + ",  RMS of vX {} and vY {} mm".format(*fixed(means, 5))
+    return text + ",  RMS of X_residual {} and Y_residual {} mm".format(*fixed(means, 5))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from orip.files.number_text import fixed
-from orip.files.text_table import Column, table_lines
-from orip.model.listed_observation import ListedObservation, Pair, PointToMeasure, StereoPartner
+from orip.files.text_table import Column, table_lines, xy_columns
+from orip.model.listed_observation import ListedObservation, PointToMeasure, StereoPartner
 
 
 def observation_lines(rows: Sequence[ListedObservation]) -> list[str]:
@@ -18,11 +18,11 @@ def observation_lines(rows: Sequence[ListedObservation]) -> list[str]:
         [
             Column("Point", [row.point for row in rows], align="left"),
             Column("Photo", [row.photo for row in rows], align="left"),
-            *_pair("{}-template", [row.measured for row in rows], 4, "mm, px"),
-            *_pair("W{}", [row.error for row in rows], 5, "mm"),
-            *_pair("{}_residual", [row.residual for row in rows], 5, "mm"),
-            *_pair("SD {}", [row.sd for row in rows], 5, "mm"),
-            *_pair("{} WF", [row.weight_factor for row in rows], 3),
+            *xy_columns("{}-template", [row.measured for row in rows], 4, "mm, px"),
+            *xy_columns("W{}", [row.error for row in rows], 5, "mm"),
+            *xy_columns("{}_residual", [row.residual for row in rows], 5, "mm"),
+            *xy_columns("SD {}", [row.sd for row in rows], 5, "mm"),
+            *xy_columns("{} WF", [row.weight_factor for row in rows], 3),
             Column("Rays", [str(row.rays) for row in rows]),
             Column("", [_remark(row) for row in rows], align="left"),
         ]
@@ -44,17 +44,10 @@ def partner_lines(rows: Sequence[StereoPartner]) -> list[str]:
             Column("Partner", [row.partner for row in rows], align="left"),
             Column("Model", [row.model or "-" for row in rows], align="left"),
             Column("Position", [row.place for row in rows], align="left"),
-            *_pair("{}-photo", [row.photo_xy for row in rows], 4, "mm"),
-            *_pair("{}-plate", [row.log_xy for row in rows], 4, "mm, px"),
+            *xy_columns("{}-photo", [row.photo_xy for row in rows], 4, "mm"),
+            *xy_columns("{}-plate", [row.log_xy for row in rows], 4, "mm, px"),
         ]
     )
-
-
-def _pair(heading: str, values: Iterable[Pair], decimals: int, unit: str = "") -> list[Column]:
-    array = np.array(list(values), dtype=np.float64).reshape(-1, 2)
-    return [
-        Column(heading.format(axis), fixed(array[:, k], decimals), unit, gap=2 - k) for k, axis in enumerate(("X", "Y"))
-    ]
 
 
 def todo_text(rows: Sequence[PointToMeasure], bundle: str, run: str | None) -> str:

@@ -7,6 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orip.files.number_text import fixed
+
 Alignment = Literal["left", "right", "point"]
 
 PAGE_WIDTH = 110
@@ -121,6 +126,21 @@ def table_lines(columns: Sequence[Column], indent: int = INDENT) -> list[str]:
     if not columns or not columns[0].cells:
         return [" " * indent + "none"]
     return Table(columns, indent).lines()
+
+
+def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -> list[Column]:
+    """Return the two columns of a figure that has an x and a y, close together.
+
+    Parameters
+    ----------
+    heading : str
+        With {} where X and Y go.
+    values : array (n, 2)
+    decimals : int
+    unit : str
+    """
+    pairs = np.asarray(values, dtype=np.float64).reshape(-1, 2)
+    return [Column(heading.format(axis), fixed(pairs[:, k], decimals), unit, gap=2 - k) for k, axis in enumerate("XY")]
 
 
 def section(title: str, body: Sequence[str]) -> list[str]:

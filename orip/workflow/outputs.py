@@ -16,25 +16,35 @@ from orip.files.interior_listing import interior_listing
 from orip.files.listing_title import run_of_listing
 from orip.files.residuals_csv import residuals_csv
 from orip.files.result_json import result_text, run_of_result
-from orip.files.stores import solutions
+from orip.files.stores import observations, solutions
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
+from orip.model.measurement import PhotoObservations, no_observations
 from orip.model.solution import Solution
 from orip.workflow.interior import Interior, interior_orientation
 from orip.workflow.project import Project
 from orip.workflow.records import read_definitions
+from orip.workflow.run_id import digest_of_observations
 from orip.workflow.stored_measurements import read_measured
 
 _HEAD = 4096
 """Characters that hold the run id of any output."""
 
 
-def write_solution_outputs(project: Project, solution: Solution) -> tuple[Path, ...]:
-    """Write all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv."""
+def write_solution_outputs(project: Project, solution: Solution, measured: PhotoObservations) -> tuple[Path, ...]:
+    """Write all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv.
+
+    Parameters
+    ----------
+    project : Project
+    solution : Solution
+    measured : PhotoObservations
+        Those that were adjusted.
+    """
     files = project.outputs(solution.bundle)
     found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
     _write(project, files.residuals, residuals_csv(solution.residuals, found))
-    _write(project, files.listing, bundle_listing(solution, found))
+    _write(project, files.listing, bundle_listing(solution, found, measured))
     _write(project, files.errors, error_listing(solution))
     _write(project, files.result, result_text(solution))
     return files.all
@@ -73,7 +83,17 @@ def rewrite_stale_outputs(project: Project) -> None:
             stale = head is not None and stale_solution_outputs(project, bundle.name, head.run)
             solution = solutions.read(stores[project.exterior], bundle.name) if stale else None
         if solution is not None:
-            write_solution_outputs(project, solution)
+            write_solution_outputs(project, solution, _adjusted_observations(project, solution))
+
+
+def _adjusted_observations(project: Project, solution: Solution) -> PhotoObservations:
+    """Return the photo observations that a solution comes from; none where they have been measured anew since."""
+    path = project.observations(solution.bundle)
+    with reading([path]) as stores:
+        measured = observations.read(stores[path])
+    if measured is None or dict(solution.inputs).get(project.shown(path)) != digest_of_observations(measured):
+        return no_observations(solution.bundle)
+    return measured
 
 
 def outputs_of_other_names(project: Project) -> Sequence[Path]:

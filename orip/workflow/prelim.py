@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.errors import OripError
-from orip.files.atomic_text import replace_text
-from orip.files.preliminary_listing import preliminary_listing
 from orip.files.preliminary_text import read_preliminary
 from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.transaction import writing
@@ -19,12 +16,11 @@ from orip.model.control import PreliminaryPoint
 from orip.model.names import record_key
 from orip.model.photo import PHOTO_PARAMETERS, Photo
 from orip.model.preliminary import PreliminaryValues
-from orip.prelim.in_project import orientations_in_project, points_in_project
 from orip.units import DEGREES_PER_RADIAN
 from orip.workflow.prelim_steps import PrelimInput, open_prelim, values_of
+from orip.workflow.preliminary_outputs import listed_values, write_preliminary_listing
 from orip.workflow.project import Project
 from orip.workflow.records import read_definitions, write_definitions
-from orip.workflow.run_id import run_id
 from orip.workflow.texts import raise_complaints
 from orip.workflow.update import write_points
 
@@ -32,9 +28,6 @@ FloatArray = NDArray[np.float64]
 
 _SAME = 1e-6
 """Of the distance from photos to points, and in radians: below it values are the same, found a second time."""
-
-_DIGITS = 3
-"""Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,26 +72,16 @@ def prelim(folder: Path, bundle: str | None) -> PrelimOutcome:
     given = open_prelim(folder, bundle)
     project = given.project
     values = values_of(given)
-    orientations = orientations_in_project(values.photos, given.block.ground)
-    points = [_rounded(point) for point in points_in_project(values.points, given.block.ground)]
-    facts = (("Project", project.definition.name), ("User", project.definition.user), ("Bundle", given.bundle))
-    text = preliminary_listing(
-        values,
-        orientations.tolist(),
-        points,
-        project.definition.ground_unit,
-        facts,
-        run_id("prelim", orientations.tolist()),
-    )
+    found = listed_values(values, given.block.ground)
+    orientations, points = found.orientations, found.points
     same = _SAME * _distance(orientations, points)
     changed_photos = _update_photos(project, values, orientations, same)
     changed_points, others = _update_points(given, points, same)
-    listing = project.preliminary_listing(given.bundle)
-    _write(project, listing, text)
-    return PrelimOutcome(given, values, orientations, tuple(points), changed_photos, changed_points, others, listing)
+    listing = write_preliminary_listing(project, given.bundle, found)
+    return PrelimOutcome(given, values, orientations, points, changed_photos, changed_points, others, listing)
 
 
-def _distance(orientations: FloatArray, points: list[PreliminaryPoint]) -> float:
+def _distance(orientations: FloatArray, points: Sequence[PreliminaryPoint]) -> float:
     """Return the usual distance from photos to points, ground units; 0 where there are none."""
     found = np.isfinite(orientations[:, 0])
     if not found.any() or not points:
@@ -139,17 +122,7 @@ def _with_values(stored: StoredRecord[Photo], values: list[float] | None, same: 
     return replace(stored, record=replace(photo, orientation=orientation))
 
 
-def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
-    """Return a point without the digits that say nothing."""
-    known = [deviation for deviation in point.deviations or () if deviation > 0.0]
-    if point.deviations is None or not known:
-        return point
-    decimals = _DIGITS - 1 - math.floor(math.log10(min(known)))
-    x, y, z, sx, sy, sz = (round(number, decimals) for number in (*point.coordinates, *point.deviations))
-    return PreliminaryPoint(point.name, (x, y, z), (sx, sy, sz))
-
-
-def _update_points(given: PrelimInput, points: list[PreliminaryPoint], same: float) -> tuple[tuple[str, ...], int]:
+def _update_points(given: PrelimInput, points: Sequence[PreliminaryPoint], same: float) -> tuple[tuple[str, ...], int]:
     project = given.project
     path = project.preliminary(given.bundle)
     shown = project.shown(path)
@@ -166,11 +139,3 @@ def _is_same(point: PreliminaryPoint, before: PreliminaryPoint | None, same: flo
     if before is None or (before.deviations is None) != (point.deviations is None):
         return False
     return bool((np.abs(np.subtract(point.coordinates, before.coordinates)) <= same).all())
-
-
-def _write(project: Project, path: Path, text: str) -> None:
-    try:
-        replace_text(path, text)
-    except OSError as error:
-        message = f"{project.shown(path)} cannot be written: {error.strerror or error}; the values are in the stores"
-        raise OripError(message) from error

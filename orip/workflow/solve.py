@@ -20,9 +20,11 @@ from orip.model.measurement import PhotoObservations
 from orip.model.names import record_key
 from orip.model.preliminary import PreliminaryValues
 from orip.model.solution import InteriorSummary, IterationPass, Solution
+from orip.prelim.in_project import absolute_in_project
 from orip.workflow.bundle_input import Stored, gathered_block, read_stored
 from orip.workflow.interior import Interior
 from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
+from orip.workflow.preliminary_outputs import ListedValues, listed_values, write_preliminary_listing
 from orip.workflow.project import Project, open_project
 from orip.workflow.records import StoredDefinitions
 from orip.workflow.run_id import run_id
@@ -94,13 +96,14 @@ def solve_bundle(
     raise_complaints(ground.complaints)
     # No store is locked while the iterations run; the digests tell if one has changed meanwhile.
     stored = read_stored(project, bundle)
-    solution = _adjusted(project, stored, ground, watcher, method)
+    solution, preliminary = _adjusted(project, stored, ground, watcher, method)
     with writing([project.exterior]) as stores:
         old = solutions.read(stores[project.exterior], bundle)
         changed = old is None or record_digest(old) != record_digest(solution)
         if changed:
             solutions.write(stores[project.exterior], solution)
-    files = write_solution_outputs(project, solution)
+    listed = () if preliminary is None else (write_preliminary_listing(project, bundle, preliminary),)
+    files = (*write_solution_outputs(project, solution, stored.observations), *listed)
     rewrite_stale_outputs(project)
     return SolveOutcome(project, solution, changed, files)
 
@@ -111,10 +114,18 @@ def _adjusted(
     ground: Parsed[GroundTexts],
     watcher: SolveWatcher,
     method: Method,
-) -> Solution:
+) -> tuple[Solution, ListedValues | None]:
+    """Return the solution, and the preliminary values if they had to be found."""
     texts, interior = ground.records, stored.interior
     gathered, gather_warnings = gathered_block(project, stored, texts)
-    block, start_warnings = started_block(gathered, texts.preliminary, watcher.oriented)
+    preliminary = None
+
+    def oriented(values: PreliminaryValues) -> None:
+        nonlocal preliminary
+        preliminary = listed_values(absolute_in_project(values, gathered.ground), gathered.ground)
+        watcher.oriented(values)
+
+    block, start_warnings = started_block(gathered, texts.preliminary, oriented)
     watcher.started(block)
     for_bundle = tuple(forewarnings(block))
     unit = project.definition.ground_unit
@@ -130,7 +141,8 @@ def _adjusted(
         interior=_summaries(interior, stored.definitions, stored.observations),
         warnings=_rows((*ground.warnings, *interior.warnings, *gather_warnings, *start_warnings, *for_bundle)),
     )
-    return replace(solution, run=run_id("solve", method, solution.status, len(solution.iterations), inputs))
+    run = run_id("solve", method, solution.status, len(solution.iterations), inputs)
+    return replace(solution, run=run), preliminary
 
 
 def _summaries(

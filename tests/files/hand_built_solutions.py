@@ -13,7 +13,7 @@ from orip.files.bundle_listing import bundle_listing
 from orip.files.residuals_csv import residuals_csv, residuals_csv_pieces
 from orip.model.control import PointKind
 from orip.model.interior import MarkAdjustment
-from orip.model.measurement import MeasuredMarks
+from orip.model.measurement import MeasuredMarks, PhotoObservations
 from orip.model.solution import (
     Blunder,
     CheckPoint,
@@ -240,9 +240,22 @@ def _marks(count: int, disregarded: int) -> MeasuredMarks:
     return MeasuredMarks(names, _coordinates(count) + 212.5, flags, np.full((count, 2), NAN))
 
 
+def measured(solution: Solution) -> PhotoObservations:
+    """Photo observations of a solution, with coordinates that follow from their order."""
+    found = solution.residuals
+    rows = zip(found.kind, found.photo, found.point, strict=True)
+    keys = list(dict.fromkeys((photo, point) for kind, photo, point in rows if kind == "photo"))
+    coordinates = np.array([(100.0 + k / 8, -50.0 - k / 16) for k in range(len(keys))]).reshape(-1, 2)
+    # names of records are compared without regard to case
+    photos, points = tuple(photo.lower() for photo, _ in keys), tuple(point for _, point in keys)
+    return PhotoObservations(
+        solution.bundle, photos, points, coordinates, np.full_like(coordinates, NAN), np.zeros(len(keys), dtype=bool)
+    )
+
+
 def listing(solution: Solution) -> str:
     """BUNDLE_RESULT.OUT of a solution."""
-    return bundle_listing(solution, reliability(solution.residuals, 1.0))
+    return bundle_listing(solution, reliability(solution.residuals, 1.0), measured(solution))
 
 
 def csv_text(found: Residuals) -> str:

@@ -18,6 +18,7 @@ from hand_built_solutions import (
     estimates,
     interior,
     listing,
+    measured,
     residuals,
     with_many_points,
 )
@@ -26,10 +27,12 @@ from hypothesis import strategies as st
 
 from orip import __version__
 from orip.adjustment.reliability import reliability
+from orip.files.bundle_listing import bundle_listing
 from orip.files.error_listing import error_listing
 from orip.files.interior_listing import interior_listing
 from orip.files.listing_title import run_of_listing
 from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.measurement import no_observations
 from orip.model.solution import CheckPoint, Solution
 
 
@@ -277,22 +280,24 @@ def photo_tables(solution: Solution) -> dict[str, list[list[str]]]:
 def test_photo_residuals(solution: Solution) -> None:
     tables = photo_tables(solution)
     assert list(tables) == list(solution.photos.names)
-    found = solution.residuals
+    found, observed = solution.residuals, measured(solution)
+    keys = zip(map(str.upper, observed.photos), observed.points, strict=True)
+    on_template = dict(zip(keys, observed.measured.tolist(), strict=True))
     index = {key: i for i, key in enumerate(zip(found.kind, found.photo, found.point, found.component, strict=True))}
     columns = (
-        found.observed,
         found.a_priori,
         found.residual,
         reliability(found, 1.0).adjusted_sd,
-        found.standard_residual,
         found.weight_factor,
+        found.standard_residual,
         found.redundancy_number,
         found.w,
     )
     for photo, rows in tables.items():
         for row in rows:
             x, y = (index.pop(("photo", photo, row[0], axis)) for axis in "xy")
-            assert all_agree(row[1:], [column[i] for column in columns for i in (x, y)])
+            assert all_agree(row[1:3], on_template[photo, row[0]])
+            assert all_agree(row[3:], [column[i] for column in columns for i in (x, y)])
     assert "photo" not in {key[0] for key in index}
 
 
@@ -301,13 +306,20 @@ def test_a_component_that_is_missing_is_a_dash_and_a_repeated_point_has_its_own_
     rows = tuple(("photo", "P101", "1", axis, *numbers) for axis in ("x", "y", "x"))
     first, second = photo_tables(replace(awkward(), residuals=residuals(rows)))["P101"]
     assert "-" not in first
-    assert second[2::2] == ["-"] * 8
+    assert second[4::2] == ["-"] * 7
+
+
+def test_without_the_observations_that_were_adjusted_there_are_no_measured_coordinates() -> None:
+    solution = with_many_points(5)
+    text = bundle_listing(solution, reliability(solution.residuals, 1.0), no_observations(solution.bundle))
+    rows = cells(section(text, "PHOTO RESIDUALS")[4:])
+    assert [" ".join(row).split()[1:3] for row in rows] == [["-", "-"]] * 5
 
 
 def test_root_mean_squares_of_a_photo_leave_out_the_disregarded() -> None:
     text = listing(awkward())
-    assert "  Photo P101:  2 points,  RMS of vX 0.00266 and vY 0.00092 mm" in text
-    assert "  Photo P102:  2 points,  RMS of vX 0.03110 and vY 0.08844 mm" in text
+    assert "  Photo P101:  2 points,  RMS of X_residual 0.00266 and Y_residual 0.00092 mm" in text
+    assert "  Photo P102:  2 points,  RMS of X_residual 0.03110 and Y_residual 0.08844 mm" in text
 
 
 def test_nothing_is_cut() -> None:
