@@ -86,9 +86,11 @@ def _curve(camera: Located[CameraTable], where: str) -> Iterator[Fault]:
     if curve is None:
         return
     place = (*camera.place, "distortion_curve")
-    radii = {radius for radius, _ in curve}
+    # at radius 0 any polynomial of the distortion is 0: such a point determines nothing
+    radii = {abs(radius) for radius, _ in curve} - {0.0}
     if len(radii) < _LEAST_CURVE_RADII:
-        message = f"distortion_curve of {where} has {len(radii)} different radii; give at least {_LEAST_CURVE_RADII}"
+        least = _LEAST_CURVE_RADII
+        message = f"distortion_curve of {where} has {len(radii)} different radii above 0; give at least {least}"
         yield place, message
     for index, (radius, _) in enumerate(curve):
         if radius < 0:

@@ -122,18 +122,6 @@ def fit_similarity(source: FloatArray, target: FloatArray, weights: FloatArray |
     return fits.one(0)
 
 
-def fit_reflected_similarity(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
-    """Fit the mirror image of the source to target coordinates; parameters and errors as for `fit_similarity`.
-
-    Returns
-    -------
-    Similarity
-        Its rotation has the determinant -1: X = T + m (-R) x with R fitted to -x.
-    """
-    fit = fit_similarity(-source, target, weights)
-    return Similarity(fit.scale, -fit.rotation, fit.shift)
-
-
 def fit_similarities(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarities:
     """Fit s samples of k points each; samples that lie on one line in either system are left out.
 

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orip.errors import InputError, LockedError, OripError, ProjectWarning
-from orip.files.atomic_text import replace_text
+from orip.errors import InputError, LockedError, ProjectWarning
 from orip.files.project_text import project_document
 from orip.files.stores import exterior
 from orip.files.stores.transaction import Stores, reading, writing
-from orip.model.names import record_key
 from orip.workflow import record_edits
 from orip.workflow.project import Project, open_project
 from orip.workflow.record_changes import RecordChange, Renaming, record_changes
@@ -31,6 +29,13 @@ from orip.workflow.record_measurements import (
 )
 from orip.workflow.record_mentions import mention_warnings
 from orip.workflow.records import StoredDefinitions, read_definitions, write_definitions
+from orip.workflow.renamed_bundle import (
+    copy_preliminary,
+    remove_files,
+    remove_files_of_old_name,
+    rename_solution,
+    require_free_file,
+)
 
 _SHOWN_REFERENTS = 12
 
@@ -126,10 +131,11 @@ def _change(folder: Path, edit: Edit, *, dry_run: bool, alone: RecordName | None
     paths = [*project.record_stores, *filter(is_written, map(project.observations, bundles))]
     with reading(paths) as stores:
         plan = _plan(project, stores, edit, alone)
+    removed: tuple[ProjectWarning, ...] = ()
     if plan.changes and not dry_run:
         renamed = plan.renaming if plan.renaming is not None and plan.renaming.kind == "bundle" else None
         if renamed:
-            _require_free_file(project, renamed)
+            require_free_file(project, renamed)
         new = [project.observations(renamed.new)] if renamed and is_written(project.observations(renamed.old)) else []
         with writing([*paths, *new]) as stores:
             plan = _plan(project, stores, edit, alone)  # another run may have changed them meanwhile
@@ -140,9 +146,12 @@ def _change(folder: Path, edit: Edit, *, dry_run: bool, alone: RecordName | None
                 raise LockedError(message)
             _write(project, stores, plan)
             if renamed:
-                _copy_preliminary(project, renamed)
-        _remove_files(project, plan)
-    warnings = (*plan.warnings, *mention_warnings(project, plan.before, plan.changes))
+                rename_solution(project, stores, renamed, plan.before, plan.after)
+                copy_preliminary(project, renamed)
+        deleted = [change.name for change in _deleted(plan.changes) if change.kind == "bundle"]
+        remove_files([project.observations(name) for name in deleted])
+        removed = remove_files_of_old_name(project, renamed) if renamed else ()
+    warnings = (*plan.warnings, *mention_warnings(project, plan.before, plan.changes), *removed)
     return RecordsOutcome(project, plan.changes, plan.measurements, warnings, dry_run)
 
 
@@ -230,36 +239,3 @@ def _write(project: Project, stores: Stores, plan: _Plan) -> None:
     for kind in ("photo", "template", "bundle"):
         gone = [change.name for change in _deleted(plan.changes) if change.kind == kind]
         delete_measurements(project, stores, plan.bundles, kind, gone)
-
-
-def _require_free_file(project: Project, renamed: Renaming) -> None:
-    """Raise InputError if a bundle's new name would take preliminary coordinates that are there already."""
-    old, new = project.preliminary(renamed.old), project.preliminary(renamed.new)
-    if record_key(renamed.old) == record_key(renamed.new) or not new.is_file():
-        return
-    if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
-        message = f"{project.shown(new)} is there already; move it away, or choose another name"
-        raise InputError.single(message)
-
-
-def _copy_preliminary(project: Project, renamed: Renaming) -> None:
-    """Copy BUNDLE.PRE before the commit and remove the old one after it: at no instant are its points lost."""
-    old = project.preliminary(renamed.old)
-    if not old.is_file():
-        return
-    new = project.preliminary(renamed.new)
-    try:
-        replace_text(new, old.read_bytes().decode("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        message = f"{project.shown(old)} cannot be copied to {project.shown(new)}: {error}; nothing was renamed"
-        raise OripError(message) from error
-
-
-def _remove_files(project: Project, plan: _Plan) -> None:
-    """Remove the files of a bundle that is called otherwise now, and the store of one that is deleted."""
-    gone = [project.observations(change.name) for change in _deleted(plan.changes) if change.kind == "bundle"]
-    if plan.renaming is not None and plan.renaming.kind == "bundle" and plan.renaming.old != plan.renaming.new:
-        gone += [project.observations(plan.renaming.old), project.preliminary(plan.renaming.old)]
-    for path in gone:
-        with suppress(OSError):  # what stays is empty, or the copy of a text
-            path.unlink(missing_ok=True)

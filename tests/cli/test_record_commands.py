@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import Said, orip
-from workflow.small_projects import contents, film_project, first_project, replace_in
+from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
 from orip.files.stores import observations, photos
 from orip.files.stores.transaction import reading
@@ -401,6 +401,42 @@ def test_rename_a_bundle_its_files_follow(project: Path) -> None:
         replace_in(project / name, "MAIN", "ALL")
     assert done(orip(project, "init")).err.startswith("init     unchanged")
     assert "status   converged" in done(orip(project, "run")).err
+
+
+def test_rename_a_bundle_its_solution_follows_and_stays_as_current_as_it_was(project: Path) -> None:
+    (project / "MAIN.PRE").write_text("P1 1100 2040 100\n")
+    assert orip(project, "run").code == 0
+    before = orip(project, "results", "points", "--json").document
+    done(orip(project, "bundle", "rename", "MAIN", "ALL"))
+    for name in ("orip.toml", "FIRST.MEA"):
+        replace_in(project / name, "MAIN", "ALL")
+    after = orip(project, "results", "points", "--json").document
+    assert after["points"] == before["points"]
+    assert after["run"] != before["run"]
+    # the listings are those of the old name until they are written again; the log has another text
+    assert "Bundle   MAIN" in (project / "BUNDLE_RESULT.OUT").read_text()
+    assert orip(project, "measure").code == 0
+    assert "Bundle   ALL" in (project / "BUNDLE_RESULT.OUT").read_text()
+    assert "Bundle   ALL" in (project / "BUNDLE_ERROR.OUT").read_text()
+    assert orip(project, "status", "--json").document["next"] is None
+    with (project / "FIRST.PNT").open("a") as file:
+        file.write("NEW 1 2 3 0.1 0.1 0.1\n")
+    assert orip(project, "status", "--json").document["next"] == "orip solve"
+
+
+def test_rename_one_of_two_bundles_its_listings_go(tmp_path: Path) -> None:
+    folder = two_bundles(tmp_path / "two")
+    assert orip(folder, "run").code == 0
+    names = {"MAIN_RESULT.OUT", "MAIN_ERROR.OUT", "MAIN_result.json", "MAIN_residuals.csv", "MAIN_report.html"}
+    assert names <= set(contents(folder))
+    said = done(orip(folder, "bundle", "rename", "MAIN", "ALL"))
+    assert "MAIN_PRELIM_RESULT.OUT, MAIN_report.html had the old name" in said.err
+    assert not [name for name in contents(folder) if name.startswith("MAIN")]
+    assert "AGAIN_RESULT.OUT" in contents(folder)
+    for name in ("orip.toml", "FIRST.MEA"):
+        replace_in(folder / name, "MAIN", "ALL")
+    assert orip(folder, "init").code == 0
+    assert "Bundle   ALL" in (folder / "ALL_RESULT.OUT").read_text()
 
 
 def test_a_bundle_takes_no_files_of_another(project: Path) -> None:

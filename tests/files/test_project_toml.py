@@ -55,7 +55,7 @@ sensor = { columns = 1280, rows = 1024, width = 8.245, height = 6.6 }
 [[camera]]
 name = "CURVE"
 c = 9
-distortion_curve = [[0, 0], [5, 0.001], [10, 0.002], [15, -0.003]]
+distortion_curve = [[0, 0], [5, 0.001], [10, 0.002], [12, 0.001], [15, -0.003]]
 
 [[temtick]]
 name = "GRID"
@@ -165,7 +165,7 @@ def test_every_key() -> None:
     assert digital.distortion_isp == (10.0, 1e-4, 0.0, 0.0)
     assert digital.parameters[CAMERA_PARAMETERS.index("A1")] == 0
     assert digital.sensor == Sensor(1280, 1024, 8.245, 6.6)
-    assert curve.distortion_curve == ((0.0, 0.0), (5.0, 0.001), (10.0, 0.002), (15.0, -0.003))
+    assert curve.distortion_curve == ((0.0, 0.0), (5.0, 0.001), (10.0, 0.002), (12.0, 0.001), (15.0, -0.003))
     assert project.temticks == (Temtick("GRID", (Mark("1", 10, 220),)),)
     assert project.photos[2] == Photo("P3", "CURVE", stage="LOWER", scan=Scan((0.02, 0.02)))
     assert project.bundles == (
@@ -249,8 +249,9 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f"{PROJECT}{CAMERA}principal_point = [1]\n", 6, "is a list of 1, but a list of 2 elements is required"),
         (f"{PROJECT}{CAMERA}distortion = {{ A2 = 1 }}\n", 6, "distortion of camera 'O' has the unknown key 'A2'"),
         (f"{PROJECT}{CAMERA}distortion = {{}}\ndistortion_isp = {{}}\n", 7, "give the distortion in one form"),
-        (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[3,1]]\n", 6, "has 3 different radii; give at"),
-        (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],\n[-3,1]]\n", 7, "has the radius -3; write 0"),
+        (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[3,1]]\n", 6, "has 3 different radii above 0"),
+        (f"{PROJECT}{CAMERA}distortion_curve = [[0,0],[2,1],[3,1],[4,1]]\n", 6, "3 different radii above 0; give"),
+        (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[4,1],\n[-3,1]]\n", 7, "has the radius -3; write 0"),
         (f'{PROJECT}{CAMERA}distortion_at = "Ideal"\n', 6, "but 'ideal' or 'measured' is required"),
         (f"{PROJECT}{CAMERA}frame = [24, 0]\n", 6, "frame number 2 of camera 'O' is 0, but a number above 0"),
         (f"{PROJECT}{CAMERA}set = \"BROWN\"\n", 6, "but 'EBNER' or 'GRUEN' is required"),

@@ -13,7 +13,6 @@ Numbers are written with as few digits as give the same double back; infinity is
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,15 +42,6 @@ def dump(path: Path) -> Iterator[str]:
         store = stores[path]
         yield _line({"format": FORMAT, "kind": store.kind, "schema": SCHEMA_VERSION, "run": run_of(store)})
         yield from _body(store)
-
-
-def content_digest(path: Path) -> str:
-    """Return the SHA-256 (hex) of a store's data: that of its dump without the header, so the run does not count."""
-    with reading([path]) as stores:
-        digest = hashlib.sha256()
-        for line in _body(stores[path]):
-            digest.update(f"{line}\n".encode())
-        return digest.hexdigest()
 
 
 def dumped_tables(kind: str) -> tuple[Table, ...]:

@@ -15,7 +15,7 @@ def is_present(store: Store) -> bool:
     Raises
     ------
     InputError
-        If it is something else, of another kind, of a newer version or damaged.
+        If it is something else, of another kind, of a version that cannot be read or damaged.
     """
     with opened(store.path):
         application = _pragma(store, "application_id")
@@ -29,6 +29,12 @@ def is_present(store: Store) -> bool:
         kind = _kind(store) if META.name in tables else None
     if kind is not None and kind != store.kind:
         message = f"this store was made as .{kind} and is no .{store.kind}; give it back its extension"
+        raise InputError.single(message, str(store.path))
+    if missing and META.name in tables and 0 < version < SCHEMA_VERSION:
+        message = (
+            f"this store was written by an older orip (schema {version}; this one writes {SCHEMA_VERSION}) and has no "
+            f"{', '.join(missing)}; move it away, then 'orip run' makes it anew"
+        )
         raise InputError.single(message, str(store.path))
     if missing or kind is None or version < 1:
         raise damage(store.path, f"without {', '.join(missing) or 'a kind'}")

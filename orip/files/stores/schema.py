@@ -9,7 +9,8 @@ from orip.files.stores import cameras, exterior, observations, photos, provenanc
 from orip.files.stores.table import Table
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""1: solutions had no correlations of coordinates. A store of an older version is read as long as it has all tables."""
 
 TABLES_OF_KIND: dict[str, tuple[Table, ...]] = {
     "CAM": (*provenance.TABLES, *cameras.TABLES),
