@@ -7,16 +7,13 @@ from typing import Annotated
 
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import warning_rows
 from orip.errors import GateError, NotSolvableError
 from orip.model.gate import GATE_FIGURES, GateResult
 
 Expressions = Annotated[
     list[str] | None, typer.Argument(metavar="EXPR", help="'name operator number'; those of orip.toml are checked too.")
-]
-BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
 ]
 
 _HELP = """Hold gates against the last adjustment: exit code 5 if one fails, 4 if it did not converge.

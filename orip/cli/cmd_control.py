@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.confirm import require_confirmation
+from orip.cli.editing import DryRunOption, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import Invocation, command
-from orip.cli.terminal import Terminal, warning_rows
+from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Of preliminary coordinates; needed only where there are several.")
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="All of them: start all over.")]
-YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask whether that is meant.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
 
 _ABOUT: dict[ControlKind, tuple[str, str]] = {
     "points": ("Control points (.PNT)", "add 5 X=1012.4 Y=2008.15 Z=101.2 aX=0.02 aY=0.02 aZ=0.03"),
@@ -154,9 +152,8 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
         if bool(names) == everything:
             message = "name what to kill, or write --all and no name"
             raise UsageError(message)
-        if everything and not (yes or dry_run) and not _confirmed(f"Kill all {kind}?"):
-            invocation.terminal.say("kill     nothing was killed")
-            return
+        if everything and not dry_run:
+            require_confirmation(f"Kill all {kind}?", yes)
         outcome = kill_control(invocation.folder, kind, names or (), bundle=bundle, dry_run=dry_run)
         tell(invocation.terminal, f"control {kind} kill", outcome)
 
@@ -172,35 +169,14 @@ def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weight
     command(group, weighting)(weight)
 
 
-def _confirmed(question: str) -> bool:
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        message = "this takes all lines out and there is nobody to ask; say that it is meant with --yes"
-        raise UsageError(message)
-    return typer.confirm(question, err=True)
-
-
 def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None:
     """Say what became of the lines."""
-    terminal.warn(outcome.warnings)
-    first = command_name.split()[2]
-    if not outcome.changes:
-        terminal.say(f"{first:<9} unchanged: {outcome.shown} is so already")
-    elif outcome.dry_run:
-        terminal.say(f"{first:<9} would do the following; nothing is written")
+    verb = f"{command_name.split()[2]:<9}"
+    tell_edit(terminal, verb, outcome, f"{outcome.shown} is")
     for change in outcome.changes:
-        place = f"{change.action:<9} {outcome.shown}:{change.line}"
-        terminal.say(place)
+        terminal.say(f"{change.action:<9} {outcome.shown}:{change.line}")
         for mark, line in (("-", change.old), ("+", change.new)):
             if line is not None:
                 terminal.say(f"          {mark} {line}")
     if terminal.json:
-        terminal.document(
-            {
-                "command": command_name,
-                "file": outcome.shown,
-                "unchanged": not outcome.changes,
-                "dry_run": outcome.dry_run,
-                "changes": [asdict(change) for change in outcome.changes],
-                "warnings": warning_rows(outcome.warnings),
-            }
-        )
+        terminal.document(edit_document(command_name, outcome, file=outcome.shown))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from orip.cli.late_groups import add_group
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ KindOption = Annotated[
     typer.Option("--transformation", help="A affine, C conform, W without scale; default: as before, else A."),
 ]
 AgainOption = Annotated[bool, typer.Option("--again", help="Drive to the old coordinates; ENTER keeps them.")]
-BundleOption = Annotated[str | None, typer.Option("--bundle", help="Needed only where the project has several.")]
 ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
 
 LOG = Path("DIGITISED.MEA")

@@ -8,16 +8,15 @@ from typing import Annotated, Literal
 import typer
 
 from orip.cli.confirm import require_confirmation
+from orip.cli.editing import DryRunOption, YesOption
 from orip.cli.observations_output import list_document, tell_edited, tell_list, tell_todo, todo_document
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
 
 Verb = Literal["disregard", "include", "kill"]
 What = Annotated[Literal["point", "mark", "tick"], typer.Argument(metavar="point|mark|tick", show_default=False)]
 Owner = Annotated[str, typer.Argument(metavar="PHOTO", help="A photo (of a tick: template); '*' in quotes: all.")]
 Names = Annotated[list[str], typer.Argument(metavar="NAME", help="Points, marks or ticks; '*' in quotes: all.")]
-Bundle = Annotated[str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")]
 
 _ABOUT = """Photo observations: list, disregard, include, kill, measure again.
 
@@ -45,7 +44,7 @@ def _register_list(group: typer.Typer) -> None:
     @command(group, "list")
     def list_command(
         invocation: Invocation,
-        bundle: Bundle = None,
+        bundle: BundleOption = None,
         photo: Annotated[str | None, typer.Option("--photo", help="That photo alone.")] = None,
         point: Annotated[str | None, typer.Option("--point", help="That point alone.")] = None,
         every: Annotated[bool, typer.Option("--all", help="All that is measured.")] = False,
@@ -66,7 +65,12 @@ def _register_list(group: typer.Typer) -> None:
 
 def _register_edit(group: typer.Typer, verb: Verb) -> None:
     def edit_command(
-        invocation: Invocation, what: What, owner: Owner, names: Names, bundle: Bundle = None, dry_run: DryRun = False
+        invocation: Invocation,
+        what: What,
+        owner: Owner,
+        names: Names,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
     ) -> None:
         _edit(invocation, verb, what, owner, names, bundle=bundle, dry_run=dry_run)
 
@@ -80,9 +84,9 @@ def _register_kill(group: typer.Typer) -> None:
         what: What,
         owner: Owner,
         names: Names,
-        bundle: Bundle = None,
-        dry_run: DryRun = False,
-        yes: Annotated[bool, typer.Option("--yes", help="Kill all of a photo without being asked.")] = False,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+        yes: YesOption = False,
     ) -> None:
         if "*" in names and not dry_run:
             every = "every template" if what == "tick" else "every photo"
@@ -118,7 +122,7 @@ def _register_again(group: typer.Typer) -> None:
     @command(group, "todo")
     def todo_command(
         invocation: Invocation,
-        bundle: Bundle = None,
+        bundle: BundleOption = None,
         output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write there.")] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
     ) -> None:
@@ -138,7 +142,7 @@ def _register_again(group: typer.Typer) -> None:
     def remeasure_command(
         invocation: Invocation,
         file: Annotated[Path, typer.Argument(metavar="FILE", help="A measurement file.")],
-        dry_run: DryRun = False,
+        dry_run: DryRunOption = False,
     ) -> None:
         """Append new measurements to EDITS.MEA: they replace those that were disregarded, killed or down-weighted.
 

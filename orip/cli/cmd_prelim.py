@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orip.cli.options import Invocation, command, without_command
+from orip.cli.options import BundleOption, Invocation, command, without_command
 from orip.cli.prelim_output import (
     absolute_document,
     chain_document,
@@ -23,7 +23,6 @@ from orip.errors import NotSolvableError, UsageError
 if TYPE_CHECKING:
     from orip.workflow.prelim_steps import Similarities
 
-Bundle = Annotated[str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")]
 Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="This one alone, point by point; none: all.")]
 Rows = Annotated[list[int] | None, typer.Argument(metavar="[ROW ROW]", help="These two alone; none: all.")]
 After = Annotated[
@@ -42,7 +41,7 @@ def register(app: typer.Typer) -> None:
 
 
 @without_command(prelim_group)
-def prelim_command(invocation: Invocation, bundle: Bundle = None) -> None:
+def prelim_command(invocation: Invocation, bundle: BundleOption = None) -> None:
     """Find preliminary values, list how in PRELIM_RESULT.OUT, and keep them.
 
     Orientations go into the photo store (elements that are not constant), coordinates into BUNDLE.PRE (points in it
@@ -54,7 +53,7 @@ def prelim_command(invocation: Invocation, bundle: Bundle = None) -> None:
 
 
 @command(prelim_group, "update")
-def update_command(invocation: Invocation, bundle: Bundle = None) -> None:
+def update_command(invocation: Invocation, bundle: BundleOption = None) -> None:
     """Find preliminary values and keep them: what 'orip prelim' does.
 
     Example: orip prelim update
@@ -63,7 +62,7 @@ def update_command(invocation: Invocation, bundle: Bundle = None) -> None:
 
 
 @command(prelim_group, "relative")
-def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle = None) -> None:
+def relative_command(invocation: Invocation, model: Model = None, bundle: BundleOption = None) -> None:
     """Show the relative orientation of each model, or of one with its points.
 
     Example: orip prelim relative M12
@@ -83,7 +82,7 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
 
 
 @command(prelim_group, "bridge")
-def bridge_command(invocation: Invocation, model: Model = None, bundle: Bundle = None) -> None:
+def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOption = None) -> None:
     """Show the bridging of all models along the rows, or of one to the next with its points.
 
     Example: orip prelim bridge M12
@@ -96,7 +95,7 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: Bundle =
 
 
 @command(prelim_group, "connect")
-def connect_command(invocation: Invocation, rows: Rows = None, bundle: Bundle = None) -> None:
+def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOption = None) -> None:
     """Show the connection of all rows, or of two of them with their points.
 
     Example: orip prelim connect 1 2
@@ -113,7 +112,7 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: Bundle = 
 
 
 @command(prelim_group, "absolute")
-def absolute_command(invocation: Invocation, bundle: Bundle = None) -> None:
+def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> None:
     """Show the absolute orientation of the block: its control points with their residuals.
 
     Example: orip prelim absolute
@@ -137,7 +136,7 @@ def absolute_command(invocation: Invocation, bundle: Bundle = None) -> None:
 
 
 @command(prelim_group, "show")
-def show_command(invocation: Invocation, after: After = "absolute", bundle: Bundle = None) -> None:
+def show_command(invocation: Invocation, after: After = "absolute", bundle: BundleOption = None) -> None:
     """Show the model coordinates of photos and points after a step.
 
     Example: orip prelim show --after bridged

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.editing import DryRunOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import Invocation, command
-from orip.cli.terminal import Terminal, warning_rows
+from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
     from orip.workflow.record_changes import RecordChange
@@ -33,7 +33,6 @@ BeforeOption = Annotated[
 ReferentsOption = Annotated[
     bool, typer.Option("--with-referents", help="Delete all that refers to it as well, measurements included.")
 ]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
 
 _ABOUT: dict[RecordKind, tuple[str, str]] = {
     "camera": ("Cameras: principal distance and point, distortion, fiducial marks.", "edit OLYMPUS c=8.6 unknown=C,A3"),
@@ -186,27 +185,15 @@ def _record(kind: RecordKind, name: str, bundle: str | None) -> RecordName:
 
 def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None:
     """Say what became of the records."""
-    terminal.warn(outcome.warnings)
-    first = command_name.split()[1]
-    if not outcome.changes:
-        terminal.say(f"{first:<8} unchanged: the records are so already")
-    elif outcome.dry_run:
-        terminal.say(f"{first:<8} would do the following; nothing is written")
+    verb = f"{command_name.split()[1]:<8}"
+    tell_edit(terminal, verb, outcome, "the records are")
     for change in outcome.changes:
         _tell_change(terminal, change)
     for measured in outcome.measurements:
         terminal.say(f"deleted  {measured}")
     if terminal.json:
-        terminal.document(
-            {
-                "command": command_name,
-                "unchanged": not outcome.changes,
-                "dry_run": outcome.dry_run,
-                "changes": [asdict(change) for change in outcome.changes],
-                "measurements_deleted": list(outcome.measurements),
-                "warnings": warning_rows(outcome.warnings),
-            }
-        )
+        document = edit_document(command_name, outcome, measurements_deleted=list(outcome.measurements))
+        terminal.document(document)
 
 
 def _tell_change(terminal: Terminal, change: RecordChange) -> None:

@@ -6,16 +6,13 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 
 What = Annotated[
     Literal["cameras", "photos", "points", "residuals"],
     typer.Argument(metavar="WHAT", help="cameras, photos, points or residuals of the last adjustment."),
 ]
 Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These cameras, photos or points alone.")]
-BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
-]
 
 
 def register(app: typer.Typer) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
@@ -18,9 +18,6 @@ What = Annotated[
     Literal["cameras", "photos", "points"], typer.Argument(metavar="WHAT", help="cameras, photos or points.")
 ]
 Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These alone; none: all of the adjustment.")]
-BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
-]
 ForceOption = Annotated[bool, typer.Option("--force", help="Also from an adjustment that did not converge.")]
 
 _SHOWN_KEPT = 10

@@ -22,6 +22,11 @@ Color = Annotated[
 ]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
+BundleOption = Annotated[
+    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
+]
+"""Which bundle, of the commands that are about one and take names of other things as arguments."""
+
 
 class SharedOptions(NamedTuple):
     """The shared options as given in one place; False and None: not given there."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from orip.interior.known_names import unknown_record
 from orip.interior.orientation import OrientationError
 from orip.model.camera import Camera
 from orip.model.names import record_key
 from orip.model.photo import Photo, Template, Temtick
+
+Referred = TypeVar("Referred", Camera, Template, Temtick)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +33,7 @@ class Definitions:
         OrientationError
             If there is none of that name.
         """
-        camera = self.cameras.get(record_key(photo.camera))
-        if camera is None:
-            known = (each.name for each in self.cameras.values())
-            message = f"photo {photo.name}: {unknown_record('camera', photo.camera, known)}"
-            raise OrientationError(message)
-        return camera
+        return _referred_to(self.cameras, "camera", photo.camera, f"photo {photo.name}")
 
     def template_of(self, photo: Photo) -> Template | None:
         """Return the template that a photo is on, None for a photo off a template.
@@ -47,12 +45,7 @@ class Definitions:
         """
         if photo.template is None:
             return None
-        template = self.templates.get(record_key(photo.template))
-        if template is None:
-            known = (each.name for each in self.templates.values())
-            message = f"photo {photo.name}: {unknown_record('template', photo.template, known)}"
-            raise OrientationError(message)
-        return template
+        return _referred_to(self.templates, "template", photo.template, f"photo {photo.name}")
 
     def temtick_of(self, template: Template) -> Temtick:
         """Return the tick marks of a template.
@@ -62,12 +55,7 @@ class Definitions:
         OrientationError
             If there are none of that name.
         """
-        temtick = self.temticks.get(record_key(template.temtick))
-        if temtick is None:
-            known = (each.name for each in self.temticks.values())
-            message = f"template {template.name}: {unknown_record('temtick', template.temtick, known)}"
-            raise OrientationError(message)
-        return temtick
+        return _referred_to(self.temticks, "temtick", template.temtick, f"template {template.name}")
 
     def with_camera(self, camera: Camera) -> Definitions:
         """Return the definitions with one camera replaced."""
@@ -76,3 +64,11 @@ class Definitions:
     def with_temtick(self, temtick: Temtick) -> Definitions:
         """Return the definitions with the tick marks of one name replaced."""
         return replace(self, temticks={**self.temticks, record_key(temtick.name): temtick})
+
+
+def _referred_to(records: Mapping[str, Referred], kind: str, name: str, by: str) -> Referred:
+    found = records.get(record_key(name))
+    if found is None:
+        message = f"{by}: {unknown_record(kind, name, (each.name for each in records.values()))}"
+        raise OrientationError(message)
+    return found

@@ -37,6 +37,7 @@ from orip.workflow.records import StoredDefinitions, read_definitions, require_i
 from orip.workflow.texts import EDITS_FILE, measurement_files, raise_complaints
 
 Marked = TypeVar("Marked", TemplateRecord, PhotoRecord)
+Defined = TypeVar("Defined", Template, Photo)
 
 _NO_MARKS = MeasuredMarks((), np.empty((0, 2)), np.empty(0, dtype=bool), np.empty((0, 2)))
 
@@ -80,21 +81,11 @@ class Films:
 
     def template(self, name: str) -> Template:
         """Return a template; raise UsageError, with names like it, if there is none."""
-        found = self.definitions.templates.get(record_key(name))
-        if found is None:
-            near = near_names(name, (each.name for each in self.definitions.templates.values()))
-            message = f"template {name} is not defined; {near}"
-            raise UsageError(message)
-        return found
+        return _defined(self.definitions.templates, "template", name)
 
     def photo(self, name: str) -> Photo:
         """Return a photo; raise UsageError, with names like it, if there is none."""
-        found = self.definitions.photos.get(record_key(name))
-        if found is None:
-            near = near_names(name, (each.name for each in self.definitions.photos.values()))
-            message = f"photo {name} is not defined; {near}"
-            raise UsageError(message)
-        return found
+        return _defined(self.definitions.photos, "photo", name)
 
     @cached_property
     def stages(self) -> Mapping[str, Stage]:
@@ -275,3 +266,12 @@ def _on_plate(marks: MeasuredMarks, scan: Scan | None) -> MeasuredMarks:
 
 def _owner(record: TemplateRecord | PhotoRecord) -> str:
     return record.template if isinstance(record, TemplateRecord) else record.photo
+
+
+def _defined(records: Mapping[str, Defined], kind: str, name: str) -> Defined:
+    found = records.get(record_key(name))
+    if found is None:
+        near = near_names(name, (each.name for each in records.values()))
+        message = f"{kind} {name} is not defined; {near}"
+        raise UsageError(message)
+    return found

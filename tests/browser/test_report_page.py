@@ -5,40 +5,21 @@ Needs the packages chromium and chromium-driver of the system and `pip install '
 
 from __future__ import annotations
 
-import os
-import shutil
-
 import pytest
+from browser.chromium import chromium, needs_chromium  # skips the module where there is no selenium
 from report.sample_pages import SAMPLES, sample
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install 'orip[browser]'")
-from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402  # only where there is selenium
+pytestmark = needs_chromium
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="needs Chromium and its driver: apt install chromium chromium-driver"
-)
-
-OPTIONS = (
-    "--headless=new --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --window-size=1280,900 --use-angle=swiftshader --enable-unsafe-swiftshader"
-)
+OPTIONS = "--window-size=1280,900 --use-angle=swiftshader --enable-unsafe-swiftshader"
 """WebGL is computed by the processor: there need not be a graphics card."""
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for word in [*OPTIONS.split(), f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"]:
-        options.add_argument(word)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")  # Chromium's own sandbox does not start for root
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    yield driver
-    driver.quit()
+    with chromium(tmp_path_factory.mktemp("chromium"), OPTIONS, "browser", "performance") as driver:
+        yield driver
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ Needs the packages chromium and chromium-driver of the system and `pip install '
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import subprocess
@@ -15,6 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser.chromium import chromium, needs_chromium  # skips the module where there is no selenium
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.support.ui import WebDriverWait
 from support.drive_tables import loaded, vertical_block
 
 from orip.link.watch import Watch
@@ -22,36 +24,17 @@ from orip.link.watch_processor import OwnProcessor
 from orip.link.watch_server import WatchServer
 from orip.multimodel.plan_view import BlockPoints, plan_view
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install 'orip[browser]'")
-from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402  # only where there is selenium
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+pytestmark = needs_chromium
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="needs Chromium and its driver: apt install chromium chromium-driver"
-)
-
-OPTIONS = (
-    "--headless=new --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --window-size=1280,800"
-)
+OPTIONS = "--disable-gpu --window-size=1280,800"
 GROUND = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
 SAMPLE = Path(__file__).parents[2] / "orip" / "sample_projects" / "small_frame_block"
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for word in [*OPTIONS.split(), f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"]:
-        options.add_argument(word)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")  # Chromium's own sandbox does not start for root
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    yield driver
-    driver.quit()
+    with chromium(tmp_path_factory.mktemp("chromium"), OPTIONS, "browser") as driver:
+        yield driver
 
 
 @pytest.fixture

@@ -6,10 +6,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+import typer
 from cli.command_line import Said, orip
 from workflow.small_projects import contents, first_project, two_bundles
-
-from orip.cli import cmd_control
 
 KINDS = ("points", "elements", "distances", "directions", "preliminary")
 
@@ -137,7 +136,7 @@ def test_kill(project: Path) -> None:
 
 
 def test_kill_all_needs_to_be_confirmed(project: Path) -> None:
-    refused(project, "say that it is meant with --yes", "points kill --all", code=2)
+    refused(project, "Kill all points? Say so with --yes", "points kill --all", code=2)
     refused(project, "name what to kill, or write --all and no name", "points kill", code=2)
     refused(project, "name what to kill, or write --all and no name", "points kill 1 --all --yes", code=2)
     assert len(done(project, "points kill --all --dry-run", "--json").document["changes"]) == 4
@@ -148,19 +147,15 @@ def test_kill_all_needs_to_be_confirmed(project: Path) -> None:
 
 @pytest.mark.parametrize(("answer", "left"), [(True, 0), (False, 4)])
 def test_kill_all_asks_on_a_terminal(project: Path, monkeypatch: pytest.MonkeyPatch, answer: bool, left: int) -> None:
-    asked = []
-    terminals = type("Terminals", (), {"stdin": property(lambda _: _Tty()), "stderr": property(lambda _: _Tty())})
-    monkeypatch.setattr(cmd_control, "sys", terminals())
-    monkeypatch.setattr(cmd_control.typer, "confirm", lambda text, err: asked.append((text, err)) or answer)
-    said = done(project, "points kill --all")
-    assert asked == [("Kill all points?", True)]
-    assert ("nothing was killed" in said.err) != answer
+    def confirm(question: str, abort: bool, err: bool) -> None:
+        assert (question, abort, err) == ("Kill all points?", True, True)
+        if not answer:
+            raise typer.Abort
+
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("orip.cli.confirm.typer.confirm", confirm)
+    assert orip(project, "control", "points", "kill", "--all").code == (0 if answer else 130)
     assert len(done(project, "points list", "--json").document["records"]) == left
-
-
-class _Tty:
-    def isatty(self) -> bool:
-        return True
 
 
 def test_disregard_include_and_reject(project: Path) -> None:

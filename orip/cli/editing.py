@@ -1,0 +1,40 @@
+"""What commands that edit records and control lines have in common: options, and how they say what they did."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+import typer
+
+from orip.cli.terminal import Terminal, warning_rows
+
+if TYPE_CHECKING:
+    from orip.workflow.control_edits import ControlOutcome
+    from orip.workflow.record_commands import RecordsOutcome
+
+    EditOutcome: TypeAlias = ControlOutcome | RecordsOutcome
+
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
+YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask whether that is meant.")]
+
+
+def tell_edit(terminal: Terminal, verb: str, outcome: EditOutcome, unchanged: str) -> None:
+    """Say whether anything was edited, before each change is told; `unchanged` says what is as it was."""
+    terminal.warn(outcome.warnings)
+    if not outcome.changes:
+        terminal.say(f"{verb} unchanged: {unchanged} so already")
+    elif outcome.dry_run:
+        terminal.say(f"{verb} would do the following; nothing is written")
+
+
+def edit_document(command: str, outcome: EditOutcome, **more: Any) -> dict[str, Any]:
+    """Return what an edit did for programs."""
+    return {
+        "command": command,
+        **more,
+        "unchanged": not outcome.changes,
+        "dry_run": outcome.dry_run,
+        "changes": [asdict(change) for change in outcome.changes],
+        "warnings": warning_rows(outcome.warnings),
+    }
