@@ -1,0 +1,68 @@
+"""Blocks as the other programs get them: control points as constants, pixels to the right and down, one file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from aerial_blocks import FRAME_MM, NOISE_MM, POINTS_A_PHOTO, aerial_block
+from bal import LADYBUG, bal_block
+
+from orip.bundle.problem import starting_state
+from orip.model.block import Block
+
+BAL = "BAL"
+_PIXEL_MM = 2.0 * NOISE_MM
+_BAL_SIZE = (4000, 4000)
+"""Larger than the photos are: where the picture ends is of no influence."""
+
+
+def block_of(case: str, points_a_photo: int = POINTS_A_PHOTO) -> Block:
+    """Return the block of a case: that of so many photos, or of the BAL problem."""
+    return bal_block(LADYBUG) if case == BAL else constant_control(aerial_block(int(case), points_a_photo))
+
+
+def constant_control(block: Block) -> Block:
+    """Return a block with its control points as constants, as COLMAP knows no weighted ones."""
+    place = block.point_index()
+    rows = [place[point.name] for point in block.control_points]
+    start, constant = block.point_start.copy(), block.constant_points.copy()
+    start[rows] = [point.coordinates for point in block.control_points]
+    constant[rows] = True
+    control = tuple(replace(point, errors=(0.0, 0.0, 0.0)) for point in block.control_points)
+    return replace(block, point_start=start, constant_points=constant, control_points=control)
+
+
+def pixel_mm(case: str) -> float:
+    """Return the size of a pixel in the unit of the block's photo coordinates."""
+    return 1.0 if case == BAL else _PIXEL_MM
+
+
+def save_for_peer(case: str, path: Path) -> None:
+    """Write the problem of a case as arrays.
+
+    Cameras (k, 5) are f, the principal point and k1, k2 of f (1 + k1 r^2 + k2 r^4) with r at a distance of 1.
+    """
+    block, pixel = block_of(case), pixel_mm(case)
+    state = starting_state(block)
+    width, height = _BAL_SIZE if case == BAL else (round(each / pixel) for each in FRAME_MM)
+    turned = np.diag([1.0, -1.0, -1.0]) @ np.swapaxes(state.rotations, 1, 2)
+    c, a3, a5 = (state.cameras[:, place] for place in (0, 4, 5))
+    middle = np.full(len(c), width / 2.0), np.full(len(c), height / 2.0)
+    points = block.photo_points
+    np.savez(
+        path,
+        size=[width, height],
+        cameras=np.column_stack([c / pixel, *middle, a3 * c**2, a5 * c**4]),
+        camera=block.photo_camera,
+        principal_point_unknown="DX" in block.cameras[0].unknown,
+        free=case == BAL,
+        rotations=turned,
+        translations=-np.einsum("nij,nj->ni", turned, state.centres),
+        points=state.points,
+        constant=np.flatnonzero(block.constant_points.all(axis=1)),
+        photo=points.photo,
+        point=points.point,
+        pixels=points.xy / pixel * [1.0, -1.0] + [width / 2.0, height / 2.0],
+    )
