@@ -3,6 +3,7 @@
 #
 #   make PYTHON=/path/to/python3 test      use that Python for a new .venv
 #   make PYTEST_ARGS='-k rotation' test    hand options to pytest
+#   make BENCH_PHOTOS='50 2000' BENCH_CASES= BENCH_ARGS='--repetitions 3' bench    other benchmarks
 
 .SUFFIXES:
 .DEFAULT_GOAL := help
@@ -26,7 +27,7 @@ help:
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types and layers: ruff, mypy, import-linter'
-	@echo 'make bench     compare the speed with that of pycolmap (BENCH_PHOTOS="50 500"); installs it in .venv-bench'
+	@echo 'make bench     compare the speed with that of pycolmap and SciPy, which it installs in .venv-bench (some minutes)'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
 .PHONY: demo
@@ -65,11 +66,20 @@ check: $(READY)
 	$(BIN)/lint-imports
 
 BENCH_PHOTOS := 50 500
+# also: solve:2000, threads:500, large; BAL is left out where its data are not
+BENCH_CASES := BAL Zurich threads:500
+BENCH_ARGS :=
+BENCH_PYTHON := .venv-bench/bin/python
+BENCH_PACKAGES := pycolmap==4.2.1 scipy
 
 .PHONY: bench
 bench: $(READY)
-	@[ -x .venv-bench/bin/python ] || { $(BIN)/python -m venv .venv-bench && .venv-bench/bin/pip install -q 'pycolmap==4.2.1'; }
-	$(BIN)/python benchmarks/against_peers.py --peer "$$(pwd -P)/.venv-bench/bin/python" $(BENCH_PHOTOS)
+	@[ "$$(cat .venv-bench/packages 2>/dev/null)" = '$(BENCH_PACKAGES)' ] && $(BENCH_PYTHON) -c 'import pycolmap' || { \
+	  echo 'Making .venv-bench with $(BENCH_PACKAGES): once, about a minute ...'; \
+	  rm -rf .venv-bench && $(BIN)/python -m venv .venv-bench \
+	    && $(BENCH_PYTHON) -m pip install -qq --disable-pip-version-check --no-input $(BENCH_PACKAGES) \
+	    && echo '$(BENCH_PACKAGES)' >.venv-bench/packages; }
+	$(BIN)/python benchmarks/against_peers.py --peer $(BENCH_PYTHON) $(BENCH_PHOTOS) $(BENCH_CASES) $(BENCH_ARGS)
 
 .PHONY: clean
 clean:

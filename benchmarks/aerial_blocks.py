@@ -51,7 +51,7 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
     definition = BundleDefinition("BENCH", Precision(NOISE_MM), max_iterations=30, start_down_weight=30)
     return Block(
         definition=definition,
-        cameras=(Camera("CAM", camera, unknown=frozenset({"C", "DX", "DY", "A3", "A5"}), frame=FRAME_MM),),
+        cameras=(Camera("CAM", camera, unknown=("C", "DX", "DY", "A3", "A5"), frame=FRAME_MM),),
         photos=tuple(
             Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[each[:3], np.degrees(each[3:])].tolist()))
             for row, each in enumerate(start)

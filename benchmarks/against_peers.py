@@ -1,9 +1,16 @@
-"""The aerial blocks adjusted by orip and by pycolmap (Ceres), alternately, from the same start, one thread each.
+"""Blocks adjusted by orip, pycolmap (Ceres) and SciPy's recipe, alternately, from the same start, one thread each.
 
-    python benchmarks/against_peers.py --peer /path/to/environment/bin/python 50 500
+    python benchmarks/against_peers.py --peer /path/to/environment/bin/python 50 500 BAL Zurich
+    python benchmarks/against_peers.py --peer ... 2000 solve:2000 threads:500 large --repetitions 1
+    python benchmarks/against_peers.py --table docs/performance.md
 
-Control points are constants here, as COLMAP knows no weighted ones. CPU seconds, smallest of the repetitions. `--write`
-makes the results the new baseline.json; without it they are compared with what stands there.
+Cases: a number of photos; BAL, a real problem with a camera for each photo; Zurich, the sample project from texts to
+results; solve:N, a project of N photos on the disk; threads:N, two threads against one; large, 5000 photos and 500 000
+points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
+
+Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
+in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
+`--write` puts the results into the baseline; `--table` puts tables of the baseline between the marks in a text.
 """
 
 from __future__ import annotations
@@ -11,142 +18,124 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from aerial_blocks import FRAME_MM, NOISE_MM, aerial_block
-from threadpoolctl import threadpool_limits
+from bal import LADYBUG, MINIMUM_COST
+from figures import SAME_COST, Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
+from startup import help_cpu, zurich_wall
 
-from orip.adjustment.iteration import adjust
-from orip.adjustment.precision import cofactors
-from orip.bundle.problem import pose_problem, starting_state
-from orip.bundle.solve import iteration_settings
-from orip.model.block import Block
-
-PIXEL_MM = 2.0 * NOISE_MM
 HERE = Path(__file__).parent
+BASELINE = HERE / "baseline.json"
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-_SLOWER = 1.25
-"""Times that differ by less say nothing on a machine that others use."""
+_SCIPY_PHOTOS = 500
+"""Larger blocks would take SciPy's recipe hours."""
+_LARGE = ("5000", 353)
+"""Photos and points in each, which are 500 000 in all."""
 
 
-def constant_control(photos: int) -> Block:
-    """Return a benchmark block with its control points as constants."""
-    block = aerial_block(photos)
-    place = block.point_index()
-    rows = [place[point.name] for point in block.control_points]
-    start, constant = block.point_start.copy(), block.constant_points.copy()
-    start[rows] = [point.coordinates for point in block.control_points]
-    constant[rows] = True
-    control = tuple(replace(point, errors=(0.0, 0.0, 0.0)) for point in block.control_points)
-    return replace(block, point_start=start, constant_points=constant, control_points=control)
-
-
-def save_for_peer(block: Block, path: Path) -> None:
-    """Write the problem with pixels to the right and down."""
-    state = starting_state(block)
-    width, height = (round(each / PIXEL_MM) for each in FRAME_MM)
-    turned = np.diag([1.0, -1.0, -1.0]) @ np.swapaxes(state.rotations, 1, 2)
-    points = block.photo_points
-    np.savez(
-        path,
-        size=[width, height],
-        camera=[block.cameras[0].parameters[0] / PIXEL_MM, width / 2.0, height / 2.0, 0.0, 0.0],
-        rotations=turned,
-        translations=-np.einsum("nij,nj->ni", turned, state.centres),
-        points=state.points,
-        constant=np.flatnonzero(block.constant_points.all(axis=1)),
-        photo=points.photo,
-        point=points.point,
-        pixels=points.xy / PIXEL_MM * [1.0, -1.0] + [width / 2.0, height / 2.0],
-    )
-
-
-def by_orip(photos: int) -> dict[str, float]:
-    """Return CPU seconds, cost in pixels, iterations and peak memory of one adjustment."""
-    block = constant_control(photos)
-    before = time.process_time()
-    problem, state, settings = pose_problem(block), starting_state(block), iteration_settings(block.definition)
-    start = time.process_time()
-    adjusted = adjust(problem, state, settings, lambda _: None, lambda: False)
-    end = time.process_time()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    equations = adjusted.linearised.equations
-    precise = time.process_time()
-    cofactors(equations, adjusted.normals)
-    done = time.process_time()
-    cost = 0.5 * float(np.sum(equations.residual[equations.active] ** 2)) * (NOISE_MM / PIXEL_MM) ** 2
-    return {
-        "minimum": end - start,
-        "setup": start - before,
-        "precision": done - precise,
-        "cost": cost,
-        "iterations": len(adjusted.passes),
-        "peak": peak,
-        "peak_precision": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
-    }
-
-
-def run(*command: str) -> dict[str, float]:
-    """Run a program that prints its results as JSON in its last line."""
-    done = subprocess.run(
-        command, check=True, stdout=subprocess.PIPE, text=True, env={**os.environ, **ONE_THREAD}, cwd=HERE
-    )
+def run(*command: str, threads: Mapping[str, str] = ONE_THREAD) -> Figures:
+    """Run a program that prints its figures as JSON in its last line."""
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env={**os.environ, **threads})
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
-def compared(photos: int, peer: str, repetitions: int) -> dict[str, dict[str, float]]:
-    """Return the smallest figures of both programs, run in turn."""
-    runs: dict[str, list[dict[str, float]]] = {"orip": [], "pycolmap": []}
+def run_orip(case: str, points: int | None = None, threads: int = 1) -> Figures:
+    """Run orip's adjustment of a case."""
+    more = [] if points is None else ["--points", str(points)]
+    environment = {name: str(threads) for name in ONE_THREAD}
+    command = (sys.executable, str(HERE / "orip_adjustment.py"), case, "--threads", str(threads), *more)
+    return run(*command, threads=environment)
+
+
+def best(runs: list[Figures]) -> Figures:
+    """Return the smallest of each figure; of texts the first, and whether all results were the same bit for bit."""
+    first = runs[0]
+    found = {
+        key: min(each[key] for each in runs) if isinstance(value, float) else value for key, value in first.items()
+    }
+    if "digest" in found:
+        found["identical"] = len({each["digest"] for each in runs}) == 1
+        found["runs"] = len(runs)
+    return found
+
+
+def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
+    """Return the figures of the programs for an aerial block or the BAL problem, run in turn."""
+    runs: dict[str, list[Figures]] = {"orip": [], "pycolmap": []}
+    if case != "BAL" and int(case) <= _SCIPY_PHOTOS:
+        runs["scipy"] = []
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "problem.npz"
-        save_for_peer(constant_control(photos), path)
-        for _ in range(repetitions):
-            runs["orip"].append(run(sys.executable, __file__, "--only-orip", str(photos)))
-            runs["pycolmap"].append(run(peer, str(HERE / "pycolmap_peer.py"), str(path)))
-    return {name: {key: min(each[key] for each in found) for key in found[0]} for name, found in runs.items()}
+        problem = str(Path(folder) / "problem.npz")
+        # a process starts with the peak memory of the one that started it: the block is not made in this one
+        subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True)
+        colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
+        if case == "BAL":
+            until = run(*colmap, "--until", repr(MINIMUM_COST * (1.0 + SAME_COST)))
+            colmap += ["--iterations", str(until["iterations"])]
+        for repetition in range(repetitions):
+            runs["orip"].append(run_orip(case))
+            runs["pycolmap"].append(run(*colmap))
+            # it takes long, and its evaluations are many
+            if "scipy" in runs and repetition == 0:
+                runs["scipy"].append(run(peer, str(HERE / "scipy_peer.py"), problem))
+    return {name: best(each) for name, each in runs.items()}
+
+
+def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
+    """Return the figures of a case."""
+    kind, _, size = case.partition(":")
+    if kind == "Zurich":
+        return {"orip": {"run": min(zurich_wall() for _ in range(given.repetitions)), "help": help_cpu()}}
+    if kind == "solve":
+        whole = (sys.executable, str(HERE / "whole_solve.py"), size)
+        return {"orip": best([run(*whole) for _ in range(given.repetitions)])}
+    if kind == "threads":
+        runs = [(run_orip(size), run_orip(size, threads=2)) for _ in range(given.repetitions)]
+        one, two = zip(*runs, strict=True)
+        return {"orip": best(list(one)), "two threads": best(list(two))}
+    if kind == "large":
+        return {"orip": best([run_orip(*_LARGE) for _ in range(given.repetitions)])}
+    return compared(case, given.peer, given.repetitions)
+
+
+def cases(words: list[str]) -> list[str]:
+    """Return the cases that can be run."""
+    if "BAL" in words and not LADYBUG.exists():
+        print(f"BAL is left out: there is no {LADYBUG}", file=sys.stderr)
+        return [word for word in words if word != "BAL"]
+    return words
 
 
 def main() -> None:
-    """Compare and print a table in Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("photos", nargs="*", type=int, default=[50, 500])
-    parser.add_argument("--peer", help="the Python that has pycolmap")
+    """Measure, print, compare."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", nargs="*", default=[], help="see above")
+    parser.add_argument("--peer", default=sys.executable, help="a Python that has pycolmap and SciPy")
     parser.add_argument("--repetitions", type=int, default=5)
-    parser.add_argument("--only-orip", action="store_true", help="adjust once and print JSON")
-    parser.add_argument("--write", action="store_true", help="make the results the new baseline")
+    parser.add_argument("--write", action="store_true", help="put the results into baseline.json")
+    parser.add_argument("--table", type=Path, help="a text to put the tables of baseline.json into")
     given = parser.parse_args()
-    if given.only_orip:
-        with threadpool_limits(1):
-            print(json.dumps(by_orip(given.photos[0])))
-        return
-    baseline_path = HERE / "baseline.json"
-    baseline = json.loads(baseline_path.read_text()) if baseline_path.exists() else {}
-    print("| photos | program | iterations | minimum s | ratio | covariances s | ratio | peak MB | cost |")
-    print("|---|---|---|---|---|---|---|---|---|")
-    for photos in given.photos:
-        found = compared(photos, given.peer, given.repetitions)
-        for name, each in found.items():
-            ratios = [each[key] / found["orip"][key] for key in ("minimum", "precision")]
-            print(
-                f"| {photos} | {name} | {each['iterations']} | {each['minimum']:.3f} | {ratios[0]:.1f} "
-                f"| {each['precision']:.3f} | {ratios[1]:.1f} | {each['peak_precision']:.0f} | {each['cost']:.8g} |",
-                flush=True,
-            )
-        for key in ("minimum", "precision"):
-            before = baseline.get(str(photos), {}).get("orip", {}).get(key)
-            if before is not None and found["orip"][key] > _SLOWER * before:
-                print(f"slower than the baseline: {photos} photos, {key}: {before:.3f} s then", file=sys.stderr)
-        if given.write:
-            baseline[str(photos)] = found
+    baseline: Results = json.loads(BASELINE.read_text(encoding="utf-8")) if BASELINE.exists() else {}
+    found: Results = {"machine": {"all": machine(given.peer)}}
+    for case in cases(given.cases):
+        print(f"{case} ...", file=sys.stderr, flush=True)
+        found[case] = measured(case, given)
+    slower = list(grown_slower(found, baseline))
+    if given.cases:
+        print(tables(found), requirement_table(found), sep="\n\n")
+    for each in slower:
+        print("slower than the baseline:", each, file=sys.stderr)
     if given.write:
-        baseline_path.write_text(json.dumps(baseline, indent=2, sort_keys=True) + "\n")
+        baseline |= found
+        BASELINE.write_text(json.dumps(baseline, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    if given.table:
+        write_tables(given.table, baseline)
+    if slower and not given.write:
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,11 @@
-"""Blocks as the other programs get them: control points as constants, pixels to the right and down, one file."""
+"""Blocks as the other programs get them: control points as constants, pixels to the right and down, one file.
+
+python peer_problem.py 500 problem.npz
+"""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,3 +70,7 @@ def save_for_peer(case: str, path: Path) -> None:
         point=points.point,
         pixels=points.xy / pixel * [1.0, -1.0] + [width / 2.0, height / 2.0],
     )
+
+
+if __name__ == "__main__":
+    save_for_peer(sys.argv[1], Path(sys.argv[2]))

@@ -116,7 +116,8 @@ def iterations_until(problem: dict[str, np.ndarray], cost: float) -> int:
     while float(adjusted(problem, reached, covariances=False)["cost"]) > cost:
         above, reached = reached, 2 * reached
         if reached > 800:
-            raise SystemExit(f"pycolmap does not reach a cost of {cost}")
+            message = f"pycolmap does not reach a cost of {cost}"
+            raise SystemExit(message)
     while reached - above > 1:
         middle = (above + reached) // 2
         if float(adjusted(problem, middle, covariances=False)["cost"]) > cost:

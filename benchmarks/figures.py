@@ -1,0 +1,252 @@
+"""What was measured, as tables, against what is asked for and against the baseline."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+Figures = dict[str, Any]
+Results = dict[str, dict[str, Figures]]
+"""Figures by case and program."""
+
+SAME_COST = 1e-8
+"""Relative difference of costs at the same minimum."""
+_SLOWER = 1.25
+"""Times that differ by less say nothing on a machine that others use."""
+_FAR = 1e-6
+"""Relative; a cost that far below the other one is of another minimum."""
+_MARKS = "<!-- tables -->", "<!-- end of tables -->"
+
+
+class Requirement(NamedTuple):
+    """A figure that was found, what it must be and what it should be, and whether more of it is better."""
+
+    what: str
+    found: float
+    must: float
+    aim: float
+    more: bool = True
+
+    def verdict(self) -> str:
+        """Return how far it is met."""
+        if not np.isfinite(self.found):
+            return "**missed**"
+        sign = 1.0 if self.more else -1.0
+        if sign * self.found < sign * self.must:
+            return "**missed**"
+        return "aim" if sign * self.found >= sign * self.aim else "must"
+
+
+def machine(peer: str) -> Figures:
+    """Return processor and versions."""
+    cpu = Path("/proc/cpuinfo")
+    names = [line.partition(":")[2].strip() for line in cpu.read_text().splitlines() if line.startswith("model name")]
+    asked = "import pycolmap; print(pycolmap.__version__)"
+    colmap = subprocess.run([peer, "-c", asked], check=False, capture_output=True, text=True).stdout.strip()
+    return {
+        "processor": f"{len(names)} x {names[0]}" if names else platform.processor(),
+        "system": platform.system(),
+        "Python": platform.python_version(),
+        "NumPy": np.__version__,
+        "SciPy": scipy.__version__,
+        "pycolmap": colmap or "none",
+    }
+
+
+def requirements(found: Results) -> Iterator[Requirement]:
+    """Yield what can be judged by the figures found."""
+    yield from _against_pycolmap(found)
+    yield from _against_itself(found)
+    if "scipy" in found.get("500", {}):
+        ratio = found["500"]["scipy"]["evaluation"] / _iteration(found["500"]["orip"])
+        yield Requirement("500 photos: an evaluation, times faster than SciPy's recipe", ratio, 50.0, 80.0)
+    if "Zurich" in found:
+        yield Requirement("Zurich: seconds of `orip run`", found["Zurich"]["orip"]["run"], 2.5, 1.2, more=False)
+
+
+def _against_pycolmap(found: Results) -> Iterator[Requirement]:
+    for case, must, aim in (("50", 4.0, 6.0), ("500", 3.0, 5.0), ("2000", 2.0, 4.0), ("BAL", 3.0, 6.0)):
+        if case in found:
+            ours, theirs = found[case]["orip"], found[case]["pycolmap"]
+            ratio = theirs["minimum"] / ours["minimum"] if _same_minimum(ours, theirs) else float("nan")
+            yield Requirement(f"{_title(case)}: to the minimum, times faster than pycolmap", ratio, must, aim)
+    for case, must, aim in (("500", 5.0, 10.0), ("2000", 10.0, 20.0)):
+        if case in found:
+            ours, theirs = found[case]["orip"], found[case]["pycolmap"]
+            ratio = theirs["precision"] / ours["precision"]
+            yield Requirement(f"{_title(case)}: covariances, times faster than pycolmap", ratio, must, aim)
+            memory = ours["peak_precision"] / theirs["peak_precision"]
+            yield Requirement(f"{_title(case)}: covariances, memory to pycolmap's", memory, 0.5, 0.5, more=False)
+    if "solve:2000" in found and "2000" in found:
+        memory = found["solve:2000"]["orip"]["solve_peak"] / found["2000"]["pycolmap"]["peak"]
+        what = "2000 photos: memory of `orip solve` to that of pycolmap's adjustment alone"
+        yield Requirement(what, memory, 1.0, 0.7, more=False)
+
+
+def _against_itself(found: Results) -> Iterator[Requirement]:
+    if "500" in found and "2000" in found:
+        ours = [found[case]["orip"] for case in ("500", "2000")]
+        small, large = (_iteration(each) / each["photo_points"] for each in ours)
+        what = "2000 photos: time of an observation and iteration to that at 500"
+        yield Requirement(what, large / small, 1.5, 1.2, more=False)
+    for case, each in found.items():
+        if case.startswith("threads:"):
+            ratio = each["two threads"]["minimum_wall"] / each["orip"]["minimum_wall"]
+            what = f"{_title(case.partition(':')[2])}: time of two threads to that of one"
+            yield Requirement(what, ratio, 1.1, 1.0, more=False)
+
+
+def differing(found: Results) -> list[str]:
+    """Return the cases whose runs did not all have the same results bit for bit."""
+    return [case for case, programs in found.items() for each in programs.values() if not each.get("identical", True)]
+
+
+def grown_slower(found: Results, baseline: Results) -> Iterator[str]:
+    """Yield where orip has become slower by a quarter."""
+    same_machine = found["machine"] == baseline.get("machine")
+    for case in found.keys() & baseline.keys() - {"machine"}:
+        now, then = found[case], baseline[case]
+        for key in ("minimum", "precision"):
+            if "pycolmap" in now and "pycolmap" in then and key in now["pycolmap"] and key in then["pycolmap"]:
+                ratio, before = (each["pycolmap"][key] / each["orip"][key] for each in (now, then))
+                if _SLOWER * ratio < before:
+                    yield f"{case}, {key}: {ratio:.1f} times as fast as pycolmap; then {before:.1f}"
+        for key in ("minimum", "precision", "run", "init_cpu", "measure_cpu", "solve_cpu"):
+            if same_machine and now["orip"].get(key, 0.0) > _SLOWER * then["orip"].get(key, np.inf):
+                yield f"{case}, {key}: {now['orip'][key]:.3f} s; then {then['orip'][key]:.3f} s"
+
+
+def tables(found: Results) -> str:
+    """Return all tables for which there are figures."""
+    made = (_adjustments(found), _recipe(found), _threads(found), _whole(found), _startup(found))
+    return "\n\n".join(table for table in made if table)
+
+
+def requirement_table(found: Results) -> str:
+    """Return what is asked for, what was found, and whether results differed from run to run."""
+    lines = ["| | found | must | aim | reached |", "|---|---|---|---|---|"]
+    for each in requirements(found):
+        sign = "≥" if each.more else "≤"
+        shown = f"{each.found:.2f}" if np.isfinite(each.found) else "another minimum"
+        lines.append(f"| {each.what} | {shown} | {sign} {each.must:g} | {sign} {each.aim:g} | {each.verdict()} |")
+    runs = sum(each.get("runs", 0) for programs in found.values() for each in programs.values())
+    other = differing(found)
+    text = f"in {', '.join(other)} they differed" if other else "all runs of a case agreed"
+    return "\n".join(lines) + (f"\n\nResults bit for bit, {runs} runs of orip: {text}." if runs else "")
+
+
+def write_tables(path: Path, results: Results) -> None:
+    """Put the tables between the marks in a text.
+
+    Raises
+    ------
+    ValueError
+        When the marks are not there.
+    """
+    text = path.read_text(encoding="utf-8")
+    before, first, rest = text.partition(_MARKS[0])
+    _, last, after = rest.partition(_MARKS[1])
+    if not (first and last):
+        message = f"{path} has not the marks {' and '.join(_MARKS)}"
+        raise ValueError(message)
+    where = ", ".join(f"{name} {value}" for name, value in results["machine"]["all"].items())
+    made = "\n\n".join([where + ".", requirement_table(results), tables(results)])
+    path.write_text(f"{before}{first}\n{made}\n{last}{after}", encoding="utf-8")
+
+
+def _adjustments(found: Results) -> str:
+    heads = (
+        "block", "points", "photo points", "program", "iterations", "minimum s", "ratio", "covariances s", "ratio",
+        "peak of the minimum, MB", "of all, MB", "cost",
+    )  # fmt: skip
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    blocks = sorted((case for case in found if case.isdigit()), key=int)
+    for case in (*blocks, *(name for name in ("large", "BAL") if name in found)):
+        ours = found[case]["orip"]
+        for program in ("orip", "pycolmap"):
+            if program in found[case]:
+                each = found[case][program]
+                name = f"{ours['photos']:.0f} photos" if case != "BAL" else "BAL"
+                times = [_time_and_ratio(each, ours, key) for key in ("minimum", "precision")]
+                lines.append(
+                    f"| {name} | {_thousands(ours['points'])} | {_thousands(ours['photo_points'])} | {program} "
+                    f"| {each['iterations']:.0f} | {times[0]} | {times[1]} | {each['peak']:.0f} "
+                    f"| {_rounded(each.get('peak_precision'))} | {each['cost']:.10g} |"
+                )
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _recipe(found: Results) -> str:
+    lines = [
+        "| photos | SciPy, evaluations | in all, s | s an evaluation | cost | orip, s an iteration | ratio |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for case in sorted((case for case in found if case.isdigit()), key=int):
+        if "scipy" in found[case]:
+            theirs, ours = found[case]["scipy"], _iteration(found[case]["orip"])
+            lines.append(
+                f"| {case} | {theirs['iterations']} | {theirs['seconds']:.1f} | {theirs['evaluation']:.2f} "
+                f"| {theirs['cost']:.7g} | {ours:.4f} | {theirs['evaluation'] / ours:.0f} |"
+            )
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _threads(found: Results) -> str:
+    lines = ["| photos | threads | minimum, s on the clock | covariances, s on the clock |", "|---|---|---|---|"]
+    for case, programs in found.items():
+        if case.startswith("threads:"):
+            for threads, each in ((1, programs["orip"]), (2, programs["two threads"])):
+                times = f"{each['minimum_wall']:.3f} | {each['precision_wall']:.3f}"
+                lines.append(f"| {each['photos']:.0f} | {threads} | {times} |")
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _whole(found: Results) -> str:
+    lines = ["| photos | command | CPU s | s on the clock | peak, MB |", "|---|---|---|---|---|"]
+    for case, programs in found.items():
+        if case.startswith("solve:"):
+            each = programs["orip"]
+            for command in ("init", "measure", "solve"):
+                cpu, wall, peak = (each[f"{command}_{key}"] for key in ("cpu", "wall", "peak"))
+                lines.append(f"| {case.partition(':')[2]} | `orip {command}` | {cpu:.1f} | {wall:.1f} | {peak:.0f} |")
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _startup(found: Results) -> str:
+    if "Zurich" not in found:
+        return ""
+    each = found["Zurich"]["orip"]
+    return f"`orip run` on Zurich City Hall: {each['run']:.2f} s on the clock; `orip --help`: {each['help']:.2f} s CPU."
+
+
+def _time_and_ratio(each: Figures, ours: Figures, key: str) -> str:
+    return f"{each[key]:.3f} | {each[key] / ours[key]:.1f}" if key in each else "— | —"
+
+
+def _thousands(count: float) -> str:
+    return f"{count:,.0f}".replace(",", " ")
+
+
+def _rounded(value: float | None) -> str:
+    return "—" if value is None else f"{value:.0f}"
+
+
+def _title(case: str) -> str:
+    return f"{case} photos" if case.isdigit() else case
+
+
+def _iteration(ours: Figures) -> float:
+    """Return the time of an iteration; the factorisation at the end is shared among them."""
+    return float(ours["minimum"] / ours["iterations"])
+
+
+def _same_minimum(ours: Figures, theirs: Figures) -> bool:
+    """Whether orip's cost is not higher, and not so low that observations must have got lost."""
+    ratio = ours["cost"] / theirs["cost"]
+    return bool(1.0 - _FAR < ratio <= 1.0 + SAME_COST)

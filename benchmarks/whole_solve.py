@@ -1,0 +1,112 @@
+"""A whole project on the disk: what `orip init`, `measure` and `solve` take from texts to stores and listings.
+
+    python whole_solve.py 500
+    python whole_solve.py 2000 --keep /var/tmp/block
+
+The aerial block as orip.toml, .MEA and .PNT: photo coordinates in millimetres, weighted control, no values for points.
+Prints one line of JSON: seconds (CPU and on the clock) and peak memory of each command, one thread each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from aerial_blocks import aerial_block
+
+from orip.files.toml_text import toml_table
+from orip.model.block import Block
+from orip.model.photo import PHOTO_PARAMETERS
+
+COMMANDS = ("init", "measure", "solve")
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+def write_project(block: Block, folder: Path) -> None:
+    """Write the texts of a project whose one bundle is the block."""
+    (folder / "orip.toml").write_text("\n".join(_tables(block)), encoding="utf-8")
+    (folder / "BENCH.MEA").write_text("\n".join(_measured(block)) + "\n", encoding="utf-8")
+    control = [
+        " ".join([point.name, *(f"{each:.4f}" for each in (*point.coordinates, *point.errors))])
+        for point in block.control_points
+    ]
+    (folder / "BENCH.PNT").write_text("\n".join(control) + "\n", encoding="utf-8")
+
+
+def _tables(block: Block) -> Iterator[str]:
+    """Yield the tables of orip.toml."""
+    (camera,) = block.cameras
+    definition = block.definition
+    bundle = {
+        "name": definition.name,
+        "measurement_precision": definition.measurement_precision.value,
+        "max_iterations": definition.max_iterations,
+        "start_down_weight": definition.start_down_weight,
+    }
+    yield toml_table("[project]", {"name": "BENCH", "user": "benchmark", "ground_unit": "m"})
+    yield toml_table("[[camera]]", {"name": camera.name, "c": camera.parameters[0], "unknown": list(camera.unknown)})
+    yield toml_table("[[bundle]]", bundle)
+    for photo in block.photos:
+        values = dict(zip(PHOTO_PARAMETERS, photo.orientation, strict=True))
+        yield toml_table("[[photo]]", {"name": photo.name, "camera": camera.name, **values})
+
+
+def _measured(block: Block) -> Iterator[str]:
+    """Yield the lines of the measurement log, photo after photo."""
+    points = block.photo_points
+    for row, photo in enumerate(block.photos):
+        yield f"POINTS {block.definition.name} {photo.name}"
+        for place in np.flatnonzero(points.photo == row):
+            x, y = points.xy[place]
+            yield f"{block.point_names[points.point[place]]} {x:.5f} {y:.5f}"
+
+
+def command_figures(folder: Path, command: str) -> dict[str, float]:
+    """Return CPU seconds, seconds on the clock and peak memory (MB) of a command in a project."""
+    start = time.perf_counter()
+    with (folder / f"{command}.log").open("wb") as log:
+        words = [sys.executable, "-m", "orip.cli.main", "-C", str(folder), command]
+        output = [(os.POSIX_SPAWN_DUP2, log.fileno(), place) for place in (1, 2)]
+        child = os.posix_spawn(sys.executable, words, {**os.environ, **_ONE_THREAD}, file_actions=output)
+        _, status, used = os.wait4(child, 0)
+    if os.waitstatus_to_exitcode(status):
+        raise SystemExit(f"orip {command} failed:\n" + (folder / f"{command}.log").read_text())
+    return {
+        f"{command}_cpu": used.ru_utime + used.ru_stime,
+        f"{command}_wall": time.perf_counter() - start,
+        f"{command}_peak": used.ru_maxrss / 1024.0,
+    }
+
+
+def main() -> None:
+    """Write the project, run the commands and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("photos", type=int)
+    parser.add_argument("--keep", type=Path, help="a folder for the project, which stays")
+    parser.add_argument("--write", type=Path, help="write the project to a folder, and nothing else")
+    given = parser.parse_args()
+    if given.write:
+        given.write.mkdir(parents=True, exist_ok=True)
+        write_project(aerial_block(given.photos), given.write)
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = given.keep or Path(temporary)
+        # a process starts with the peak memory of the one that started it: the block is not made in this one
+        writing = [sys.executable, __file__, str(given.photos), "--write", str(folder)]
+        subprocess.run(writing, check=True, env={**os.environ, **_ONE_THREAD})
+        found = {}
+        for command in COMMANDS:
+            found |= command_figures(folder, command)
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
