@@ -26,7 +26,7 @@ LADYBUG = Path(__file__).parents[2] / "shared" / "reference-data" / "bal" / "pro
 ALL_RAYS_COST = 13344.24
 """Half the sum of squares at the published minimum, pixels squared."""
 RAYS_FROM_BEHIND = 31
-"""Of ten points behind each of their cameras, at the start and there: the formula has a residual for them, but no camera
+"""Of ten points behind each of their cameras, at the start and there: the formula has residuals for them, but no camera
 can see them."""
 MINIMUM_COST = 13308.40594
 """Without these rays, which neither orip nor pycolmap counts. Points at infinity let it fall on and on, in the ninth
