@@ -26,7 +26,7 @@ from pathlib import Path
 
 from bal import LADYBUG, MINIMUM_COST
 from figures import SAME_COST, Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
-from startup import help_cpu, zurich_wall
+from startup import help_cpu, zurich
 
 HERE = Path(__file__).parent
 BASELINE = HERE / "baseline.json"
@@ -89,7 +89,8 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
     """Return the figures of a case."""
     kind, _, size = case.partition(":")
     if kind == "Zurich":
-        return {"orip": {"run": min(zurich_wall() for _ in range(given.repetitions)), "help": help_cpu()}}
+        wall, cpu = (min(each) for each in zip(*(zurich() for _ in range(given.repetitions)), strict=True))
+        return {"orip": {"run": wall, "run_cpu": cpu, "help": help_cpu()}}
     if kind == "solve":
         whole = (sys.executable, str(HERE / "whole_solve.py"), size)
         return {"orip": best([run(*whole) for _ in range(given.repetitions)])}
@@ -124,16 +125,17 @@ def main() -> None:
     for case in cases(given.cases):
         print(f"{case} ...", file=sys.stderr, flush=True)
         found[case] = measured(case, given)
-    slower = list(grown_slower(found, baseline))
+        if given.write:
+            # case by case: whoever interrupts a long run keeps what it has found
+            text = json.dumps({**baseline, **found}, indent=2, sort_keys=True)
+            BASELINE.write_text(text + "\n", encoding="utf-8")
     if given.cases:
         print(tables(found), requirement_table(found), sep="\n\n")
+    slower = list(grown_slower(found, baseline))
     for each in slower:
         print("slower than the baseline:", each, file=sys.stderr)
-    if given.write:
-        baseline |= found
-        BASELINE.write_text(json.dumps(baseline, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     if given.table:
-        write_tables(given.table, baseline)
+        write_tables(given.table, {**baseline, **found} if given.write else baseline)
     if slower and not given.write:
         sys.exit(1)
 
