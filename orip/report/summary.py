@@ -115,7 +115,7 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else "nothing is redundant to test it"
     yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
-    down = solution.sigma0_all != solution.sigma0
+    down = (solution.residuals.weight_factor < 1.0).any()
     yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)
     if solution.check_points:
         unit = solution.ground_unit
