@@ -105,7 +105,8 @@ class Terminal:
         if not sys.stderr.isatty():
             return None
         try:
-            return max(int(os.environ.get("COLUMNS") or os.get_terminal_size(sys.stderr.fileno()).columns), _NARROWEST)
+            columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size(sys.stderr.fileno()).columns
+            return max(columns or USUAL_COLUMNS, _NARROWEST)
         except (OSError, ValueError):
             return USUAL_COLUMNS
 

@@ -20,6 +20,8 @@ MOST_WEAK = 20
 SUSPICIOUS_W = 3.29
 """Normalised residual that one good observation in a thousand exceeds."""
 
+SUSPICIOUS_SHARE = 0.001
+
 UNCHECKED = 0.10
 """Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
 

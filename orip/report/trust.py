@@ -181,7 +181,9 @@ def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
 
 def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     """Return what the test says of sigma0."""
-    between = f"{test.lower:.2f} to {test.upper:.2f} expected by chance"
+    # of a large block the interval is narrower than 0.01
+    decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
+    between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
     if sigma0 < test.lower:
         return f"below the {between}: the observations are better than their a-priori errors"
     if sigma0 > test.upper:
