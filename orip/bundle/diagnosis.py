@@ -17,6 +17,7 @@ from orip.model.block import Block
 from orip.model.camera import CAMERA_PARAMETERS, Camera
 from orip.model.photo import PHOTO_PARAMETERS
 from orip.model.solution import Diagnosis
+from orip.progress import stage
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
@@ -33,6 +34,7 @@ def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
     )
 
 
+@stage("diagnosing")
 def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     """Return every weakness found in a solved block, the gravest kind first."""
     return (

@@ -25,6 +25,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.model.block import Block
 from orip.model.control import ControlPoint
 from orip.model.solution import Blunder
+from orip.progress import stage
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -102,9 +103,10 @@ def snoop(
     -------
     Snooped
     """
-    search = _Search(block, settings, on_pass, stop_asked)
-    search.leave_out()
-    search.take_back()
+    with stage("searching blunders"):
+        search = _Search(block, settings, on_pass, stop_asked)
+        search.leave_out()
+        search.take_back()
     return Snooped(search.solved, tuple(search.blunders()))
 
 

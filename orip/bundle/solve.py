@@ -15,6 +15,7 @@ from orip.bundle.state import State
 from orip.errors import NotSolvableError
 from orip.model.block import Block
 from orip.model.project import BundleDefinition
+from orip.progress import stage
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,8 @@ def solve_problem(
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
-    adjusted = adjust(problem, start, settings, on_pass, stop_asked)
+    with stage("adjusting"):
+        adjusted = adjust(problem, start, settings, on_pass, stop_asked)
     equations = adjusted.linearised.equations
     if not np.isfinite(adjusted.passes[-1].enp) or not np.isfinite(equations.residual).all():
         message = (
@@ -98,10 +100,11 @@ def solve_problem(
             "the control and the a-priori errors"
         )
         raise NotSolvableError(message)
-    found = cofactors(equations, adjusted.normals)
-    if problem.datum is not None:
-        state = adjusted.linearised.state
-        found = problem.datum.transformed_cofactors(found, adjusted.normals, state, problem.unknowns)
+    with stage("precision"):
+        found = cofactors(equations, adjusted.normals)
+        if problem.datum is not None:
+            state = adjusted.linearised.state
+            found = problem.datum.transformed_cofactors(found, adjusted.normals, state, problem.unknowns)
     effective = problem.layout.unknowns - int(np.count_nonzero(adjusted.normals.removed))
     variance = variance_of_unit_weight(equations, adjusted.weight_factors, found.leverage, effective)
     return SolvedBlock(block, problem, adjusted, found, variance)

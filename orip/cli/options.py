@@ -68,7 +68,7 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
             late = SharedOptions(*(given.pop(key) for key in SharedOptions._fields))
             options = before.options.then(late)
             invocation = Invocation(before.folder, options, options.terminal())
-            with exit_on_error(invocation.terminal):
+            with exit_on_error(invocation.terminal), invocation.terminal.progress():
                 function(invocation, **given)
 
         _give_signature(run, inspect.signature(function, eval_str=True))
@@ -88,7 +88,7 @@ def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Calla
             options = before.options.then(SharedOptions(*(given.pop(key) for key in SharedOptions._fields)))
             context.obj = Invocation(before.folder, options, options.terminal())
             if context.invoked_subcommand is None:
-                with exit_on_error(context.obj.terminal):
+                with exit_on_error(context.obj.terminal), context.obj.terminal.progress():
                     function(context.obj, **given)
 
         _give_signature(run, inspect.signature(function, eval_str=True))

@@ -15,12 +15,17 @@ from orip.errors import GateError, NotSolvableError, ProjectWarning
 if TYPE_CHECKING:
     from orip.model.block import Block
     from orip.model.preliminary import PreliminaryValues
-    from orip.model.solution import IterationPass, Solution
+    from orip.model.solution import IterationPass
+    from orip.report.trust import Level
     from orip.workflow.solve import SolveWatcher
     from orip.workflow.solve_checked import CheckedSolve
 
-_STATUS_STYLE: dict[str, Style] = {"converged": "green", "doubtful": "yellow", "not_converged": "red", "stopped": "red"}
-_SHOWN_DIAGNOSES = 10
+_VERDICT_STYLES: dict[Level, Style] = {"good": "bold", "caution": "bold yellow", "bad": "bold red"}
+_STYLES: dict[Level, Style | None] = {"good": None, "caution": "yellow", "bad": "red"}
+
+_HEADING = "         iteration      ENP  down-weighted  singular       sigma0"
+_NARROW_HEADING = "pass    ENP   down  sing      sigma0"
+"""Of pass lines on a terminal that has no room for the other."""
 
 
 def solve_watcher(terminal: Terminal) -> SolveWatcher:
@@ -81,38 +86,42 @@ def tell_start(terminal: Terminal, block: Block) -> None:
         f"solve    {block.definition.name}: {len(block.photos)} photos, {len(block.point_names)} points, "
         f"{points} photo points"
     )
-    terminal.say("         iteration      ENP  down-weighted  singular       sigma0", "dim")
+    terminal.say(_NARROW_HEADING if _is_narrow(terminal) else _HEADING, "dim")
 
 
 def tell_pass(terminal: Terminal, each: IterationPass) -> None:
     """Print a pass line."""
     mark = " *" if each.step_limited else ""
-    terminal.say(
-        f"         {each.iteration:9d}  {each.enp:7.1f}  {each.down_weighted:13d}  {each.singular:8d}  "
-        f"{each.sigma0:11.4f}{mark}"
-    )
+    if _is_narrow(terminal):
+        line = f"{each.iteration:4d} {each.enp:6.1f} {each.down_weighted:6d} {each.singular:5d} {each.sigma0:11.4f}"
+    else:
+        line = (
+            f"         {each.iteration:9d}  {each.enp:7.1f}  {each.down_weighted:13d}  {each.singular:8d}  "
+            f"{each.sigma0:11.4f}"
+        )
+    terminal.say(f"{line}{mark}")
+
+
+def _is_narrow(terminal: Terminal) -> bool:
+    return terminal.columns is not None and terminal.columns < len(_HEADING) + len(" *")
 
 
 def tell_solution(terminal: Terminal, checked: CheckedSolve) -> None:
     """Print the summary of an adjustment."""
+    from orip.report.summary import summary
+
     outcome = checked.outcome
     solution = outcome.solution
     terminal.warn(ProjectWarning(*row) for row in solution.warnings)
+    project, files = outcome.project, outcome.files
+    for line in summary(solution, checked.gates, project.shown(files[1])):
+        style = None if line.level is None else _STYLES[line.level]
+        if line.label == "status":
+            terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
+        else:
+            terminal.point(line.label, line.text, style)
     same = "" if outcome.changed else "; unchanged: the store holds this solution already"
-    terminal.say(f"status   {solution.status.replace('_', ' ')}{same}", _STATUS_STYLE[solution.status])
-    terminal.say(
-        f"sigma0   {solution.sigma0:.4f} (all observations {solution.sigma0_all:.4f}), "
-        f"redundancy {solution.redundancy}, {solution.observations} observations, {solution.unknowns} unknowns"
-    )
-    _tell_check_points(terminal, solution)
-    for each in solution.diagnosis[:_SHOWN_DIAGNOSES]:
-        terminal.say(f"note     {each.text}: {each.remedy}", "yellow")
-    if (more := len(solution.diagnosis) - _SHOWN_DIAGNOSES) > 0:
-        terminal.say(f"         and {more} more notes: see {outcome.project.shown(outcome.files[1])}")
-    for gate in checked.gates:
-        terminal.say(f"gate     {gate}", None if gate.passed else "red")
-    for path in outcome.files:
-        terminal.say(f"wrote    {outcome.project.shown(path)}")
+    terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
 
 
 def exit_code(checked: CheckedSolve) -> int:
@@ -123,18 +132,3 @@ def exit_code(checked: CheckedSolve) -> int:
     if status == "not_converged":
         return NotSolvableError.exit_code
     return 0 if all(gate.passed for gate in checked.gates) else GateError.exit_code
-
-
-def _tell_check_points(terminal: Terminal, solution: Solution) -> None:
-    points = solution.check_points
-    if not points:
-        return
-    import numpy as np
-
-    differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
-    plan = np.sqrt(np.nanmean(differences[:, :2] ** 2)) if np.isfinite(differences[:, :2]).any() else float("nan")
-    height = np.sqrt(np.nanmean(differences[:, 2] ** 2)) if np.isfinite(differences[:, 2]).any() else float("nan")
-    terminal.say(
-        f"check    {len(points)} check points, RMS {plan:.3f} {solution.ground_unit} (XY), "
-        f"{height:.3f} {solution.ground_unit} (Z)"
-    )

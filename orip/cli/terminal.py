@@ -5,17 +5,35 @@ from __future__ import annotations
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
+from orip.cli.progress_bar import ProgressBar
 from orip.errors import ProjectWarning
+from orip.progress import listening
 
 ColorChoice = Literal["auto", "always", "never"]
-Style = Literal["red", "yellow", "green", "bold", "dim"]
+Style = Literal["red", "yellow", "green", "bold", "bold red", "bold yellow", "dim"]
 
-_CODES: dict[Style, str] = {"red": "31", "yellow": "33", "green": "32", "bold": "1", "dim": "2"}
+USUAL_COLUMNS = 80
+LABEL_WIDTH = 9
+"""Columns of the word that a line of talk begins with, and of what stands below it."""
+
+_CODES: dict[Style, str] = {
+    "red": "31",
+    "yellow": "33",
+    "green": "32",
+    "bold": "1",
+    "bold red": "1;31",
+    "bold yellow": "1;33",
+    "dim": "2",
+}
+_PLAIN = str.maketrans({"\N{NARROW NO-BREAK SPACE}": " ", "±": "+-", "−": "-", "–": "-", "°": " deg", "…": "..."})
+"""What stands for the signs that talk may have, on a terminal that knows only letters."""
+_NARROWEST = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +55,18 @@ class Terminal:
     color: ColorChoice = "auto"
     threads: int = 1
     _warned: set[str] = field(default_factory=set, compare=False)
+    _bars: list[ProgressBar] = field(default_factory=list, compare=False)
 
     def say(self, text: str, style: Style | None = None) -> None:
         """Print a line of talk, unless quiet."""
         if not self.quiet:
-            self._talk(self._styled(text, style, sys.stderr))
+            self._talk(text, style)
+
+    def point(self, label: str, text: str, style: Style | None = None) -> None:
+        """Print a line of talk with its label, unless quiet; a bold style is that of the line, others of the label."""
+        if not self.quiet:
+            whole = style is None or style.startswith("bold")
+            self._talk(f"{label:{LABEL_WIDTH}}{text}", style, None if whole else len(label))
 
     def detail(self, text: str) -> None:
         """Print a line of talk if verbose."""
@@ -53,11 +78,12 @@ class Terminal:
         for text in dict.fromkeys(map(str, warnings)):
             if text not in self._warned:
                 self._warned.add(text)
-                self.say(f"{self._styled('warning:', 'yellow', sys.stderr)} {text}")
+                if not self.quiet:
+                    self._talk(f"warning: {text}", "yellow", len("warning:"))
 
     def error(self, text: str) -> None:
         """Print an error, quiet or not."""
-        self._talk(f"{self._styled('error:', 'red', sys.stderr)} {text}")
+        self._talk(f"error: {text}", "red", len("error:"))
 
     def data(self, text: str) -> None:
         """Print data on stdout."""
@@ -73,10 +99,52 @@ class Terminal:
         """Print one JSON document on stdout."""
         self.data(json.dumps(content, ensure_ascii=False, indent=2, allow_nan=False))
 
-    @staticmethod
-    def _talk(text: str) -> None:
-        with _reader_may_leave(sys.stderr):
-            sys.stderr.write(f"{text}\n")
+    @property
+    def columns(self) -> int | None:
+        """Return the width that talk has; None where it goes to no terminal, and lines are as long as they are."""
+        if not sys.stderr.isatty():
+            return None
+        try:
+            columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size(sys.stderr.fileno()).columns
+            return max(columns or USUAL_COLUMNS, _NARROWEST)
+        except (OSError, ValueError):
+            return USUAL_COLUMNS
+
+    @contextmanager
+    def progress(self) -> Iterator[None]:
+        """Show how far long work is, on a terminal that can take back what it shows."""
+        if self.quiet or not sys.stderr.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+            yield
+            return
+        bar = ProgressBar(self.columns or USUAL_COLUMNS)
+        self._bars.append(bar)
+        try:
+            with listening(bar):
+                yield
+        finally:
+            self._bars.pop()
+
+    def _talk(self, text: str, style: Style | None = None, styled: int | None = None) -> None:
+        """Print on stderr, broken between words where that is a terminal.
+
+        Parameters
+        ----------
+        text : str
+        style : Style or None
+        styled : int or None
+            The style is that of so many characters; None: of all.
+        """
+        if (sys.stderr.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
+            text = text.translate(_PLAIN)
+        columns = self.columns
+        lines = [line for each in text.split("\n") for line in ([each] if columns is None else _wrapped(each, columns))]
+        lines = [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+        if styled is None:
+            lines = [self._styled(line, style, sys.stderr) for line in lines]
+        else:
+            lines[0] = f"{self._styled(lines[0][:styled], style, sys.stderr)}{lines[0][styled:]}"
+        with self._bars[-1].aside() if self._bars else nullcontext(), _reader_may_leave(sys.stderr):
+            sys.stderr.write("".join(f"{line}\n" for line in lines))
             sys.stderr.flush()
 
     def _styled(self, text: str, style: Style | None, stream: TextIO) -> str:
@@ -99,6 +167,15 @@ def _reader_may_leave(stream: TextIO) -> Iterator[None]:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+def _wrapped(line: str, columns: int) -> list[str]:
+    """Break a line between words; what follows stands below the first word behind the label."""
+    if len(line) <= columns:
+        return [line]
+    return textwrap.wrap(
+        line, columns, subsequent_indent=" " * LABEL_WIDTH, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def warning_rows(warnings: Iterable[ProjectWarning]) -> list[dict[str, str]]:

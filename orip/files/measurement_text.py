@@ -24,9 +24,12 @@ from orip.files.shown_text import shown_token
 from orip.files.text_lines import read_lines, split_line
 from orip.model.measurement import LogRecord
 from orip.model.names import RESERVED_NAMES
+from orip.progress import stage
 
 _NOT_PLAIN_NAMES = KEYWORDS | RESERVED_NAMES
 _COMMENT_STARTS = "!#"
+_LINES_AT_A_TIME = 10_000
+"""After which to tell how far reading is."""
 
 
 def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
@@ -55,10 +58,13 @@ class _Log:
         self.skips = False
 
     def read(self, lines: Sequence[str]) -> None:
-        for number, line in enumerate(lines, start=1):
-            fields = line.split()
-            if fields and not (self.block and len(fields) == 3 and _take_plain(self.block, fields, line, number)):
-                self._read_line(line, number)
+        with stage(f"reading {Path(self.shown).name}", len(lines)) as advance:
+            for number, line in enumerate(lines, start=1):
+                fields = line.split()
+                if fields and not (self.block and len(fields) == 3 and _take_plain(self.block, fields, line, number)):
+                    self._read_line(line, number)
+                if not number % _LINES_AT_A_TIME:
+                    advance(number)
         self._close_block()
         self.complaints.sort(key=lambda complaint: complaint.line or 0)
 

@@ -6,7 +6,7 @@ rotation and base come from all points of the two photos, and one known point gi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -23,6 +23,7 @@ from orip.prelim.placed import Placed, placed_block
 from orip.prelim.refinement import refine
 from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.resection import Resected, resect
+from orip.progress import stage
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -88,6 +89,12 @@ class Growth:
 
         Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
         """
+        if not self.branching:
+            return self._grown(start, lambda _photos: None)
+        with stage("orienting photos", len(self.rays.photos)) as advance:
+            return self._grown(start, advance)
+
+    def _grown(self, start: Placed, advance: Callable[[int], None]) -> Placed:
         placed, refined = start, int(start.oriented.sum())
         refused: dict[int, int] = {}
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
@@ -96,6 +103,7 @@ class Growth:
             if added is not None:
                 placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
             count = int(placed.oriented.sum())
+            advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
             placed, refined = self.refined(placed), count

@@ -98,6 +98,7 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Tab
     shown += [(each.name, "", 0.0, each.value, each.sd) for each in solution.additional if each.camera == name]
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
+    significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]
     columns = (
         Column("Parameter", [kind for kind, *_ in shown], key="name", words=True),
         Column("Unit", [unit for _kind, unit, *_ in shown], words=True),
@@ -105,7 +106,7 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Tab
         Column("Adjusted", [value for value, _sd in written], key="value"),
         Column("sd", [sd for _value, sd in written], key="sd"),
         Column("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
-        Column("Significant", [_verdict(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown], words=True),
+        Column("Significant", significant, words=True),
     )
     note = (
         f"Significant: different from zero at the 5 % level, |value| / sd above {limit:.2f}; "
@@ -122,7 +123,8 @@ def _ratio(kind: str, value: float, sd: float) -> str:
     return fixed(abs(value) / sd, 1) if _is_tested(kind, sd) else ""
 
 
-def _verdict(kind: str, value: float, sd: float, limit: float) -> str:
+def significance(kind: str, value: float, sd: float, limit: float) -> str:
+    """Return whether a parameter differs from zero: ``yes``, ``no``, or nothing where that is no question."""
     if not _is_tested(kind, sd) or math.isnan(limit):
         return ""
     return "yes" if abs(value) > limit * sd else "no"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ MOST_SUSPECTS = 40
 MOST_WEAK = 20
 SUSPICIOUS_W = 3.29
 """Normalised residual that one good observation in a thousand exceeds."""
+
+SUSPICIOUS_SHARE = 0.001
 
 UNCHECKED = 0.10
 """Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
@@ -50,12 +53,10 @@ def blunder_table(solution: Solution) -> Table | None:
 def suspect_table(solution: Solution) -> Table | None:
     """Return what was down-weighted, and what fits badly though it was not: the worst first."""
     residuals = solution.residuals
-    down = residuals.weight_factor < 1.0
-    rows = np.flatnonzero(down | (np.nan_to_num(np.abs(residuals.w)) > SUSPICIOUS_W) & (residuals.weight_factor > 0.0))
+    rows = suspect_rows(residuals)
     if not rows.size:
         return None
-    size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
-    rows = rows[np.argsort(-size[rows], kind="stable")]
+    down = residuals.weight_factor < 1.0
     shown = rows[:MOST_SUSPECTS]
     note = (
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
@@ -76,6 +77,24 @@ def suspect_table(solution: Solution) -> Table | None:
     return Table("", "Observations that do not fit", columns, note.strip(), emphasised)
 
 
+def suspect_rows(residuals: Residuals) -> IntArray:
+    """Return the rows of what was down-weighted, or fits badly though it was not: the worst first."""
+    down = residuals.weight_factor < 1.0
+    rows = np.flatnonzero(down | (np.nan_to_num(np.abs(residuals.w)) > SUSPICIOUS_W) & (residuals.weight_factor > 0.0))
+    size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
+    return rows[np.argsort(-size[rows], kind="stable")]
+
+
+def suspects(solution: Solution) -> dict[str, list[str]]:
+    """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
+    found: dict[str, list[str]] = {}
+    for row in suspect_rows(solution.residuals).tolist():
+        size, component = _size(solution.residuals, row), solution.residuals.component[row]
+        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}"
+        found.setdefault(_of(solution.residuals, row), []).append(text.strip())
+    return found
+
+
 def singular_table(solution: Solution) -> Table | None:
     """Return the unknowns that nothing determines."""
     found = solution.singular
@@ -92,18 +111,30 @@ def singular_table(solution: Solution) -> Table | None:
 
 def weak_table(solution: Solution) -> Table | None:
     """Return what would go unnoticed or is much worse than the rest: single rays, unchecked points, large sd."""
-    spots = [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
+    spots = weak_spots(solution)
     if not spots:
         return None
     shown = spots[:MOST_WEAK]
-    columns = tuple(
-        Column(heading, [spot[place] for spot in shown], words=True)
-        for place, heading in enumerate(("Where", "What is weak", "What to do"))
+    columns = (
+        Column("Where", [f"{spot.where}: {spot.names}" if spot.names else spot.where for spot in shown], words=True),
+        Column("What is weak", [spot.what for spot in shown], words=True),
+        Column("What to do", [spot.remedy for spot in shown], words=True),
     )
     return Table("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
 
 
-Spot = tuple[str, str, str]
+class Spot(NamedTuple):
+    """A weak spot: where it is, what is weak, what to do, and of many the names of some."""
+
+    where: str
+    what: str
+    remedy: str
+    names: str = ""
+
+
+def weak_spots(solution: Solution) -> list[Spot]:
+    """Return what would go unnoticed or is much worse than the rest: few rays, unchecked observations, large sd."""
+    return [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
 
 
 def _few_rays(solution: Solution) -> Iterator[Spot]:
@@ -115,7 +146,7 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
         names = _with_rays(solution, number)
         if names:
             more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-            yield f"{counted(len(names), 'point')}: {', '.join(names[:_NAMED])}{more}", what, remedy
+            yield Spot(counted(len(names), "point"), what, remedy, f"{', '.join(names[:_NAMED])}{more}")
 
 
 def _with_rays(solution: Solution, number: int) -> list[str]:
@@ -139,7 +170,7 @@ def _unchecked(solution: Solution) -> list[Spot]:
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
         remedy = "measure it in a further photo" if kind == "photo" else "add control near it"
-        spots.setdefault(where, (where, what, remedy))
+        spots.setdefault(where, Spot(where, what, remedy))
     return list(spots.values())
 
 
@@ -157,7 +188,8 @@ def _imprecise(solution: Solution) -> list[Spot]:
         size, axis = float(largest[row]), "XYZ"[int(np.nanargmax(sd[row]))]
         shown = f"sd {fixed(size, decimals)} {solution.ground_unit} in {axis}"
         what = f"{shown}, {significant(size / typical, 2)} times the median; {solution.point_rays[row]} rays"
-        spots.append((f"point {solution.points.names[row]}", what, "measure it in photos taken from further apart"))
+        where = f"point {solution.points.names[row]}"
+        spots.append(Spot(where, what, "measure it in photos taken from further apart"))
     return spots
 
 

@@ -76,7 +76,7 @@ def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
     """Return what to think of the adjustment, in a few sentences."""
     solution = matter.solution
     failed = [each for each in matter.gates if not each.passed]
-    level, headline = _headline(solution, len(failed), test)
+    level, text = headline(solution, len(failed), test)
     sentences = [_about_status(solution), _about_sigma0(solution, test)]
     if solution.blunders:
         found = counted(len({each.order for each in solution.blunders}), "observation")
@@ -86,8 +86,8 @@ def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
         names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""
         sentences.append(f"{passed} of {counted(len(matter.gates), 'gate')} passed{names}.")
     if solution.check_points:
-        sentences.append(_about_check_points(solution))
-    return Verdict(level, headline, tuple(sentences))
+        sentences.append(f"{check_point_finding(solution)}.")
+    return Verdict(level, text, tuple(sentences))
 
 
 def gate_table(matter: Matter) -> Table | None:
@@ -124,7 +124,8 @@ def check_point_table(solution: Solution) -> Table | None:
     return Table("check_points", "Check points", columns, note)
 
 
-def _headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
+def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
+    """Return whether all is well, and what comes first; `failed` gates were not passed."""
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
@@ -167,25 +168,34 @@ def _about_status(solution: Solution) -> str:
 def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
     if test is None:
         return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
-    shown, between = significant(solution.sigma0), f"{test.lower:.2f} to {test.upper:.2f}"
-    if test.lower <= solution.sigma0 <= test.upper:
-        return f"sigma0 is {shown}, within the {between} expected by chance: the a-priori errors are right."
+    found = f"sigma0 is {significant(solution.sigma0)}, {sigma0_finding(solution.sigma0, test)}."
     if solution.sigma0 < test.lower:
+        return f"{found} The standard deviations here take that into account."
+    if solution.sigma0 > test.upper:
         return (
-            f"sigma0 is {shown}, below the {between} expected by chance: the observations are better than their "
-            f"a-priori errors. The standard deviations here take that into account."
+            f"{found} The standard deviations here are already multiplied with it, but the cause should be known: "
+            f"a-priori errors too small, blunders, or a camera model that does not fit."
         )
-    return (
-        f"sigma0 is {shown}, above the {between} expected by chance: the residuals are larger than the a-priori errors "
-        f"promise. The standard deviations here are already multiplied with it, but the cause should be known: "
-        f"a-priori errors too small, blunders, or a camera model that does not fit."
-    )
+    return found
 
 
-def _about_check_points(solution: Solution) -> str:
+def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
+    """Return what the test says of sigma0."""
+    # of a large block the interval is narrower than 0.01
+    decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
+    between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
+    if sigma0 < test.lower:
+        return f"below the {between}: the observations are better than their a-priori errors"
+    if sigma0 > test.upper:
+        return f"above the {between}: the residuals are larger than the a-priori errors promise"
+    return f"within the {between}: the a-priori errors are right"
+
+
+def check_point_finding(solution: Solution) -> str:
+    """Return how far check points are off."""
     plan, height = (figure(solution, f"check_points.rms_{part}") for part in ("xy", "z"))
     unit = solution.ground_unit
     return (
         f"{counted(len(solution.check_points), 'check point')} with an RMS of {significant(plan)} {unit} in X and Y "
-        f"and {significant(height)} {unit} in Z."
+        f"and {significant(height)} {unit} in Z"
     )

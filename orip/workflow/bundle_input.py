@@ -11,6 +11,7 @@ from orip.interior.measured import Measured
 from orip.model.block import Block
 from orip.model.measurement import PhotoObservations
 from orip.model.names import record_key
+from orip.progress import stage
 from orip.workflow.interior import Interior, interior_orientation
 from orip.workflow.project import Project
 from orip.workflow.records import StoredDefinitions, read_definitions, require_initialised
@@ -30,6 +31,7 @@ class Stored:
     digests: Digests
 
 
+@stage("gathering observations")
 def read_stored(project: Project, bundle: str) -> Stored:
     """Read what the stores hold of one bundle.
 
@@ -51,6 +53,7 @@ def read_stored(project: Project, bundle: str) -> Stored:
     return Stored(bundle, definitions, observations, interior, digests)
 
 
+@stage("gathering observations")
 def gathered_block(project: Project, stored: Stored, texts: GroundTexts) -> tuple[Block, tuple[ProjectWarning, ...]]:
     """Gather the block of a bundle, with the warnings that this gives rise to.
 

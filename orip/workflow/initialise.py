@@ -14,6 +14,7 @@ from orip.interior.measured import Measured
 from orip.interior.replay import replay
 from orip.model.measurement import EditRecord, FiducialsRecord, LogRecord, PhotoRecord, PointsRecord, TemplateRecord
 from orip.model.names import record_key
+from orip.progress import stage
 from orip.workflow.apply_text import TextApplied, apply_text
 from orip.workflow.outputs import rewrite_stale_outputs
 from orip.workflow.project import Project
@@ -53,6 +54,7 @@ def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
     return initialise_project(project, texts, prefer)
 
 
+@stage("checking the texts")
 def initialise_project(project: Project, texts: Parsed[Texts], prefer: Prefer | None) -> Initialised:
     """Do what `initialise` does with texts that have been read."""
     # All faults are found before a store is opened for writing, so that a refused project is left without new files.

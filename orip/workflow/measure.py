@@ -16,6 +16,7 @@ from orip.interior.replay import Replayed, replay
 from orip.model.camera import Camera
 from orip.model.names import record_key
 from orip.model.photo import Temtick
+from orip.progress import stage
 from orip.workflow.interior import Interior, interior_orientation
 from orip.workflow.outputs import rewrite_stale_outputs, write_interior_listing
 from orip.workflow.project import Project, open_project
@@ -78,6 +79,7 @@ def measure(folder: Path, files: Sequence[Path] = ()) -> MeasureOutcome:
     return measure_project(project, log, on_top=bool(files))
 
 
+@stage("replaying measurements")
 def measure_project(
     project: Project,
     log: Parsed[MeasurementLog],

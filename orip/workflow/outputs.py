@@ -21,6 +21,7 @@ from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.model.measurement import PhotoObservations, no_observations
 from orip.model.solution import Solution
+from orip.progress import stage
 from orip.workflow.interior import Interior, interior_orientation
 from orip.workflow.project import Project
 from orip.workflow.records import read_definitions
@@ -31,6 +32,7 @@ _HEAD = 4096
 """Characters that hold the run id of any output."""
 
 
+@stage("writing the listings")
 def write_solution_outputs(project: Project, solution: Solution, measured: PhotoObservations) -> tuple[Path, ...]:
     """Write all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv.
 

@@ -12,6 +12,7 @@ from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
 from orip.model.gate import GateResult
 from orip.model.solution import Solution
+from orip.progress import stage
 from orip.report.matter import Matter
 from orip.report.page import report_page
 from orip.workflow.gates import check_solution, project_gates
@@ -63,7 +64,8 @@ def write_report(
 ) -> WrittenReport:
     """Write the report of a solution that is at hand, as `report` does."""
     path = output if output is not None else project.report(solution.bundle)
-    text = report_page(_matter(project, solution, tuple(gates)))
+    with stage("report"):
+        text = report_page(_matter(project, solution, tuple(gates)))
     try:
         replace_text(path, text)
     except OSError as error:

@@ -21,6 +21,7 @@ from orip.model.names import record_key
 from orip.model.preliminary import PreliminaryValues
 from orip.model.solution import InteriorSummary, IterationPass, Solution
 from orip.prelim.in_project import absolute_in_project
+from orip.progress import stage
 from orip.workflow.bundle_input import Stored, gathered_block, read_stored
 from orip.workflow.interior import Interior
 from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
@@ -97,7 +98,7 @@ def solve_bundle(
     # No store is locked while the iterations run; the digests tell if one has changed meanwhile.
     stored = read_stored(project, bundle)
     solution, preliminary = _adjusted(project, stored, ground, watcher, method)
-    with writing([project.exterior]) as stores:
+    with stage("keeping the solution"), writing([project.exterior]) as stores:
         old = solutions.read(stores[project.exterior], bundle)
         changed = old is None or record_digest(old) != record_digest(solution)
         if changed:

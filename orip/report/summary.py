@@ -1,0 +1,222 @@
+"""What the report says, in a few lines: the reader's questions in the same order, for a terminal."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.gate import GateResult
+from orip.model.solution import Solution
+from orip.report.calibration import significance, significance_limit
+from orip.report.numbers import counted, parameter
+from orip.report.precision import Spread, spreads
+from orip.report.trouble import SUSPICIOUS_SHARE, suspects, weak_spots
+from orip.report.trust import Level, check_point_finding, global_test, headline, sigma0_finding
+
+MOST_LINES = 16
+"""With the names of the files that are written it makes twenty."""
+
+USUAL_COLUMNS = 80
+LABEL_COLUMNS = 9
+_KEEP = "\N{NO-BREAK SPACE}"
+
+_WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "no-redundancy", "blunder"}
+"""Diagnoses of what has to be mended; the others are to be looked at."""
+
+_MORE_THAN_CHANCE = 1.5
+"""Factor: residuals of few photo points go together."""
+
+_SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
+    (3, 3, frozenset()),
+    (3, 2, frozenset()),
+    (3, 1, frozenset()),
+    (2, 1, frozenset()),
+    (1, 1, frozenset()),
+    (1, 1, frozenset({"weak"})),
+    (1, 1, frozenset({"weak", "camera"})),
+    (1, 1, frozenset({"weak", "camera", "points", "photos"})),
+)
+"""Entries of one kind, notes, and questions that only the report answers: until all fits."""
+
+
+@dataclass(frozen=True, slots=True)
+class SummaryLine:
+    """A line of the summary.
+
+    Parameters
+    ----------
+    label : str
+        Empty where it continues the line above.
+    text : str
+    level : {"good", "caution", "bad"} or None
+        None: a fact that is neither.
+    """
+
+    label: str
+    text: str
+    level: Level | None = None
+
+
+def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> tuple[SummaryLine, ...]:
+    """Return the summary of an adjustment: 16 lines of 80 columns at most.
+
+    Parameters
+    ----------
+    solution : Solution
+    gates : sequence of GateResult
+    error_listing : str
+        The file that lists what there is no room for.
+    """
+    lines: tuple[SummaryLine, ...] = ()
+    for most, notes, left_out in _SHORTER:
+        lines = tuple(
+            line
+            for label, section in _sections(solution, gates, error_listing).items()
+            if label not in left_out
+            for line in section(notes if label == "note" else most)
+        )
+        if sum(map(_height, lines)) <= MOST_LINES:
+            break
+    return lines
+
+
+Section = Callable[[int], Iterator[SummaryLine]]
+
+
+def _sections(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> dict[str, Section]:
+    """Return the questions; each is answered with so many entries at most."""
+    usable = solution.status in {"converged", "doubtful"}
+    sections: dict[str, Section] = {
+        "status": lambda _most: _trust(solution, gates),
+        "gate": lambda most: _gates(gates, most),
+        "misfit": lambda most: _misfits(solution, error_listing, most),
+        "note": lambda most: _notes(solution, error_listing, most),
+    }
+    if usable:
+        sections |= {
+            "weak": lambda _most: _weak(solution),
+            "points": lambda _most: _precision(solution, "Points"),
+            "photos": lambda _most: _precision(solution, "Photos"),
+            "camera": lambda most: _cameras(solution, most),
+        }
+    return sections
+
+
+def _height(line: SummaryLine) -> int:
+    return len(textwrap.wrap(line.text, USUAL_COLUMNS - LABEL_COLUMNS, break_on_hyphens=False))
+
+
+def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryLine]:
+    test = global_test(solution.sigma0, solution.redundancy_used)
+    level, text = headline(solution, sum(not each.passed for each in gates), test)
+    status = solution.status.replace("_", " ")
+    finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
+    yield SummaryLine("status", _uncapitalised(finding), level)
+    tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else "nothing is redundant to test it"
+    yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
+    size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
+    down = (solution.residuals.weight_factor < 1.0).any()
+    yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)
+    if solution.check_points:
+        unit = solution.ground_unit
+        yield SummaryLine("check", check_point_finding(solution).replace(f" {unit} ", f"{_KEEP}{unit} "))
+
+
+def _kept(text: str) -> str:
+    """Return words that are not to be parted at the end of a line."""
+    return text.replace(" ", _KEEP)
+
+
+def _uncapitalised(text: str) -> str:
+    return f"{text[0].lower()}{text[1:]}"
+
+
+def _gates(gates: Sequence[GateResult], most: int) -> Iterator[SummaryLine]:
+    """Yield the gates, those that failed first."""
+    failed = sum(not each.passed for each in gates)
+    for each in sorted(gates, key=lambda gate: gate.passed)[:most]:
+        yield SummaryLine("gate", str(each), None if each.passed else "bad")
+    if len(gates) > most:
+        yield SummaryLine("", f"{failed} of {counted(len(gates), 'gate')} failed; 'orip check' shows each")
+
+
+def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
+    found = suspects(solution)
+    if not found:
+        return
+    if _is_chance(solution, sum(map(len, found.values()))):
+        worst = next(iter(found))
+        yield SummaryLine(
+            "misfit", f"{counted(len(found), 'observation')}, as many as chance gives; the worst: {worst}"
+        )
+        return
+    level: Level = "bad" if solution.status == "doubtful" else "caution"
+    do = "does" if len(found) == 1 else "do"
+    title = f"{counted(len(found), 'observation')} {do} not fit; check names, measure again, or disregard"
+    yield SummaryLine("misfit", f"{title}:", level)
+    for name, sizes in list(found.items())[:most]:
+        yield SummaryLine("", f"{name}: probably off by {', '.join(map(_kept, sizes))}")
+    if len(found) > most:
+        yield SummaryLine("", f"+{len(found) - most} more in {error_listing}")
+
+
+def _is_chance(solution: Solution, components: int) -> bool:
+    """Tell whether so many conspicuous components, none of them down-weighted, are to be expected of good ones."""
+    down = (solution.residuals.weight_factor < 1.0).any()
+    return not down and components <= _MORE_THAN_CHANCE * SUSPICIOUS_SHARE * solution.observations
+
+
+def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
+    found = solution.diagnosis
+    for each in found[:most]:
+        yield SummaryLine("note", f"{each.text}: {each.remedy}", "bad" if each.code in _WRONG else "caution")
+    if len(found) > most:
+        yield SummaryLine("", f"+{len(found) - most} more in {error_listing}")
+
+
+def _weak(solution: Solution) -> Iterator[SummaryLine]:
+    spots = weak_spots(solution)
+    if spots:
+        more = f"; +{len(spots) - 1} more in the report" if len(spots) > 1 else ""
+        yield SummaryLine("weak", f"{spots[0].where} {spots[0].what}{more}")
+
+
+def _precision(solution: Solution, group: str) -> Iterator[SummaryLine]:
+    """Yield the standard deviations, places and angles on lines of their own."""
+    mine = [each for each in spreads(solution) if each.name.startswith(group)]
+    label, heading = group.lower(), "sd (RMS/largest) "
+    for unit in dict.fromkeys(each.unit for each in mine):
+        listed = ", ".join(_of_spread(each) for each in mine if each.unit == unit)
+        yield SummaryLine(label, f"{heading}{listed}{_KEEP}{unit}")
+        label = heading = ""
+
+
+def _of_spread(spread: Spread) -> str:
+    return f"{spread.name.partition(', ')[2]}{_KEEP}{spread.rms}/{spread.largest}"
+
+
+def _cameras(solution: Solution, most: int) -> Iterator[SummaryLine]:
+    found = [text for row in range(len(solution.cameras.names)) if (text := _camera(solution, row))]
+    for text in found[:most]:
+        yield SummaryLine("camera", text)
+    if len(found) > most:
+        yield SummaryLine("", f"+{len(found) - most} more in the report, and by 'orip results cameras'")
+
+
+def _camera(solution: Solution, row: int) -> str:
+    """Return the parameters of a camera that were adjusted; "" where none was."""
+    name, limit = solution.cameras.names[row], significance_limit(solution.redundancy)
+    values, sds = solution.cameras.values[row].tolist(), solution.cameras.sd[row].tolist()
+    adjusted = [each for each in zip(CAMERA_PARAMETERS, values, sds, strict=True) if not math.isnan(each[2])]
+    adjusted += [(each.name, each.value, each.sd) for each in solution.additional if each.camera == name]
+    verdicts = {kind: significance(kind, value, sd, limit) for kind, value, sd in adjusted}
+    interior = [(kind, *parameter(value, sd)) for kind, value, sd in adjusted if not verdicts[kind]]
+    parts = [", ".join(_kept(f"{kind} {value} ± {sd}") for kind, value, sd in interior)] if interior else []
+    for verdict, heading in (("yes", "significant"), ("no", "not significant")):
+        kinds = [kind for kind, each in verdicts.items() if each == verdict]
+        if kinds:
+            parts.append(f"{heading}: {', '.join(kinds)}")
+    return f"{name} {'; '.join(parts)}" if parts else ""
