@@ -36,6 +36,9 @@ _WELL = 2.0
 
 _COORDINATES = 7
 
+_FEW = 7
+"""Points known in full; with more of them the wrong ones show among them."""
+
 
 @dataclass(frozen=True, slots=True)
 class KnownPositions:
@@ -162,7 +165,7 @@ def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> S
     on_line = width < _BESIDE_ONE_LINE * _middle_error(common, width, length)
     if count >= 3 and not on_line:
         found = adjusted(common, start_from_triples(common))
-        if full.all() or (found.fits.all() and found.s0 < _WELL):
+        if full.all() or count > _FEW or (found.fits.all() and found.s0 < _WELL):
             return found
         # of few full points the wrong ones show only with the help of those known in part
         other = adjusted_from_all_sides(common, rotations, [])

@@ -20,6 +20,12 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _STEPS = 40
+_SETTLED = 1e-3
+"""Relative gain of a step after which Danish weights go on from the start."""
+
+_STUCK = 1e4
+"""Damping of a start from which no step of some size gains anything."""
+
 _LARGEST_TURN = 0.5
 _BEST = 8
 """Starts that are adjusted with Danish weights."""
@@ -171,6 +177,7 @@ def _least_squares(common: CommonPoints, starts: Similarities, weights: FloatArr
 
     residual, design, cost = linearised(at)
     for _ in range(_STEPS):
+        before = cost
         tried = at.moved(_changes(residual, design, damping))
         new_residual, new_design, new_cost = linearised(tried)
         better = new_cost < cost
@@ -178,6 +185,8 @@ def _least_squares(common: CommonPoints, starts: Similarities, weights: FloatArr
         residual, design = _where(better, new_residual, residual), _where(better, new_design, design)
         cost = np.where(better, new_cost, cost)
         damping = np.clip(np.where(better, damping / 5.0, damping * 5.0), 1e-9, 1e6)
+        if np.all(better & (before - cost <= _SETTLED * before) | (damping >= _STUCK)):
+            break
     return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ centroid))
 
 
