@@ -1,7 +1,7 @@
 """Write what commands print now into the pages: ``PYTHONPATH=tests python tests/documentation/refresh.py PAGE...``.
 
-Only blocks that no longer agree are changed; of those with an ellipsis, and of files, it is only said. Read the
-difference before it is committed: the test that failed may have been right.
+Only blocks that no longer agree are changed, and ``...`` within a line stays; where whole lines are left out, it is
+only said. Read the difference before it is committed: the test that failed may have been right.
 """
 
 from __future__ import annotations
@@ -30,10 +30,16 @@ def refreshed(page: Path) -> str:
 
 
 def _replace(lines: list[str], step: Step, text: str) -> None:
-    if any("..." in line for line in step.printed or ()):
+    shown = list(step.printed or ())
+    if any(line.strip() == "..." for line in shown):
         sys.stderr.write(f"line {step.line}: '{step.command}' prints something else, see there\n{text}")
         return
-    lines[step.line : step.line + len(step.printed or ())] = [line.rstrip() for line in text.splitlines()]
+    lines[step.line : step.line + len(shown)] = [_kept(shown, line.rstrip()) for line in text.splitlines()]
+
+
+def _kept(shown: list[str], printed: str) -> str:
+    """Return a printed line as the page shows it already, if it does."""
+    return next((line for line in shown if agrees((line,), printed)), printed)
 
 
 if __name__ == "__main__":
