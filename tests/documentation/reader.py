@@ -46,7 +46,7 @@ class Reader:
         if step.file:
             path = self.folder / step.file
             path.parent.mkdir(exist_ok=True)
-            path.write_text(step.text, encoding="utf-8")
+            path.write_text(step.text.replace(PORT, self._port), encoding="utf-8")
             return ""
         command = step.command.replace(PORT, self._port)
         if command == "echo $?":
