@@ -16,6 +16,8 @@ READY := $(VENV)/orip-ready
 UNFINISHED := $(VENV)/orip-unfinished
 
 SAMPLE := zurich_city_hall
+DOCS := build/docs
+build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
 state_wanted := $(shell pwd -P; cat pyproject.toml Makefile | cksum)
 state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
@@ -26,7 +28,8 @@ help:
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
-	@echo 'make check     style, types and layers: ruff, mypy, import-linter'
+	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
+	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
 	@echo 'make bench     compare the speed with that of pycolmap and SciPy, which it installs in .venv-bench (some minutes)'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
@@ -64,6 +67,16 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(build_docs) html docs $(DOCS)
+
+.PHONY: docs
+docs: $(READY)
+	$(build_docs) html docs $(DOCS)
+	@echo 'The documentation is in $(DOCS)/index.html'
+
+.PHONY: docs-links
+docs-links: $(READY)
+	$(build_docs) linkcheck docs $(DOCS)-links
 
 BENCH_PHOTOS := 50 500
 # also: solve:2000, threads:500, large; BAL is left out where its data are not

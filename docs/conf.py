@@ -1,0 +1,29 @@
+"""How Sphinx builds these pages: `make docs`."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "extensions"))
+
+project = "orip"
+author = "The orip developers"
+release = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+version = release
+
+extensions = ["myst_parser", "program_reference", "offline_mathematics"]
+myst_enable_extensions = ["deflist", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["extensions"]
+nitpicky = True
+suppress_warnings = ["misc.highlighting_failure"]  # a console block may show anything
+
+html_theme = "furo"
+html_title = f"orip {release}"
+html_math_renderer = "mathml"
+html_static_path = ["static"]
+html_css_files = ["page.css"]
+html_show_copyright = False
+html_copy_source = False
+html_show_sourcelink = False

@@ -1,0 +1,109 @@
+"""Every `orip ...` that is named anywhere in the documentation exists, with its options and keys."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from command_tree import SHARED, commands, is_group, options_of
+from documentation.pages import pages, shown
+
+from orip.files import project_tables
+from orip.files.control_forms import FORMS
+
+INLINE = re.compile(r"`(orip\b[^`]*)`")
+"""May go over the end of a line."""
+
+FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
+LINE = re.compile(r"^(?:\$ |- run: |<!-- \$ )?(orip (?!is |\d).*?)(?: -->)?$")
+"""A command that is a line of its own in a block."""
+
+RECORDS = {
+    "camera": project_tables.CameraTable,
+    "temtick": project_tables.TemtickTable,
+    "template": project_tables.TemplateTable,
+    "photo": project_tables.PhotoTable,
+    "bundle": project_tables.BundleTable,
+    "model": project_tables.ModelTable,
+}
+
+UNBUILT = {"import", "export"} - commands().keys()
+"""Commands that README.md says are not there yet."""
+
+PLACEHOLDER = re.compile(r"[A-Z]+|\.\.\.|…|--help|-h")
+
+
+def named_commands(text: str) -> Iterator[list[str]]:
+    """Yield the words of each command in a text, without ``orip``; ``a|b`` is both."""
+    blocks = [line for block in FENCED.findall(text) for line in block.splitlines()]
+    blocks += [line.strip() for line in text.splitlines() if line.startswith(("    orip ", "<!-- $ orip "))]
+    found = [match[1] for line in blocks if (match := LINE.match(line))] + INLINE.findall(FENCED.sub("", text))
+    for command in found:
+        line = " ".join(command.replace("\\|", "|").split())
+        yield from alternatives(shlex.split(re.split(r" (?:&|&&|>)(?: |$)|; ", line)[0])[1:])
+
+
+def alternatives(words: list[str]) -> Iterator[list[str]]:
+    """Yield the command lines that one with ``a|b`` among its commands stands for."""
+    choices = [word.split("|") if re.fullmatch(r"[a-z|-]+", word) else [word] for word in words]
+    yield from map(list, itertools.product(*choices))
+
+
+def fault_of(words: list[str]) -> str | None:
+    """Return what is wrong with a command line, or None."""
+    found = commands()
+    rest, group = list(words), ""
+    while rest and rest[0].startswith("-"):
+        if rest[0] not in SHARED | {"-C", "-q", "-v", "--version", "--help", "-h"}:
+            return f"orip has no option {rest[0]}"
+        rest = rest[2:] if rest[0] in {"-C", "--color", "--threads"} else rest[1:]
+    while rest and (not group or is_group(found[group])) and not PLACEHOLDER.fullmatch(rest[0]):
+        name = f"{group} {rest[0]}".strip()
+        if name not in found:
+            return None if rest[0].startswith("-") or name in UNBUILT else f"there is no command 'orip {name}'"
+        group, rest = name, rest[1:]
+    return fault_of_arguments(group, rest) if group else None
+
+
+def fault_of_arguments(name: str, words: list[str]) -> str | None:
+    known = options_of(commands()[name]) | {"--help", "-h"}
+    options = [word for word in words if re.fullmatch(r"--?[a-z][a-z0-9-]*", word)]
+    unknown = [word for word in options if word not in known]
+    keys = [word.partition("=")[0].partition(".")[0] for word in words if re.match(r"[A-Za-z][\w.]*=", word)]
+    editable = keys_of(name)
+    unknown += [f"{key}=" for key in keys if editable and key not in editable]
+    return f"'orip {name}' takes no {', '.join(unknown)}" if unknown else None
+
+
+def keys_of(name: str) -> list[str]:
+    """Return the keys that a command edits."""
+    kind, _, rest = name.partition(" ")
+    if kind == "control" and rest:
+        return list(FORMS[rest.partition(" ")[0]].keys)  # type: ignore[index]
+    return project_tables.keys_of(RECORDS[kind]) if kind in RECORDS else []
+
+
+@pytest.mark.parametrize("page", pages(), ids=shown)
+def test_commands_and_options_exist(page: Path) -> None:
+    found = named_commands(page.read_text(encoding="utf-8"))
+    assert [f"orip {' '.join(words)}: {fault}" for words in found if (fault := fault_of(words))] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("`orip solve --snooop`", "'orip solve' takes no --snooop"),
+        ("`orip slove`", "there is no command 'orip slove'"),
+        ("`orip camera|foto list`", "there is no command 'orip foto'"),
+        ("```console\n$ orip -C x prelim absolut\n```", "there is no command 'orip prelim absolut'"),
+        ("`orip camera edit C c=8 unknwon=C`", "'orip camera edit' takes no unknwon="),
+        ("`orip -C x --quiet run`", None),
+        ("    orip observations kill point 101 '*' --yes", None),
+    ],
+)
+def test_what_is_wrong_is_found(line: str, fault: str | None) -> None:
+    assert [each for words in named_commands(line) if (each := fault_of(words))] == ([fault] if fault else [])
