@@ -88,7 +88,7 @@ class _Linearised(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Network:
-    """Which of the rays take part, and which photos and points are unknown.
+    """Which of the rays take part, point by point, and which photos and points are unknown.
 
     Parameters
     ----------
@@ -200,6 +200,7 @@ def _network(
     number = np.bincount(rays.point[used], minlength=len(rays.points))
     used &= (number >= 2)[rays.point] | held_points[rays.point]
     rows = np.flatnonzero(used)
+    rows = rows[np.argsort(rays.point[rows], kind="stable")]
     seen = np.zeros(len(rays.points), dtype=bool)
     seen[rays.point[rows]] = True
     taking = np.zeros(len(rays.photos), dtype=bool)
