@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
-from orip.geometry.perspective import perspective_with_partials
+from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes
 from orip.model.preliminary import ImageRays
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.intersection import group_sums
 
 if TYPE_CHECKING:
@@ -72,12 +73,10 @@ class _State:
     points: FloatArray
 
 
-class _Linearised(NamedTuple):
-    """Of m rays, over their a-priori errors: residuals (m, 2), partials by photo (m, 2, 6) and point (m, 2, 3)."""
+class _Residuals(NamedTuple):
+    """Of m rays: residuals (m, 2) over their a-priori errors, and whether the point is in front (m,)."""
 
     residual: FloatArray
-    by_photo: FloatArray
-    by_point: FloatArray
     in_front: BoolArray
 
     @property
@@ -110,16 +109,10 @@ class _Network:
         """Return twice the number of rays minus that of the unknowns."""
         return 2 * len(self.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
 
-    def linearise(self, state: _State) -> _Linearised:
-        """Return the equations of all rays."""
+    def perspective(self, state: _State) -> Perspective:
+        """Return images of all rays' points, with partials."""
         offset = state.points[self.point] - state.centres[self.photo]
-        image = perspective_with_partials(offset, state.rotations[self.photo], -self.vectors[:, 2])
-        by_point = image.by_point / self.error[:, None, None]
-        by_photo = np.concatenate([image.by_rotation / self.error[:, None, None], -by_point], axis=2)
-        by_photo[~self.photo_free[self.photo]] = 0.0
-        by_point[~self.point_free[self.point]] = 0.0
-        residual = (image.xy - self.vectors[:, :2]) / self.error[:, None]
-        return _Linearised(residual, by_photo, by_point, image.in_front)
+        return perspective_with_partials(offset, state.rotations[self.photo], -self.vectors[:, 2])
 
     def scale(self, length: FloatArray) -> float:
         """Return the robust scale of the residuals, from their median; 0 without redundancy."""
@@ -213,15 +206,15 @@ def _network(
 
 
 def _iterate(network: _Network, state: _State, sweeps: int) -> tuple[_State, FloatArray, float, int]:
-    here = network.linearise(state)
     damping = 1e-4
-    solver = _Solver(network)
+    solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
+    here = solver.residuals(state)
     iteration, gain = 0, np.inf
     s0, factors = _weights(network, here)
     while iteration < sweeps and gain > _ENOUGH:
         iteration += 1
         tried = solver.moved(state, here, factors, damping)
-        there = network.linearise(tried)
+        there = solver.residuals(tried)
         before, after = _square_sum(here, factors), _square_sum(there, factors)
         if after <= before:
             gain = (before - after) / max(before, 1e-300)
@@ -232,20 +225,46 @@ def _iterate(network: _Network, state: _State, sweeps: int) -> tuple[_State, Flo
     return state, np.where(here.in_front, factors, 0.0), s0, iteration
 
 
-def _weights(network: _Network, at: _Linearised) -> tuple[float, FloatArray]:
+def _weights(network: _Network, at: _Residuals) -> tuple[float, FloatArray]:
     length = at.length
     s0 = network.scale(length)
     return s0, danish_weights(length / max(s0, 1.0), _LIMIT)
 
 
-def _square_sum(at: _Linearised, factors: FloatArray) -> float:
+def _square_sum(at: _Residuals, factors: FloatArray) -> float:
     """Return the weighted sum of squares; a ray that has come to lie behind its photo counts as a large residual."""
     squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6)
     return float(factors @ squares)
 
 
-class _Solver:
-    """Normal equations of a network: points eliminated, photos in the order that keeps their band narrow.
+class _Arrangement:
+    """The order of the photos of a network that keeps the band of their normal equations narrow.
+
+    Attributes
+    ----------
+    order : array (f,)
+        Free photos.
+    place : array (p,)
+        Of each photo in this order, -1 of one that is held.
+    """
+
+    def __init__(self, network: _Network) -> None:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        free = network.photo_free[network.photo]
+        photos, points = len(network.photo_free), len(network.point_free)
+        ones = np.ones(np.count_nonzero(free))
+        sees = csr_array((ones, (network.point[free], network.photo[free])), shape=(points, photos))
+        sees = sees[network.point_free]
+        order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
+        self.order = order[network.photo_free[order]]
+        self.place = np.full(photos, -1)
+        self.place[self.order] = np.arange(len(self.order))
+
+
+class CompiledSolver:
+    """Normal equations of a network in the compiled loop: points eliminated, photos in a band.
 
     Parameters
     ----------
@@ -253,26 +272,82 @@ class _Solver:
     """
 
     def __init__(self, network: _Network) -> None:
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
         self._network = network
-        free = network.photo_free[network.photo]
-        photos, points = len(network.photo_free), len(network.point_free)
-        ones = np.ones(np.count_nonzero(free))
-        sees = csr_array((ones, (network.point[free], network.photo[free])), shape=(points, photos))
-        sees = sees[network.point_free]
-        order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
-        order = order[network.photo_free[order]]
-        self._order = order
-        self._place = np.full(photos, -1)
-        self._place[order] = np.arange(len(order))
+        self._arranged = _Arrangement(network)
+        points, rays = len(network.point_free), len(network.photo)
+        self._start = np.concatenate([[0], np.cumsum(np.bincount(network.point, minlength=points))])
+        self._coupling = np.empty((rays, 6, 3))
+        self._width = self._band_width()
 
-    def moved(self, state: _State, at: _Linearised, factors: FloatArray, damping: float) -> _State:
-        """Return the state after one step."""
+    def _band_width(self) -> int:
+        """Return 6 times the largest number of places that photos of one point are apart, and the photo itself."""
+        place = self._arranged.place[self._network.photo]
+        taking = (place >= 0) & self._network.point_free[self._network.point]
+        first = np.full(len(self._network.point_free), len(place) + 1)
+        last = np.full(len(first), -1)
+        np.minimum.at(first, self._network.point[taking], place[taking])
+        np.maximum.at(last, self._network.point[taking], place[taking])
+        return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
+
+    def _arrays(self, state: _State) -> tuple[NDArray[np.generic], ...]:
         network = self._network
-        root = np.sqrt(np.where(at.in_front, factors, 0.0))[:, None]
-        by_photo, by_point = at.by_photo * root[:, :, None], at.by_point * root[:, :, None]
+        each = network.photo, self._start, network.vectors, network.error, state.rotations, state.centres, state.points
+        return tuple(map(np.ascontiguousarray, each))
+
+    def residuals(self, state: _State) -> _Residuals:
+        """Return the residuals of all rays."""
+        residual, in_front = np.empty((len(self._network.photo), 2)), np.empty(len(self._network.photo), dtype=np.uint8)
+        kernels.residuals(*self._arrays(state), residual, in_front)
+        return _Residuals(residual, in_front.astype(bool))
+
+    def moved(self, state: _State, at: _Residuals, factors: FloatArray, damping: float) -> _State:
+        """Return the state after one step; the residuals are those of the state."""
+        network, order, place = self._network, self._arranged.order, self._arranged.place
+        points, size = len(network.point_free), 6 * len(order)
+        weights = np.where(at.in_front, factors, 0.0)
+        inverse, point_right, right = np.empty((points, 3, 3)), np.empty((points, 3)), np.zeros(size)
+        band = np.zeros((self._width, size))
+        kernels.normals(
+            *self._arrays(state), place, network.point_free, weights,
+            np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right, damping,
+        )  # fmt: skip
+        solution = _solved(band, right)
+        by_points = np.empty((points, 3))
+        kernels.corrections(
+            network.photo, self._start, place, self._coupling, inverse, point_right, solution, by_points
+        )
+        by_photos = np.zeros((len(place), 6))
+        by_photos[order] = -solution.reshape(-1, 6)
+        return _step(state, by_photos, by_points)
+
+
+class ArraySolver:
+    """The same without a compiled loop.
+
+    Parameters
+    ----------
+    network : _Network
+    """
+
+    def __init__(self, network: _Network) -> None:
+        self._network = network
+        self._arranged = _Arrangement(network)
+
+    def residuals(self, state: _State) -> _Residuals:
+        """Return the residuals of all rays."""
+        network = self._network
+        image = network.perspective(state)
+        return _Residuals((image.xy - network.vectors[:, :2]) / network.error[:, None], image.in_front)
+
+    def moved(self, state: _State, at: _Residuals, factors: FloatArray, damping: float) -> _State:
+        """Return the state after one step; the residuals are those of the state."""
+        network, order = self._network, self._arranged.order
+        image = network.perspective(state)
+        root = (np.sqrt(np.where(at.in_front, factors, 0.0)))[:, None]
+        scaled = (root / network.error[:, None])[:, :, None]
+        by_point = image.by_point * scaled * network.point_free[network.point, None, None]
+        by_photo = np.concatenate([image.by_rotation, -image.by_point], axis=2) * scaled
+        by_photo *= network.photo_free[network.photo, None, None]
         misclosure = (at.residual * root)[:, :, None]
         photo_transposed, point_transposed = np.swapaxes(by_photo, 1, 2), np.swapaxes(by_point, 1, 2)
         photos, points = len(network.photo_free), len(network.point_free)
@@ -286,24 +361,24 @@ class _Solver:
         coupling = half[network.point] @ (point_transposed @ by_photo)
         block_right = (half @ point_right[:, :, None])[:, :, 0]
         sparse = self._sparse(coupling)
-        right = photo_right[self._order].ravel() - sparse.T @ block_right.ravel()
-        solution = _solve_band(photo_normals[self._order], sparse, right)
+        right = photo_right[order].ravel() - sparse.T @ block_right.ravel()
+        solution = _solve_band(photo_normals[order], sparse, right)
         block = (block_right.ravel() - sparse @ solution).reshape(points, 1, 3)
         by_photos = np.zeros((photos, 6))
-        by_photos[self._order] = -solution.reshape(-1, 6)
+        by_photos[order] = -solution.reshape(-1, 6)
         return _step(state, by_photos, -(block @ half)[:, 0])
 
     def _sparse(self, coupling: FloatArray) -> csr_array:
         """Return couplings (m, 3, 6) of points and photos as a sparse array (3 q, 6 free photos)."""
         from scipy.sparse import bsr_array, csr_array
 
-        network = self._network
+        network, place = self._network, self._arranged.place
         rows = np.flatnonzero(network.photo_free[network.photo] & network.point_free[network.point])
-        rows = rows[np.lexsort((self._place[network.photo[rows]], network.point[rows]))]
+        rows = rows[np.lexsort((place[network.photo[rows]], network.point[rows]))]
         counts = np.bincount(network.point[rows], minlength=len(network.point_free))
         pointer = np.concatenate([[0], np.cumsum(counts)])
-        shape = (3 * len(network.point_free), 6 * len(self._order))
-        return csr_array(bsr_array((coupling[rows], self._place[network.photo[rows]], pointer), shape=shape))
+        shape = (3 * len(network.point_free), 6 * len(self._arranged.order))
+        return csr_array(bsr_array((coupling[rows], place[network.photo[rows]], pointer), shape=shape))
 
 
 def _damped(normals: FloatArray, damping: float) -> FloatArray:
@@ -316,8 +391,6 @@ def _damped(normals: FloatArray, damping: float) -> FloatArray:
 
 def _solve_band(blocks: FloatArray, coupling: csr_array, right: FloatArray) -> FloatArray:
     """Solve (diagonal blocks (k, 6, 6) - coupling^T coupling) x = right as a band matrix."""
-    from scipy.linalg import solveh_banded
-
     size = len(right)
     if not size:
         return right
@@ -338,6 +411,15 @@ def _solve_band(blocks: FloatArray, coupling: csr_array, right: FloatArray) -> F
     below = (rows - columns)[lower]
     width = int(below.max()) + 1
     band = np.bincount(below * size + columns[lower], values[lower], width * size).reshape(width, size)
+    return _solved(band, right)
+
+
+def _solved(band: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a band matrix, the diagonals (width, size) of its lower half."""
+    from scipy.linalg import solveh_banded
+
+    if not len(right):
+        return right
     return np.asarray(solveh_banded(band, right, lower=True, overwrite_ab=True, check_finite=False))
 
 
