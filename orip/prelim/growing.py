@@ -175,16 +175,16 @@ class Growth:
         counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
         result = None
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
-            found = self.resection(placed, int(photo))
+            found = self.resection(placed, int(photo), known)
             if found is None:
                 refused[int(photo)] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: Placed, photo: int) -> Resected | None:
-        """Return the orientation of a photo from the known points that it sees, if they agree on one."""
-        rows = self.index.rows[photo][placed.known[self.index.points[photo]]]
+    def resection(self, placed: Placed, photo: int, known: BoolArray) -> Resected | None:
+        """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one."""
+        rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
         deviation = np.sqrt(np.mean(placed.deviations[points] ** 2, axis=1))
         error = float(np.median(self.rays.error[rows]))

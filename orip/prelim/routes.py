@@ -5,7 +5,7 @@ Each way gives sub-blocks in systems of their own, or one that is on the ground 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,17 +108,18 @@ def photos_with_control(growth: Growth) -> BoolArray:
 
 
 def _starting_pair(growth: Growth, free: BoolArray, choice: int) -> RelativeOrientation | None:
-    """Return the pair of free photos that determines its points best."""
-    found = sorted(_oriented_pairs(growth, free), key=_worth, reverse=True)
-    return found[min(choice, len(found) - 1)] if found else None
-
-
-def _oriented_pairs(growth: Growth, free: BoolArray) -> Iterator[RelativeOrientation]:
+    """Return the pair of free photos that determines its points best, or the next best ones."""
     counts = np.where(free[:, None] & free, growth.common, 0)
-    for left, right, _ in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
-        found = growth.model(left, right)
-        if isinstance(found, RelativeOrientation):
-            yield found
+    found: list[RelativeOrientation] = []
+    for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
+        # pairs come with ever fewer points, and one cannot be worth more than with all of them at a good angle
+        if sum(_worth(each) >= np.sqrt(common) * _GOOD_ANGLE for each in found) > choice:
+            break
+        pair = growth.model(left, right)
+        if isinstance(pair, RelativeOrientation):
+            found.append(pair)
+    found.sort(key=_worth, reverse=True)
+    return found[min(choice, len(found) - 1)] if found else None
 
 
 def _worth(pair: RelativeOrientation) -> float:
