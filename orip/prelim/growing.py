@@ -20,7 +20,7 @@ from orip.prelim.joining import Joined, join
 from orip.prelim.misplaced import misplaced
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed, placed_block
-from orip.prelim.refinement import refine
+from orip.prelim.refinement import ROUGH, refine
 from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.resection import Resected, resect
 from orip.progress import stage
@@ -106,7 +106,9 @@ class Growth:
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            placed, refined = self.refined(placed), count
+            # what is taken to the ground next grows, and is adjusted, once more
+            last = added is None and bool(np.isfinite(self.held).any())
+            placed, refined = self.refined(placed, 0.0 if last else ROUGH), count
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
@@ -140,11 +142,17 @@ class Growth:
         coordinates[points], deviations[points] = found.coordinates, found.deviations
         return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
 
-    def refined(self, placed: Placed) -> Placed:
-        """Return the system after an adjustment of all its photos and points."""
+    def refined(self, placed: Placed, enough: float) -> Placed:
+        """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         held: BoolArray = np.asarray(np.isfinite(self.held).all(axis=1))
         found = refine(
-            self.rays, placed.rotations, placed.centres, placed.oriented, placed.coordinates, held_points=held
+            self.rays,
+            placed.rotations,
+            placed.centres,
+            placed.oriented,
+            placed.coordinates,
+            held_points=held,
+            enough=enough,
         )
         moved = replace(placed, rotations=found.rotations, centres=found.centres)
         return self.intersected(moved)

@@ -32,8 +32,12 @@ _LIMIT = 3.5
 _MEDIAN = np.sqrt(2.0 * np.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
 
-_ENOUGH = 1e-3
-"""Relative gain in the weighted square sum below which preliminary values have become good enough."""
+ROUGH = 1e-3
+"""Relative gain in the weighted square sum below which a system is good enough to grow further."""
+
+_ENOUGH = 0.5
+"""Gain in the weighted square sum, over the variance of unit weight, below which nothing is off by much more than its
+standard deviation: photos that hang together with the others by few points hardly show in the whole sum."""
 
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
@@ -129,7 +133,8 @@ def refine(
     *,
     held_points: BoolArray | None = None,
     held_photos: BoolArray | None = None,
-    sweeps: int = 15,
+    enough: float = 0.0,
+    sweeps: int = 30,
 ) -> Refined:
     """Adjust photos and points together.
 
@@ -145,6 +150,8 @@ def refine(
         NaN for a point without a position: its rays take no part.
     held_points, held_photos : arrays (q,), (p,) of bool or None
         What is known and stays: control, photos oriented before. Without any the block keeps its place by damping.
+    enough : float
+        Relative gain in the weighted square sum at which the iterations end in any case.
     sweeps : int
         Largest number of iterations.
 
@@ -168,7 +175,7 @@ def refine(
     base = np.nanmean(centres[oriented], axis=0)
     size = float(np.linalg.norm(coordinates[network.point] - centres[network.photo], axis=1).mean())
     start = _State(rotations, (centres - base) / size, (coordinates - base) / size)
-    state, factors, s0, iterations = _iterate(network, start, sweeps)
+    state, factors, s0, iterations = _iterate(network, start, enough, sweeps)
     weight_factors[used] = factors
     moved_photos = np.zeros(len(rays.photos), dtype=bool)
     moved_photos[network.photo] = network.photo_free[network.photo]
@@ -205,19 +212,21 @@ def _network(
     return network, rows
 
 
-def _iterate(network: _Network, state: _State, sweeps: int) -> tuple[_State, FloatArray, float, int]:
+def _iterate(
+    network: _Network, state: _State, enough: float, sweeps: int
+) -> tuple[_State, FloatArray, float, int]:
     damping = 1e-4
     solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
     here = solver.residuals(state)
-    iteration, gain = 0, np.inf
+    iteration, gain, limit = 0, np.inf, 0.0
     s0, factors = _weights(network, here)
-    while iteration < sweeps and gain > _ENOUGH:
+    while iteration < sweeps and gain > limit:
         iteration += 1
         tried = solver.moved(state, here, factors, damping)
         there = solver.residuals(tried)
         before, after = _square_sum(here, factors), _square_sum(there, factors)
         if after <= before:
-            gain = (before - after) / max(before, 1e-300)
+            gain, limit = before - after, max(enough * before, _ENOUGH * max(s0, 1.0) ** 2)
             state, here, damping = tried, there, max(damping * 0.1, _LEAST_DAMPING)
             s0, factors = _weights(network, here)
         else:
