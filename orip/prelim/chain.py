@@ -321,7 +321,8 @@ class _Chain:
     def _weak_joints(self) -> Iterator[str]:
         """Name the parts whose scale hangs on a few points, where the first way did not lead to the end."""
         if not self.at_once:
-            yield from weak_joints(self.rays, self.common, np.isfinite(self._full_control()).all(axis=1))
+            known: BoolArray = np.asarray(np.isfinite(self._full_control()).all(axis=1))
+            yield from weak_joints(self.rays, self.common, known)
 
     def _why_not(self, photo: int, best: _Outcome | None) -> str:
         """Say what is missing for the orientation of a photo."""
@@ -335,9 +336,9 @@ class _Chain:
         known = int(placed.known[self.index.points[photo]].sum())
         shared[~placed.oriented] = 0
         most = int(shared.max(initial=0))
-        if most < 5 and known < 4:
+        if most < 5 and known < 3:
             shortage = f"photo {name} shares {most} points with its neighbours, 5 are needed"
-            return f"{shortage}; of its points {known} are known, 4 are needed"
+            return f"{shortage}; of its points {known} are known, 3 are needed"
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 

@@ -1,4 +1,4 @@
-"""The compiled inner loops of preliminary values: where the extension could not be built, numpy does the same, slower."""
+"""The compiled inner loops of preliminary values; where they could not be built, numpy does the same, slower."""
 
 from __future__ import annotations
 

@@ -71,7 +71,11 @@ class _Bundle(NamedTuple):
     point: IntArray
     points: int
 
-    def of(self, rows: BoolArray, points: BoolArray) -> _Bundle:
+    def of(self, rows: IntArray) -> _Bundle:
+        """Return some rays, or all in another order."""
+        return _Bundle(self.origins[rows], self.directions[rows], self.error[rows], self.point[rows], self.points)
+
+    def of_points(self, rows: BoolArray, points: BoolArray) -> _Bundle:
         """Return some rays (m,) of some points (q,), which are counted anew."""
         place = np.cumsum(points) - 1
         point = place[self.point[rows]]
@@ -134,7 +138,7 @@ def _robust(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatA
 def _point_by_point(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Do what `_all_at_once` does in the compiled loop."""
     order = np.argsort(bundle.point, kind="stable")
-    sorted_rays = _Bundle(*(each[order] for each in bundle[:4]), bundle.points)
+    sorted_rays = bundle.of(order)
     start = np.concatenate([[0], np.cumsum(np.bincount(bundle.point, minlength=bundle.points))])
     rays = (*sorted_rays[:3], start)
     count = len(order)
@@ -170,7 +174,7 @@ def _all_at_once(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, F
         doubtful[bundle.point[~((residual <= limit) | (factors == 0.0))]] = True
         if doubtful.any():
             rows = doubtful[bundle.point]
-            points[doubtful], factors[rows] = treat(bundle.of(rows, doubtful), points[doubtful], limit)
+            points[doubtful], factors[rows] = treat(bundle.of_points(rows, doubtful), points[doubtful], limit)
             residual = _residuals(bundle, points)
     return _judged(bundle, points, factors, s0)
 

@@ -63,6 +63,6 @@ def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> st
     points = "1 point" if shared == 1 else f"{shared} points"
     hang = "hangs" if len(members) == 1 else "hang"
     return (
-        f"{photos} {names}{more} {hang} together with the others by photo {rays.photos[joint]} and {points} only, which "
-        "give the scale there: measure more points across, or control"
+        f"{photos} {names}{more} {hang} together with the others by photo {rays.photos[joint]} and {points} only, "
+        "which give the scale there: measure more points across, or control"
     )
