@@ -115,7 +115,8 @@ class KnownPoints:
 
         In units of the least variance among the orientations, or of the a-priori one.
         """
-        variance = max(float(self.trimmed_variance(squares).min()), 1.0)
+        # finite even where all points are behind the photo
+        variance = min(max(float(self.trimmed_variance(squares).min()), 1.0), 1e300)
         return np.asarray(np.minimum(squares / variance, _LIMIT**2).sum(axis=1))
 
 
