@@ -85,7 +85,8 @@ def refine(
     held_points, held_photos : arrays (q,), (p,) of bool or None
         What is known and stays: control, photos oriented before. Without any the block keeps its place by damping.
     enough : float
-        Relative gain in the weighted square sum at which the iterations end in any case.
+        Relative gain in the weighted square sum at which the iterations end; 0: they go on until nothing is off by much
+        more than its standard deviation.
     sweeps : int
         Largest number of iterations.
 
@@ -158,7 +159,7 @@ def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tupl
         there = solver.residuals(tried)
         before, after = _square_sum(here, factors), _square_sum(there, factors)
         if after <= before:
-            gain, limit = before - after, max(enough * before, _ENOUGH * max(s0, 1.0) ** 2)
+            gain, limit = before - after, enough * before or _ENOUGH * max(s0, 1.0) ** 2
             state, here, damping = tried, there, max(damping * 0.1, _LEAST_DAMPING)
             s0, factors = _weights(network, here)
         else:
