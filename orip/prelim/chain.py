@@ -284,7 +284,7 @@ class _Chain:
             steps.failures,
             tuple(photos),
             tuple(points),
-            best.findings or (*self._doubtful_photos(best), *self._weak_joints()),
+            best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
         )
 
     def _where_rays_meet(self, placed: Placed) -> Placed:
@@ -318,9 +318,10 @@ class _Chain:
             name = self.rays.photos[photo]
             yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
 
-    def _weak_joints(self) -> Iterator[str]:
+    def _weak_joints(self, best: _Outcome) -> Iterator[str]:
         """Name the parts whose scale hangs on a few points, where the first way did not lead to the end."""
-        if not self.at_once:
+        # a photo that has no place says itself what is missing
+        if not self.at_once and best.placed.oriented.all():
             known: BoolArray = np.asarray(np.isfinite(self._full_control()).all(axis=1))
             yield from weak_joints(self.rays, self.common, known)
 
