@@ -46,6 +46,10 @@ def bridge(model: SubBlock, previous: SubBlock, names: Names, strip: SubBlock | 
     return replace(found, step=replace(found.step, remarks=(*found.step.remarks, remark)))
 
 
+def _have_in_common(one: SubBlock, other: SubBlock) -> bool:
+    return bool(np.isin(one.photos, other.photos).any() or np.isin(one.points, other.points).any())
+
+
 def _runs_back(model: SubBlock, previous: SubBlock) -> bool:
     base, before = (each.centres[1] - each.centres[0] for each in (model, previous))
     return float(base @ before) < _BACK * float(np.linalg.norm(base) * np.linalg.norm(before))
@@ -74,7 +78,8 @@ def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
             strips.append([model])
             continue
         strip = strips[-1]
-        found = bridge(model, strip[-1], names, replace(assembled(strip), name=strip[-1].name))
+        near = [each for each in strip if _have_in_common(each, model)] or strip[-1:]
+        found = bridge(model, strip[-1], names, replace(assembled(near), name=strip[-1].name))
         if isinstance(found, Joined):
             steps.append(found.step)
             strip.append(found.block)

@@ -35,6 +35,7 @@ from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import Placed
 from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
 from orip.prelim.thinning import thinned
+from orip.prelim.weak_joints import weak_joints
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -52,6 +53,9 @@ _FAR_OFF = 15.0
 """Residuals over the a-priori error count up to this."""
 
 _LEAST_COORDINATES = 7
+
+_NAMED = 6
+"""Photos of a piece of a block that are named one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +107,8 @@ class _Chain:
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
         self.by_models: Route | None = None
+        self.at_once = False
+        """The first way led to the end."""
         self.models: dict[tuple[int, int], RelativeOrientation | NotOriented] = {}
 
     def values(self) -> PreliminaryValues:
@@ -118,6 +124,7 @@ class _Chain:
                 if self._fits(outcome):
                     fitting.append(misfit)
             if _is_enough(fitting, first=number == 0):
+                self.at_once = number == 0
                 break
         return self._told(best)
 
@@ -167,12 +174,28 @@ class _Chain:
             yield _Outcome(route, placed, True, None, "", (finding,))
             return
         outcome = self._in_ground(route, first)
+        if others and not outcome.on_ground and not outcome.findings:
+            outcome = replace(outcome, reason=f"{outcome.reason}; {self._pieces(route)}")
         if outcome.on_ground:
             for other in others:
                 outcome = self._with_system(outcome, other)
             growth = self._growth(self._fitting_control(outcome.absolute))
             outcome = replace(outcome, placed=growth.grown(outcome.placed))
         yield outcome
+
+    def _pieces(self, route: Route) -> str:
+        """Tell of what pieces a block consists, and what control each of them sees."""
+        control = np.isfinite(self._full_control()).all(axis=1)
+        pieces = []
+        for system in route.systems:
+            names = [self.rays.photos[photo] for photo in np.flatnonzero(system.oriented)]
+            listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+            seen = int(np.count_nonzero(system.known & control))
+            pieces.append(f"photos {listed} ({seen} full control point{'' if seen == 1 else 's'})")
+        return (
+            f"the block is in {len(pieces)} pieces that have too few points in common to be joined, and control is "
+            f"spread over them: {'; '.join(pieces)}"
+        )
 
     def _in_ground(self, route: Route, placed: Placed) -> _Outcome:
         """Take a system to the ground, unless the control would fit it better in another reading."""
@@ -261,7 +284,7 @@ class _Chain:
             steps.failures,
             tuple(photos),
             tuple(points),
-            best.findings or tuple(self._doubtful_photos(best)),
+            best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
         )
 
     def _where_rays_meet(self, placed: Placed) -> Placed:
@@ -295,6 +318,13 @@ class _Chain:
             name = self.rays.photos[photo]
             yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
 
+    def _weak_joints(self, best: _Outcome) -> Iterator[str]:
+        """Name the parts whose scale hangs on a few points, where the first way did not lead to the end."""
+        # a photo that has no place says itself what is missing
+        if not self.at_once and best.placed.oriented.all():
+            known: BoolArray = np.asarray(np.isfinite(self._full_control()).all(axis=1))
+            yield from weak_joints(self.rays, self.common, known)
+
     def _why_not(self, photo: int, best: _Outcome | None) -> str:
         """Say what is missing for the orientation of a photo."""
         shared = self.common[photo].copy()
@@ -307,9 +337,9 @@ class _Chain:
         known = int(placed.known[self.index.points[photo]].sum())
         shared[~placed.oriented] = 0
         most = int(shared.max(initial=0))
-        if most < 5 and known < 4:
+        if most < 5 and known < 3:
             shortage = f"photo {name} shares {most} points with its neighbours, 5 are needed"
-            return f"{shortage}; of its points {known} are known, 4 are needed"
+            return f"{shortage}; of its points {known} are known, 3 are needed"
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 

@@ -24,7 +24,7 @@ class Configuration:
     Parameters
     ----------
     area_share : float
-        Area of their convex hull over that of the image.
+        Area of their convex hull over that of the image, or a part of it that is more than is wanted.
     on_one_line : bool
     """
 
@@ -62,7 +62,10 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
     """
     width, height = frame if frame is not None else np.ptp(measured, axis=0)
     image = float(width * height)
-    area = hull_area(xy)
+    # the hull is no smaller than the polygon of its extreme points, which is mostly large enough
+    area = _area(xy[[xy[:, 0].argmin(), xy[:, 1].argmin(), xy[:, 0].argmax(), xy[:, 1].argmax()]])
+    if area <= SMALLEST_AREA * image:
+        area = hull_area(xy)
     return Configuration(area / image if image > 0.0 else 0.0, on_one_line(xy))
 
 
@@ -75,9 +78,12 @@ def on_one_line(points: FloatArray) -> bool:
 def hull_area(xy: FloatArray) -> float:
     """Return the area of the convex hull of points (n, 2), n >= 1."""
     ordered = xy[np.lexsort((xy[:, 1], xy[:, 0]))].tolist()
-    hull = np.array(_chain(ordered) + _chain(ordered[::-1]))
-    x, y = (hull - hull[0]).T
-    return float(0.5 * np.abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    return _area(np.array(_chain(ordered) + _chain(ordered[::-1])))
+
+
+def _area(polygon: FloatArray) -> float:
+    x, y = (polygon - polygon[0]).T
+    return float(0.5 * np.abs(x[:-1] @ y[1:] - y[:-1] @ x[1:]))
 
 
 def _chain(ordered: list[list[float]]) -> list[list[float]]:

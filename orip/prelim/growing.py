@@ -17,12 +17,13 @@ from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, 
 from orip.prelim.configuration import image_configuration
 from orip.prelim.intersection import intersect
 from orip.prelim.joining import Joined, join
-from orip.prelim.misplaced import misplaced
+from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed, placed_block
-from orip.prelim.refinement import refine
+from orip.prelim.refinement import ROUGH, refine
 from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.resection import Resected, resect
+from orip.prelim.rotation_starts import upright
 from orip.progress import stage
 
 FloatArray = NDArray[np.float64]
@@ -31,6 +32,9 @@ IntArray = NDArray[np.int64]
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
+
+_LEAST = 3
+"""Known points that a photo can be oriented by at all, in up to four positions."""
 
 _NEARLY_MOST = 0.7
 """Of the most known points that any photo sees: photos with fewer wait, and will see more."""
@@ -106,7 +110,9 @@ class Growth:
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            placed, refined = self.refined(placed), count
+            # what is taken to the ground next grows, and is adjusted, once more
+            last = added is None and bool(np.isfinite(self.held).any())
+            placed, refined = self.refined(placed, 0.0 if last else ROUGH), count
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
@@ -140,11 +146,17 @@ class Growth:
         coordinates[points], deviations[points] = found.coordinates, found.deviations
         return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
 
-    def refined(self, placed: Placed) -> Placed:
-        """Return the system after an adjustment of all its photos and points."""
+    def refined(self, placed: Placed, enough: float) -> Placed:
+        """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         held: BoolArray = np.asarray(np.isfinite(self.held).all(axis=1))
         found = refine(
-            self.rays, placed.rotations, placed.centres, placed.oriented, placed.coordinates, held_points=held
+            self.rays,
+            placed.rotations,
+            placed.centres,
+            placed.oriented,
+            placed.coordinates,
+            held_points=held,
+            enough=enough,
         )
         moved = replace(placed, rotations=found.rotations, centres=found.centres)
         return self.intersected(moved)
@@ -164,6 +176,7 @@ class Growth:
             or self._with_model(placed, _SCALE_CHECKED)
             or self._resected(placed, _BARELY, refused)
             or (self._with_block(placed) if self.branching else None)
+            or (self._by_three_points(placed) if np.isfinite(self.held).any() else None)
         )
 
     def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
@@ -175,16 +188,16 @@ class Growth:
         counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
         result = None
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
-            found = self.resection(placed, int(photo))
+            found = self.resection(placed, int(photo), known)
             if found is None:
                 refused[int(photo)] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: Placed, photo: int) -> Resected | None:
-        """Return the orientation of a photo from the known points that it sees, if they agree on one."""
-        rows = self.index.rows[photo][placed.known[self.index.points[photo]]]
+    def resection(self, placed: Placed, photo: int, known: BoolArray) -> Resected | None:
+        """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one."""
+        rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
         deviation = np.sqrt(np.mean(placed.deviations[points] ** 2, axis=1))
         error = float(np.median(self.rays.error[rows]))
@@ -195,6 +208,41 @@ class Growth:
             return None
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
+
+    def _by_three_points(self, placed: Placed) -> Placed | None:
+        """Return the system with the photos that see three known points and no more, each at the likeliest position.
+
+        Of up to four positions that is taken in which most of the other rays of the photo meet those of oriented
+        photos, and of equally good ones that with the most upright photo: on the ground there is an upright.
+        """
+        known, result = placed.known, None
+        for photo in np.flatnonzero(self.allowed & ~placed.oriented):
+            rows = self.index.rows[photo][known[self.index.points[photo]]]
+            if len(rows) != _LEAST:
+                continue
+            points = self.rays.point[rows]
+            found = resect(
+                self.rays.vectors[rows], placed.coordinates[points], error_mm=float(np.median(self.rays.error[rows]))
+            )
+            if not isinstance(found, Resected):
+                continue
+            rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
+            centres = np.concatenate([found.centre[None], found.alternatives.centres])
+            tried = [placed.with_photo(int(photo), *each, "") for each in zip(rotations, centres, strict=True)]
+            met = np.array([self._rays_that_meet(each, int(photo)) for each in tried])
+            best = np.flatnonzero(met == met.max())
+            chosen = max(best, key=lambda row: upright(rotations[[row]]))
+            how = "space resection from 3 points, which nothing checks"
+            if len(best) > 1:
+                how += f"; {len(best)} positions fit them, taken is the most upright one: measure one more known point"
+            result = (result or placed).with_photo(int(photo), rotations[chosen], centres[chosen], how)
+        return result
+
+    def _rays_that_meet(self, placed: Placed, photo: int) -> int:
+        """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
+        found = self._intersected_anew(placed, np.arange(len(placed.oriented)) == photo)
+        lengths = residual_lengths(self.rays, found)[self.index.rows[photo]]
+        return int(np.count_nonzero(lengths <= MISFIT))
 
     def _with_model(self, placed: Placed, fewest: int) -> Placed | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.

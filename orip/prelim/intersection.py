@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
 from orip.model.preliminary import ImageRays
+from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -70,7 +71,11 @@ class _Bundle(NamedTuple):
     point: IntArray
     points: int
 
-    def of(self, rows: BoolArray, points: BoolArray) -> _Bundle:
+    def of(self, rows: IntArray) -> _Bundle:
+        """Return some rays, or all in another order."""
+        return _Bundle(self.origins[rows], self.directions[rows], self.error[rows], self.point[rows], self.points)
+
+    def of_points(self, rows: BoolArray, points: BoolArray) -> _Bundle:
         """Return some rays (m,) of some points (q,), which are counted anew."""
         place = np.cumsum(points) - 1
         point = place[self.point[rows]]
@@ -127,6 +132,33 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
 
 def _robust(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Return coordinates, deviations, weight factors of the rays, angles, s0."""
+    return _point_by_point(bundle) if is_compiled() else _all_at_once(bundle)
+
+
+def _point_by_point(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Do what `_all_at_once` does in the compiled loop."""
+    order = np.argsort(bundle.point, kind="stable")
+    sorted_rays = bundle.of(order)
+    start = np.concatenate([[0], np.cumsum(np.bincount(bundle.point, minlength=bundle.points))])
+    rays = (*sorted_rays[:3], start)
+    count = len(order)
+    points, residual, scratch = np.empty((bundle.points, 3)), np.empty(count), np.empty(count)
+    kernels.meet_first(*rays, points, residual, scratch)
+    s0 = _scale(sorted_rays, residual)
+    factors, variances, angles = np.empty(count), np.empty((bundle.points, 3)), np.empty(bundle.points)
+    kernels.meet_robustly(
+        *rays, points, factors, variances, angles, scratch,
+        s0, _LIMIT * s0, _LIMIT, LEAST_WEIGHT, _KEPT, _MANY, _ABSOLUTE_ITERATIONS, _DANISH_ITERATIONS,
+    )  # fmt: skip
+    number = np.bincount(sorted_rays.point[factors >= _KEPT], minlength=bundle.points)
+    determined = (number >= 2) & (angles >= SMALLEST_ANGLE) & np.isfinite(points).all(axis=1)
+    in_order = np.empty(count)
+    in_order[order] = np.where(determined[sorted_rays.point], factors, 0.0)
+    deviations = np.where(determined[:, None], s0 * np.sqrt(variances), np.nan)
+    return np.where(determined[:, None], points, np.nan), deviations, in_order, angles, s0
+
+
+def _all_at_once(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     ones = np.ones(len(bundle.point))
     # the first position gives the distances that turn lengths into angles
     points, _ = _solve(bundle, ones)
@@ -142,7 +174,7 @@ def _robust(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatA
         doubtful[bundle.point[~((residual <= limit) | (factors == 0.0))]] = True
         if doubtful.any():
             rows = doubtful[bundle.point]
-            points[doubtful], factors[rows] = treat(bundle.of(rows, doubtful), points[doubtful], limit)
+            points[doubtful], factors[rows] = treat(bundle.of_points(rows, doubtful), points[doubtful], limit)
             residual = _residuals(bundle, points)
     return _judged(bundle, points, factors, s0)
 
@@ -236,7 +268,7 @@ def _scale(bundle: _Bundle, residual: FloatArray) -> float:
     if not tested.any():
         return 1.0
     rays = np.count_nonzero(tested)
-    points = len(np.unique(bundle.point[tested]))
+    points = np.count_nonzero(np.bincount(bundle.point[tested], minlength=1))
     redundancy = (2 * rays - 3 * points) / (2 * rays)
     if redundancy <= 0.0:
         return 1.0

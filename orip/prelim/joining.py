@@ -222,6 +222,8 @@ def steady_deviations(block: SubBlock) -> FloatArray:
     One that is not known is taken for the median, and all for 0 where none is known.
     """
     known = np.isfinite(block.deviations)
+    if known.all() and known.size:
+        return np.maximum(block.deviations, _STEADY * np.median(block.deviations, axis=0))
     middle = np.array(
         [
             float(np.median(column[has])) if has.any() else 0.0

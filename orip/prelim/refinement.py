@@ -7,19 +7,14 @@ deviations come of it: that is what the bundle adjustment is for.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
-from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rotation import rotation_about_axes
 from orip.model.preliminary import ImageRays
-from orip.prelim.intersection import group_sums
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
+from orip.prelim.compiled import is_compiled
+from orip.prelim.network import ArraySolver, CompiledSolver, Network, Residuals, State
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -28,17 +23,15 @@ BoolArray = NDArray[np.bool_]
 _LIMIT = 3.5
 """3.5: of residuals with two components one good one in 460 is longer."""
 
-_MEDIAN = np.sqrt(2.0 * np.log(2.0))
-"""Median length of a residual with two normal components of standard deviation 1."""
+ROUGH = 1e-3
+"""Relative gain in the weighted square sum below which a system is good enough to grow further."""
 
-_ENOUGH = 1e-3
-"""Relative gain in the weighted square sum below which preliminary values have become good enough."""
+_ENOUGH = 0.5
+"""Gain in the weighted square sum, over the variance of unit weight, below which nothing is off by much more than its
+standard deviation: photos that hang together with the others by few points hardly show in the whole sum."""
 
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
-
-_DENSE = 0.1
-"""Part of the couplings between photos and points above which a product of full matrices is faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,68 +58,6 @@ class Refined:
     iterations: int
 
 
-@dataclass(frozen=True, slots=True)
-class _State:
-    rotations: FloatArray
-    centres: FloatArray
-    points: FloatArray
-
-
-class _Linearised(NamedTuple):
-    """Of m rays, over their a-priori errors: residuals (m, 2), partials by photo (m, 2, 6) and point (m, 2, 3)."""
-
-    residual: FloatArray
-    by_photo: FloatArray
-    by_point: FloatArray
-    in_front: BoolArray
-
-    @property
-    def length(self) -> FloatArray:
-        """Return the lengths (m,) of the residuals; infinite behind the photo."""
-        return np.where(self.in_front, np.linalg.norm(self.residual, axis=1), np.inf)
-
-
-@dataclass(frozen=True, slots=True)
-class _Network:
-    """Which of the rays take part, and which photos and points are unknown.
-
-    Parameters
-    ----------
-    photo, point : arrays (m,) of int
-    vectors : array (m, 3)
-    error : array (m,)
-    photo_free, point_free : arrays (p,), (q,) of bool
-    """
-
-    photo: IntArray
-    point: IntArray
-    vectors: FloatArray
-    error: FloatArray
-    photo_free: BoolArray
-    point_free: BoolArray
-
-    @property
-    def redundancy(self) -> int:
-        """Return twice the number of rays minus that of the unknowns."""
-        return 2 * len(self.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
-
-    def linearise(self, state: _State) -> _Linearised:
-        """Return the equations of all rays."""
-        offset = state.points[self.point] - state.centres[self.photo]
-        image = perspective_with_partials(offset, state.rotations[self.photo], -self.vectors[:, 2])
-        by_point = image.by_point / self.error[:, None, None]
-        by_photo = np.concatenate([image.by_rotation / self.error[:, None, None], -by_point], axis=2)
-        by_photo[~self.photo_free[self.photo]] = 0.0
-        by_point[~self.point_free[self.point]] = 0.0
-        residual = (image.xy - self.vectors[:, :2]) / self.error[:, None]
-        return _Linearised(residual, by_photo, by_point, image.in_front)
-
-    def scale(self, length: FloatArray) -> float:
-        """Return the robust scale of the residuals, from their median; 0 without redundancy."""
-        share = self.redundancy / (2 * len(self.photo)) if len(self.photo) else 0.0
-        return float(np.median(length)) / _MEDIAN / np.sqrt(share) if share > 0.0 else 0.0
-
-
 def refine(
     rays: ImageRays,
     rotations: FloatArray,
@@ -136,7 +67,8 @@ def refine(
     *,
     held_points: BoolArray | None = None,
     held_photos: BoolArray | None = None,
-    sweeps: int = 15,
+    enough: float = 0.0,
+    sweeps: int = 30,
 ) -> Refined:
     """Adjust photos and points together.
 
@@ -152,6 +84,9 @@ def refine(
         NaN for a point without a position: its rays take no part.
     held_points, held_photos : arrays (q,), (p,) of bool or None
         What is known and stays: control, photos oriented before. Without any the block keeps its place by damping.
+    enough : float
+        Relative gain in the weighted square sum at which the iterations end; 0: they go on until nothing is off by much
+        more than its standard deviation.
     sweeps : int
         Largest number of iterations.
 
@@ -174,8 +109,8 @@ def refine(
     # a system of the block's own size: damping treats angles and lengths alike
     base = np.nanmean(centres[oriented], axis=0)
     size = float(np.linalg.norm(coordinates[network.point] - centres[network.photo], axis=1).mean())
-    start = _State(rotations, (centres - base) / size, (coordinates - base) / size)
-    state, factors, s0, iterations = _iterate(network, start, sweeps)
+    start = State(rotations, (centres - base) / size, (coordinates - base) / size)
+    state, factors, s0, iterations = _iterate(network, start, enough, sweeps)
     weight_factors[used] = factors
     moved_photos = np.zeros(len(rays.photos), dtype=bool)
     moved_photos[network.photo] = network.photo_free[network.photo]
@@ -193,37 +128,38 @@ def refine(
 
 def _network(
     rays: ImageRays, oriented: BoolArray, coordinates: FloatArray, held_points: BoolArray, held_photos: BoolArray
-) -> tuple[_Network, IntArray]:
+) -> tuple[Network, IntArray]:
     """Return what is adjusted, and the rays that take part: those of points that two photos see, or that are known."""
     known = np.asarray(np.isfinite(coordinates).all(axis=1), dtype=bool)
     used = oriented[rays.photo] & known[rays.point]
     number = np.bincount(rays.point[used], minlength=len(rays.points))
     used &= (number >= 2)[rays.point] | held_points[rays.point]
     rows = np.flatnonzero(used)
+    rows = rows[np.argsort(rays.point[rows], kind="stable")]
     seen = np.zeros(len(rays.points), dtype=bool)
     seen[rays.point[rows]] = True
     taking = np.zeros(len(rays.photos), dtype=bool)
     taking[rays.photo[rows]] = True
-    network = _Network(
+    network = Network(
         rays.photo[rows], rays.point[rows], rays.vectors[rows], rays.error[rows], taking & ~held_photos,
         seen & ~held_points,
     )  # fmt: skip
     return network, rows
 
 
-def _iterate(network: _Network, state: _State, sweeps: int) -> tuple[_State, FloatArray, float, int]:
-    here = network.linearise(state)
+def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tuple[State, FloatArray, float, int]:
     damping = 1e-4
-    solver = _Solver(network)
-    iteration, gain = 0, np.inf
+    solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
+    here = solver.residuals(state)
+    iteration, gain, limit = 0, np.inf, 0.0
     s0, factors = _weights(network, here)
-    while iteration < sweeps and gain > _ENOUGH:
+    while iteration < sweeps and gain > limit:
         iteration += 1
         tried = solver.moved(state, here, factors, damping)
-        there = network.linearise(tried)
+        there = solver.residuals(tried)
         before, after = _square_sum(here, factors), _square_sum(there, factors)
         if after <= before:
-            gain = (before - after) / max(before, 1e-300)
+            gain, limit = before - after, enough * before or _ENOUGH * max(s0, 1.0) ** 2
             state, here, damping = tried, there, max(damping * 0.1, _LEAST_DAMPING)
             s0, factors = _weights(network, here)
         else:
@@ -231,121 +167,13 @@ def _iterate(network: _Network, state: _State, sweeps: int) -> tuple[_State, Flo
     return state, np.where(here.in_front, factors, 0.0), s0, iteration
 
 
-def _weights(network: _Network, at: _Linearised) -> tuple[float, FloatArray]:
+def _weights(network: Network, at: Residuals) -> tuple[float, FloatArray]:
     length = at.length
     s0 = network.scale(length)
     return s0, danish_weights(length / max(s0, 1.0), _LIMIT)
 
 
-def _square_sum(at: _Linearised, factors: FloatArray) -> float:
+def _square_sum(at: Residuals, factors: FloatArray) -> float:
     """Return the weighted sum of squares; a ray that has come to lie behind its photo counts as a large residual."""
     squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6)
     return float(factors @ squares)
-
-
-class _Solver:
-    """Normal equations of a network: points eliminated, photos in the order that keeps their band narrow.
-
-    Parameters
-    ----------
-    network : _Network
-    """
-
-    def __init__(self, network: _Network) -> None:
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-        self._network = network
-        free = network.photo_free[network.photo]
-        photos, points = len(network.photo_free), len(network.point_free)
-        ones = np.ones(np.count_nonzero(free))
-        sees = csr_array((ones, (network.point[free], network.photo[free])), shape=(points, photos))
-        sees = sees[network.point_free]
-        order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
-        order = order[network.photo_free[order]]
-        self._order = order
-        self._place = np.full(photos, -1)
-        self._place[order] = np.arange(len(order))
-
-    def moved(self, state: _State, at: _Linearised, factors: FloatArray, damping: float) -> _State:
-        """Return the state after one step."""
-        network = self._network
-        root = np.sqrt(np.where(at.in_front, factors, 0.0))[:, None]
-        by_photo, by_point = at.by_photo * root[:, :, None], at.by_point * root[:, :, None]
-        misclosure = (at.residual * root)[:, :, None]
-        photo_transposed, point_transposed = np.swapaxes(by_photo, 1, 2), np.swapaxes(by_point, 1, 2)
-        photos, points = len(network.photo_free), len(network.point_free)
-        photo_normals = _damped(group_sums(network.photo, photo_transposed @ by_photo, photos), damping)
-        point_normals = _damped(group_sums(network.point, point_transposed @ by_point, points), damping)
-        photo_right = group_sums(network.photo, (photo_transposed @ misclosure)[:, :, 0], photos)
-        point_right = group_sums(network.point, (point_transposed @ misclosure)[:, :, 0], points)
-
-        inverse = np.linalg.inv(point_normals)
-        half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
-        coupling = half[network.point] @ (point_transposed @ by_photo)
-        block_right = (half @ point_right[:, :, None])[:, :, 0]
-        sparse = self._sparse(coupling)
-        right = photo_right[self._order].ravel() - sparse.T @ block_right.ravel()
-        solution = _solve_band(photo_normals[self._order], sparse, right)
-        block = (block_right.ravel() - sparse @ solution).reshape(points, 1, 3)
-        by_photos = np.zeros((photos, 6))
-        by_photos[self._order] = -solution.reshape(-1, 6)
-        return _step(state, by_photos, -(block @ half)[:, 0])
-
-    def _sparse(self, coupling: FloatArray) -> csr_array:
-        """Return couplings (m, 3, 6) of points and photos as a sparse array (3 q, 6 free photos)."""
-        from scipy.sparse import bsr_array, csr_array
-
-        network = self._network
-        rows = np.flatnonzero(network.photo_free[network.photo] & network.point_free[network.point])
-        rows = rows[np.lexsort((self._place[network.photo[rows]], network.point[rows]))]
-        counts = np.bincount(network.point[rows], minlength=len(network.point_free))
-        pointer = np.concatenate([[0], np.cumsum(counts)])
-        shape = (3 * len(network.point_free), 6 * len(self._order))
-        return csr_array(bsr_array((coupling[rows], self._place[network.photo[rows]], pointer), shape=shape))
-
-
-def _damped(normals: FloatArray, damping: float) -> FloatArray:
-    """Return normal matrices (k, m, m) with a larger diagonal; what has no equations at all becomes regular."""
-    diagonal = np.einsum("kii->ki", normals)
-    floor = 1e-12 * diagonal.max(axis=1, keepdims=True)
-    floor = np.where(floor > 0.0, floor, 1.0)
-    return np.asarray(normals + (damping * diagonal + floor)[:, :, None] * np.eye(normals.shape[1]))
-
-
-def _solve_band(blocks: FloatArray, coupling: csr_array, right: FloatArray) -> FloatArray:
-    """Solve (diagonal blocks (k, 6, 6) - coupling^T coupling) x = right as a band matrix."""
-    from scipy.linalg import solveh_banded
-
-    size = len(right)
-    if not size:
-        return right
-    if coupling.nnz > _DENSE * coupling.shape[0] * coupling.shape[1]:
-        full = coupling.toarray()
-        product = full.T @ full
-        rows, columns = np.nonzero(product)
-        values = product[rows, columns]
-    else:
-        sparse = (coupling.T @ coupling).tocoo()
-        rows, columns, values = sparse.row.astype(np.int64), sparse.col.astype(np.int64), sparse.data
-    start = np.repeat(6 * np.arange(len(blocks)), 36)
-    within = np.tile(np.arange(36), len(blocks))
-    rows = np.concatenate([start + within // 6, rows])
-    columns = np.concatenate([start + within % 6, columns])
-    values = np.concatenate([blocks.ravel(), -values])
-    lower = rows >= columns
-    below = (rows - columns)[lower]
-    width = int(below.max()) + 1
-    band = np.bincount(below * size + columns[lower], values[lower], width * size).reshape(width, size)
-    return np.asarray(solveh_banded(band, right, lower=True, overwrite_ab=True, check_finite=False))
-
-
-def _step(state: _State, by_photos: FloatArray, by_points: FloatArray) -> _State:
-    # half a radian keeps a turn where the linearisation means something
-    largest = float(np.linalg.norm(by_photos[:, :3], axis=1).max())
-    factor = min(1.0, 0.5 / max(largest, 1e-300))
-    return _State(
-        rotation_about_axes(factor * by_photos[:, :3]) @ state.rotations,
-        state.centres + factor * by_photos[:, 3:],
-        state.points + factor * by_points,
-    )

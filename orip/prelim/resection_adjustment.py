@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orip.adjustment.weights import danish_weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes
+from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -31,6 +32,9 @@ _SAME_SCALE = 1.04
 
 _LIMIT = 3.5
 """3.5: of residuals with two components one good one in 460 is longer."""
+
+_NUMBERS_OF_A_POINT = 18
+"""Room of the compiled loops: residuals, partials, variance, square, weight and a place to sort."""
 
 _LARGEST_TURN = 0.5
 """Radians in one iteration: further than that the linearisation means nothing."""
@@ -78,6 +82,11 @@ class KnownPoints:
         return len(self.coordinates)
 
     @property
+    def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return vectors, coordinates and deviations, as the compiled loops take them."""
+        return tuple(map(np.ascontiguousarray, (self.vectors, self.coordinates, self.deviations)))  # type: ignore[return-value]
+
+    @property
     def least(self) -> int:
         """Return the number of points that have to fit."""
         return max(len(self) - int(_BLUNDERS * len(self)), min(len(self), 4))
@@ -106,7 +115,8 @@ class KnownPoints:
 
         In units of the least variance among the orientations, or of the a-priori one.
         """
-        variance = max(float(self.trimmed_variance(squares).min()), 1.0)
+        # finite even where all points are behind the photo
+        variance = min(max(float(self.trimmed_variance(squares).min()), 1.0), 1e300)
         return np.asarray(np.minimum(squares / variance, _LIMIT**2).sum(axis=1))
 
 
@@ -166,6 +176,16 @@ def improved(known: KnownPoints, start: Orientations) -> tuple[Orientations, Flo
     array (k, n)
         Their squared standardised residuals.
     """
+    if is_compiled():
+        rotations, centres = np.array(start.rotations), np.array(start.centres)
+        squares = np.empty((len(centres), len(known)))
+        space = np.empty((2 * _NUMBERS_OF_A_POINT, len(known)))
+        kernels.improve(*known.arrays, rotations, centres, squares, space, known.error_mm, known.least, _IMPROVEMENTS)
+        return Orientations(rotations, centres), squares
+    return _improved_side_by_side(known, start)
+
+
+def _improved_side_by_side(known: KnownPoints, start: Orientations) -> tuple[Orientations, FloatArray]:
     at, here = start, _linearise(known, start)
     damping = np.full(len(start.centres), 1e-3)
     for _ in range(_IMPROVEMENTS):
@@ -197,6 +217,25 @@ def adjusted(known: KnownPoints, start: Orientations, variance: float) -> Adjust
     -------
     Adjusted
     """
+    at, factors = (_compiled_danish if is_compiled() else _danish)(known, start, variance)
+    here = _linearise(known, at)
+    _, normals = _solve(here, factors, np.zeros(1))
+    s0 = float(np.sqrt(_variance(here, factors)))
+    return Adjusted(at, here, factors[0], s0, max(_redundancy(factors), 0), normals[0])
+
+
+def _compiled_danish(known: KnownPoints, start: Orientations, variance: float) -> tuple[Orientations, FloatArray]:
+    """Do what `_danish` does in the compiled loop."""
+    rotations, centres, factors = np.array(start.rotations), np.array(start.centres), np.empty((1, len(known)))
+    kernels.adjust(
+        *known.arrays, rotations, centres, factors, np.empty((_NUMBERS_OF_A_POINT, len(known))),
+        known.error_mm, known.least, variance, _LIMIT, LEAST_WEIGHT, _STEADY, _SAME_SCALE, _ITERATIONS,
+    )  # fmt: skip
+    return Orientations(rotations, centres), factors
+
+
+def _danish(known: KnownPoints, start: Orientations, variance: float) -> tuple[Orientations, FloatArray]:
+    """Return an adjusted orientation and the weight factors (1, n) that it was adjusted with."""
     at, limit = start, max(variance, 1.0)
     for iteration in range(_ITERATIONS):
         here = _linearise(known, at)
@@ -208,10 +247,7 @@ def adjusted(known: KnownPoints, start: Orientations, variance: float) -> Adjust
             if 1.0 / _SAME_SCALE < estimated / limit < _SAME_SCALE or iteration > _ITERATIONS // 2:
                 break
             limit = estimated
-    here = _linearise(known, at)
-    _, normals = _solve(here, factors, np.zeros(1))
-    s0 = float(np.sqrt(_variance(here, factors)))
-    return Adjusted(at, here, factors[0], s0, max(_redundancy(factors), 0), normals[0])
+    return at, factors
 
 
 def _linearise(known: KnownPoints, at: Orientations) -> Linearised:

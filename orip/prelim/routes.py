@@ -5,14 +5,15 @@ Each way gives sub-blocks in systems of their own, or one that is on the ground 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SimilarityStep
 from orip.model.project import StereoModel
+from orip.prelim.bridging import JoinedSystems
 from orip.prelim.growing import Growth
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.pair_selection import pairs_by_common_points
@@ -62,7 +63,8 @@ def by_models(growth: Growth, models: Sequence[StereoModel]) -> Route:
     bridged = bridge_rows(relative, growth.rays)
     connected = connect_rows(bridged, growth.rays)
     blocks = sorted(connected.systems, key=lambda block: -len(block.photos))
-    systems = [placed_block(growth.rays, block, "relative orientation, bridging and connection") for block in blocks]
+    told = _how_by_models(growth.rays, relative, bridged, connected.steps)
+    systems = [_with_sentences(placed_block(growth.rays, block, ""), growth.rays, told) for block in blocks]
     return Route(
         (growth.grown(systems[0]), *systems[1:]) if systems else (),
         relative=tuple(relative),
@@ -70,6 +72,37 @@ def by_models(growth: Growth, models: Sequence[StereoModel]) -> Route:
         connections=connected.steps,
         failures=(*not_relative, *bridged.failures, *connected.failures),
     )
+
+
+def _how_by_models(
+    rays: ImageRays,
+    relative: Sequence[RelativeOrientation],
+    bridged: JoinedSystems,
+    connections: Sequence[SimilarityStep],
+) -> dict[str, str]:
+    """Say of each photo in which model it was oriented, and how that came to the block."""
+    bridges = {step.source: step for step in bridged.steps}
+    strips = {rays.photos[photo]: strip.name for strip in bridged.systems for photo in strip.photos}
+    connected = {step.source: step for step in connections}
+    told: dict[str, str] = {}
+    for model in relative:
+        sentence = f"relative orientation in model {model.model} from {len(model.points)} points"
+        if step := bridges.get(model.model):
+            sentence += f", bridged to model {step.target} by {_common(step)}"
+        for photo in (model.left, model.right):
+            strip = connected.get(strips[photo])
+            told.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
+    return told
+
+
+def _common(step: SimilarityStep) -> str:
+    points = f"{len(step.points)} point{'' if len(step.points) == 1 else 's'}"
+    return f"{points} and photo {step.common_photo}" if step.common_photo else points
+
+
+def _with_sentences(placed: Placed, rays: ImageRays, told: Mapping[str, str]) -> Placed:
+    pairs = zip(rays.photos, placed.oriented, strict=True)
+    return replace(placed, how=tuple(told[photo] if oriented else "" for photo, oriented in pairs))
 
 
 def by_control(growth: Growth) -> Route:
@@ -108,17 +141,18 @@ def photos_with_control(growth: Growth) -> BoolArray:
 
 
 def _starting_pair(growth: Growth, free: BoolArray, choice: int) -> RelativeOrientation | None:
-    """Return the pair of free photos that determines its points best."""
-    found = sorted(_oriented_pairs(growth, free), key=_worth, reverse=True)
-    return found[min(choice, len(found) - 1)] if found else None
-
-
-def _oriented_pairs(growth: Growth, free: BoolArray) -> Iterator[RelativeOrientation]:
+    """Return the pair of free photos that determines its points best, or the next best ones."""
     counts = np.where(free[:, None] & free, growth.common, 0)
-    for left, right, _ in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
-        found = growth.model(left, right)
-        if isinstance(found, RelativeOrientation):
-            yield found
+    found: list[RelativeOrientation] = []
+    for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
+        # pairs come with ever fewer points, and one cannot be worth more than with all of them at a good angle
+        if sum(_worth(each) >= np.sqrt(common) * _GOOD_ANGLE for each in found) > choice:
+            break
+        pair = growth.model(left, right)
+        if isinstance(pair, RelativeOrientation):
+            found.append(pair)
+    found.sort(key=_worth, reverse=True)
+    return found[min(choice, len(found) - 1)] if found else None
 
 
 def _worth(pair: RelativeOrientation) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import chain, combinations
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 IntArray = NDArray[np.int64]
 
 
+@lru_cache(maxsize=256)
 def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
     """Return subsets of `count` things: all of them if there are at most `limit`, else `limit` random ones.
 
@@ -27,12 +29,16 @@ def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
     Returns
     -------
     array (s, size)
+        Kept for the next who asks, and therefore not to be written to.
     """
     total = math.comb(count, size)
     if total <= limit:
         members = np.fromiter(chain.from_iterable(combinations(range(count), size)), dtype=np.int64, count=total * size)
-        return members.reshape(total, size)
-    return _random_subsets(count, size, limit, np.random.default_rng(seed))
+        members = members.reshape(total, size)
+    else:
+        members = _random_subsets(count, size, limit, np.random.default_rng(seed))
+    members.setflags(write=False)
+    return members
 
 
 def _random_subsets(count: int, size: int, number: int, generator: np.random.Generator) -> IntArray:

@@ -38,11 +38,15 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
     starts = np.concatenate([[0], np.cumsum(number)])
     have = np.bincount(rays.photo[kept[rays.point]], minlength=len(rays.photos))
     chosen = kept.copy()
-    for point in order:
+    shared = np.bincount(rays.photo[(number > 1)[rays.point]], minlength=len(rays.photos))
+    wanted = np.minimum(shared, _ENOUGH)
+    for point in order[(number > 1)[order] & ~kept[order]]:
         photos = rays.photo[by_point[starts[point] : starts[point + 1]]]
-        if not chosen[point] and len(photos) > 1 and (have[photos] < _ENOUGH).any():
+        if (have[photos] < _ENOUGH).any():
             chosen[point] = True
             have[photos] += 1
+            if (have >= wanted).all():
+                break
     rows = chosen[rays.point]
     return replace(
         rays,

@@ -99,11 +99,48 @@ def test_a_resection_needs_known_points_that_agree(convergent: SyntheticBlock) -
     rays = image_rays(convergent.block)
     grower = growth(rays)
     placed = grower.intersected(first_two(convergent, rays))
-    found = grower.resection(placed, 2)
+    found = grower.resection(placed, 2, placed.known)
     assert isinstance(found, Resected)
     np.testing.assert_allclose(found.centre, convergent.orientations[2, :3], atol=1e-6)
     mixed = replace(placed, coordinates=np.roll(placed.coordinates, 3, axis=0))
-    assert grower.resection(mixed, 2) is None
+    assert grower.resection(mixed, 2, mixed.known) is None
     few = placed.coordinates.copy()
     few[3:] = np.nan
-    assert grower.resection(replace(placed, coordinates=few), 2) is None
+    assert grower.resection(placed, 2, np.isfinite(few).all(axis=1)) is None
+
+
+def test_a_photo_whose_known_points_are_close_together_tells_so(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    mine = np.flatnonzero(rays.photo == 2)
+    near = mine[np.argsort(np.linalg.norm(rays.xy[mine] - rays.xy[mine[0]], axis=1))[:6]]
+    held = np.full((len(rays.points), 3), np.nan)
+    held[rays.point[near]] = convergent.points[rays.point[near]]
+    known = np.isfinite(held).all(axis=1)
+    start = nothing_placed(rays)
+    start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
+    found = growth(rays, held).resection(start, 2, known)
+    assert found is not None
+    assert found.how.startswith("space resection from 6 points; the known points span ")
+    assert "5% are wanted: measure more known points, farther apart" in found.how
+
+
+def test_three_known_points_and_the_rays_of_the_others_orient_a_photo(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    mine = np.flatnonzero(rays.photo == 2)
+    # the first photo shows the others, too: their rays tell which of the positions is the true one
+    others = np.isin(rays.point, rays.point[mine])
+    kept = (rays.photo == 2) | ((rays.photo == 0) & others)
+    alone = replace(
+        rays, photo=rays.photo[kept], point=rays.point[kept], xy=rays.xy[kept], vectors=rays.vectors[kept],
+        error=rays.error[kept],
+    )  # fmt: skip
+    corners = mine[[rays.xy[mine, 0].argmin(), rays.xy[mine, 0].argmax(), rays.xy[mine, 1].argmax()]]
+    held = np.full((len(rays.points), 3), np.nan)
+    held[rays.point[corners]] = convergent.points[rays.point[corners]]
+    rotation = Rotation.from_euler("XYZ", convergent.orientations[0, 3:]).as_matrix()
+    start = nothing_placed(alone).with_photo(0, rotation, convergent.orientations[0, :3], "true")
+    start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
+    found = growth(alone, held)._by_three_points(start)
+    assert found is not None
+    assert found.how[2].startswith("space resection from 3 points, which nothing checks")
+    assert errors(found, convergent)[2] < 1e-6

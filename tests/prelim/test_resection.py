@@ -7,6 +7,7 @@ import pytest
 from support.seen_points import points_seen, rotation_of, seen, with_noise
 
 from orip.prelim.resection import Resected, Unresected, resect
+from orip.prelim.resection_adjustment import KnownPoints
 
 MIKHAIL = np.array(
     [
@@ -253,3 +254,8 @@ def test_points_that_are_all_in_a_corner_of_the_photo_say_nothing():
     points = np.array([5.0, 5.0, -50.0]) + generator.uniform(-0.05, 0.05, (6, 3))
     vectors = with_noise(generator, seen(points, np.eye(3), np.zeros(3), 50.0), 0.01)
     assert isinstance(resect(vectors, points), Unresected)
+
+
+def test_orientations_that_see_nothing_cost_as_if_all_points_were_wrong() -> None:
+    known = KnownPoints(np.tile([0.0, 0.0, -50.0], (6, 1)), np.zeros((6, 3)), np.zeros(6), 0.01)
+    assert known.costs(np.full((2, 6), np.inf)) == pytest.approx(6 * 3.5**2)

@@ -106,8 +106,8 @@ class NotOrientedError(OripError):
     """The chain left photos without an orientation."""
 
 
-def from_nothing(block: Block) -> Block:
-    """Return a gathered block started at what the chain finds.
+def from_nothing(block: Block) -> tuple[Block, tuple[str, ...]]:
+    """Return a gathered block started at what the chain finds, and what the chain says of it.
 
     Raises
     ------
@@ -119,11 +119,12 @@ def from_nothing(block: Block) -> Block:
     if missing:
         message = "; ".join([*values.findings, *sorted(set(missing))])
         raise NotOrientedError(message)
-    return started_at(
+    started = started_at(
         block,
         {record_key(photo.name): (photo.centre, photo.rotation) for photo in values.photos},
         {point.name: point.coordinates for point in values.points},
     )
+    return started, values.findings
 
 
 def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
@@ -134,7 +135,7 @@ def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
     comparison, start, reason, bundle_seconds = None, None, "", 0.0
     began = perf_counter()
     try:
-        started = from_nothing(block)
+        started, findings = from_nothing(block)
         chain_seconds = perf_counter() - began
         start = _start_distance(started, records)
         found = solved(started)
@@ -142,7 +143,7 @@ def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
         comparison = compared(found, reference)
         end = comparison.end
         if end not in SUCCESS:
-            reason = "; ".join(each.text for each in diagnose(found))
+            reason = "; ".join([*findings, *(each.text for each in diagnose(found))])
     except OripError as error:
         chain_seconds = perf_counter() - began
         end, reason = "refused", str(error)

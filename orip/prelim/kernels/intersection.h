@@ -1,0 +1,187 @@
+/* Points from rays, one point after the other; orip/prelim/intersection.py does the same for all at once. */
+
+#include "linear.h"
+
+typedef struct {
+    const double *origins, *directions, *error;
+    int64_t count;
+} Rays;
+
+/* Inverse of a symmetric matrix; NaN of a singular one: 1e-5 rad between rays are parallel to working precision. */
+static void inverse3(const double *N, double *inverse)
+{
+    double minors[9];
+    cross3(N + 3, N + 6, minors);
+    cross3(N + 6, N, minors + 3);
+    cross3(N, N + 3, minors + 6);
+    const double determinant = dot3(N, minors), trace = N[0] + N[4] + N[8];
+    const int regular = determinant > 1e-11 * trace * trace * trace;
+    for (int k = 0; k < 9; k++)
+        inverse[k] = regular ? minors[k] / determinant : NAN;
+}
+
+static void meet(const Rays *rays, const double *weights, double *point, double *inverse)
+{
+    double N[9] = {0.0}, right[3] = {0.0};
+    for (int64_t row = 0; row < rays->count; row++) {
+        const double *d = rays->directions + 3 * row, *o = rays->origins + 3 * row, w = weights[row];
+        for (int i = 0; i < 3; i++) {
+            double sum = 0.0;
+            for (int j = 0; j < 3; j++) {
+                const double projector = w * ((i == j) - d[i] * d[j]);
+                N[3 * i + j] += projector;
+                sum += projector * o[j];
+            }
+            right[i] += sum;
+        }
+    }
+    inverse3(N, inverse);
+    for (int i = 0; i < 3; i++)
+        point[i] = dot3(inverse + 3 * i, right);
+}
+
+static void ahead(const Rays *rays, int64_t row, const double *point, double *along, double *across)
+{
+    const double *d = rays->directions + 3 * row, *o = rays->origins + 3 * row;
+    const double offset[3] = {point[0] - o[0], point[1] - o[1], point[2] - o[2]};
+    *along = dot3(offset, d);
+    const double side[3] = {offset[0] - *along * d[0], offset[1] - *along * d[1], offset[2] - *along * d[2]};
+    *across = sqrt(dot3(side, side));
+}
+
+static double angular_weight(const Rays *rays, int64_t row, const double *point)
+{
+    double along, across;
+    ahead(rays, row, point, &along, &across);
+    const double distance = hypot(along, across);
+    const double error = rays->error[row] * (isfinite(distance) && distance > 0.0 ? distance : 1.0);
+    return 1.0 / (error * error);
+}
+
+static double residual_at(const Rays *rays, int64_t row, const double *point)
+{
+    double along, across;
+    ahead(rays, row, point, &along, &across);
+    return along > 0.0 ? across / along / rays->error[row] : along * 0.0 + INFINITY;
+}
+
+/* Meet with the weights of the angles at a position, times factors. */
+static void meet_again(const Rays *rays, const double *factors, const double *at, double *point, double *inverse,
+                       double *scratch)
+{
+    for (int64_t row = 0; row < rays->count; row++)
+        scratch[row] = factors[row] * angular_weight(rays, row, at);
+    meet(rays, scratch, point, inverse);
+}
+
+static int is_doubtful(const Rays *rays, const double *factors, const double *point, double limit)
+{
+    for (int64_t row = 0; row < rays->count; row++)
+        if (!(residual_at(rays, row, point) <= limit || factors[row] == 0.0))
+            return 1;
+    return 0;
+}
+
+/* Leave out one ray where the others fit without it, and only without it. */
+static void without_one(const Rays *rays, double limit, double *point, double *factors, double *scratch)
+{
+    double best[3] = {0.0}, inverse[9];
+    int64_t fitting = 0, left_out = -1;
+    for (int64_t turn = 0; turn < rays->count && rays->count >= 3; turn++) {
+        double tried[3];
+        for (int64_t row = 0; row < rays->count; row++)
+            factors[row] = row != turn;
+        meet(rays, factors, tried, inverse);
+        meet_again(rays, factors, tried, tried, inverse, scratch);
+        if (!is_doubtful(rays, factors, tried, limit)) {
+            fitting++, left_out = turn;
+            for (int i = 0; i < 3; i++)
+                best[i] = tried[i];
+        }
+    }
+    for (int64_t row = 0; row < rays->count; row++)
+        factors[row] = !(fitting == 1 && row == left_out);
+    if (fitting == 1)
+        for (int i = 0; i < 3; i++)
+            point[i] = best[i];
+}
+
+typedef struct {
+    double s0, limit, danish_limit, danish_floor, kept;
+    int64_t many, absolute, danish;
+} Robust;
+
+static void reweighted(const Rays *rays, const Robust *r, double *point, double *factors, double *scratch)
+{
+    double inverse[9];
+    for (int64_t iteration = 0; iteration < r->absolute + r->danish; iteration++) {
+        for (int64_t row = 0; row < rays->count; row++) {
+            double u = residual_at(rays, row, point);
+            u = (isfinite(u) ? u : 1e6) / r->s0;
+            factors[row] = iteration < r->absolute ? 1.0 / fmax(u, 1.0)
+                                                   : danish_weight(u, r->danish_limit, r->danish_floor);
+        }
+        meet_again(rays, factors, point, point, inverse, scratch);
+    }
+}
+
+/* The kept ray farthest from a direction; zero without any. */
+static void farthest(const Rays *rays, const double *factors, double kept, const double *from, double *found)
+{
+    double least = INFINITY;
+    found[0] = found[1] = found[2] = 0.0;
+    for (int64_t row = 0; row < rays->count; row++) {
+        const double *d = rays->directions + 3 * row, cosine = dot3(d, from);
+        if (factors[row] >= kept && cosine < least) {
+            least = cosine;
+            found[0] = d[0], found[1] = d[1], found[2] = d[2];
+        }
+    }
+}
+
+static double largest_angle(const Rays *rays, const double *factors, double kept)
+{
+    double mean[3] = {0.0}, first[3], second[3], normal[3];
+    for (int64_t row = 0; row < rays->count; row++)
+        for (int i = 0; i < 3 && factors[row] >= kept; i++)
+            mean[i] += rays->directions[3 * row + i];
+    farthest(rays, factors, kept, mean, first);
+    farthest(rays, factors, kept, first, second);
+    cross3(first, second, normal);
+    return atan2(sqrt(dot3(normal, normal)), dot3(first, second));
+}
+
+/* The first position of a point and its residuals. */
+static void first_meeting(const Rays *rays, double *point, double *residual, double *scratch)
+{
+    double inverse[9];
+    for (int64_t row = 0; row < rays->count; row++)
+        residual[row] = 1.0;
+    meet(rays, residual, point, inverse);
+    meet_again(rays, residual, point, point, inverse, scratch);
+    for (int64_t row = 0; row < rays->count; row++)
+        residual[row] = residual_at(rays, row, point);
+}
+
+/* The final position of a point, weight factors, variances without s0 and the largest angle of its rays. */
+static void robust_meeting(const Rays *rays, const Robust *r, double *point, double *factors, double *variance,
+                           double *angle, double *scratch)
+{
+    double inverse[9], unused[3];
+    for (int64_t row = 0; row < rays->count; row++)
+        factors[row] = 1.0;
+    if (rays->count <= r->many && is_doubtful(rays, factors, point, r->limit))
+        without_one(rays, r->limit, point, factors, scratch);
+    if (is_doubtful(rays, factors, point, r->limit))
+        reweighted(rays, r, point, factors, scratch);
+    for (int64_t row = 0; row < rays->count; row++) {
+        double along, across;
+        ahead(rays, row, point, &along, &across);
+        if (!(along > 0.0))
+            factors[row] = 0.0;
+    }
+    *angle = largest_angle(rays, factors, r->kept);
+    meet_again(rays, factors, point, unused, inverse, scratch);
+    for (int i = 0; i < 3; i++)
+        variance[i] = inverse[4 * i];
+}

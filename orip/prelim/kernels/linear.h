@@ -1,0 +1,169 @@
+/* Small vectors and matrices, row by row. */
+
+#ifndef ORIP_PRELIM_LINEAR_H
+#define ORIP_PRELIM_LINEAR_H
+
+#include <math.h>
+#include <stdint.h>
+
+static inline double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static inline void cross3(const double *a, const double *b, double *c)
+{
+    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Solve A x = b by elimination with pivots; both are used up, x is in b. */
+static inline void solve6(double A[6][6], double b[6])
+{
+    for (int k = 0; k < 6; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < 6; i++)
+            if (fabs(A[i][k]) > fabs(A[pivot][k]))
+                pivot = i;
+        for (int j = 0; j < 6; j++) {
+            const double kept = A[k][j];
+            A[k][j] = A[pivot][j], A[pivot][j] = kept;
+        }
+        const double kept = b[k];
+        b[k] = b[pivot], b[pivot] = kept;
+        for (int i = k + 1; i < 6; i++) {
+            const double factor = A[i][k] / A[k][k];
+            for (int j = k; j < 6; j++)
+                A[i][j] -= factor * A[k][j];
+            b[i] -= factor * b[k];
+        }
+    }
+    for (int i = 5; i >= 0; i--) {
+        for (int j = i + 1; j < 6; j++)
+            b[i] -= A[i][j] * b[j];
+        b[i] /= A[i][i];
+    }
+}
+
+/* Exp([d]x) R, into `turned`. */
+static inline void turn3(const double *d, const double *R, double *turned)
+{
+    const double angle = sqrt(dot3(d, d));
+    const double sine = angle > 0.0 ? sin(angle) / angle : 1.0;
+    const double half = angle > 0.0 ? sin(0.5 * angle) / (0.5 * angle) : 1.0;
+    const double versine = 0.5 * half * half;
+    for (int j = 0; j < 3; j++) {
+        const double column[3] = {R[j], R[3 + j], R[6 + j]};
+        double once[3], twice[3];
+        cross3(d, column, once);
+        cross3(d, once, twice);
+        for (int i = 0; i < 3; i++)
+            turned[3 * i + j] = column[i] + sine * once[i] + versine * twice[i];
+    }
+}
+
+/* Eigenvalues, ascending, and eigenvectors (columns) of a symmetric matrix by Jacobi's rotations. */
+static inline void eigen3(double A[3][3], double values[3], double V[3][3])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            V[i][j] = i == j;
+    for (int sweep = 0; sweep < 30; sweep++) {
+        const double off = fabs(A[0][1]) + fabs(A[0][2]) + fabs(A[1][2]);
+        if (off <= 1e-18 * (fabs(A[0][0]) + fabs(A[1][1]) + fabs(A[2][2]) + off))
+            break;
+        for (int p = 0; p < 2; p++)
+            for (int q = p + 1; q < 3; q++) {
+                if (A[p][q] == 0.0)
+                    continue;
+                const double theta = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
+                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int k = 0; k < 3; k++) {
+                    const double kp = A[k][p], kq = A[k][q];
+                    A[k][p] = c * kp - s * kq, A[k][q] = s * kp + c * kq;
+                }
+                for (int k = 0; k < 3; k++) {
+                    const double pk = A[p][k], qk = A[q][k];
+                    A[p][k] = c * pk - s * qk, A[q][k] = s * pk + c * qk;
+                }
+                for (int k = 0; k < 3; k++) {
+                    const double kp = V[k][p], kq = V[k][q];
+                    V[k][p] = c * kp - s * kq, V[k][q] = s * kp + c * kq;
+                }
+            }
+    }
+    for (int i = 0; i < 3; i++)
+        values[i] = A[i][i];
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2 - i; j++)
+            if (values[j] > values[j + 1]) {
+                const double kept = values[j];
+                values[j] = values[j + 1], values[j + 1] = kept;
+                for (int k = 0; k < 3; k++) {
+                    const double v = V[k][j];
+                    V[k][j] = V[k][j + 1], V[k][j + 1] = v;
+                }
+            }
+}
+
+/* Put the k-th smallest of n numbers where sorting would put it, the smaller ones before it (Hoare 1961). */
+static inline double select_smallest(double *a, int64_t n, int64_t k)
+{
+    int64_t low = 0, high = n - 1;
+    while (low < high) {
+        const double pivot = a[low + (high - low) / 2];
+        int64_t i = low, j = high;
+        while (i <= j) {
+            while (a[i] < pivot)
+                i++;
+            while (pivot < a[j])
+                j--;
+            if (i <= j) {
+                const double kept = a[i];
+                a[i] = a[j], a[j] = kept;
+                i++, j--;
+            }
+        }
+        if (k <= j)
+            high = j;
+        else if (k >= i)
+            low = i;
+        else
+            break;
+    }
+    return a[k];
+}
+
+/* Danish weight of a standard residual (Krarup, Juhl and Kubik 1980); floor as in orip/adjustment/weights.py. */
+static inline double danish_weight(double u, double limit, double floor)
+{
+    if (u <= limit)
+        return 1.0;
+    const double w = exp(-u / limit);
+    return w > floor ? w : floor;
+}
+
+/* Project: residual computed minus measured (2), partials by rotation and projection centre (2 x 6); whether in front. */
+static inline int project(const double *R, const double *centre, const double *X, const double *vector,
+                          double *residual, double (*partials)[6])
+{
+    const double d[3] = {X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]}, c = -vector[2];
+    double u[3];
+    for (int i = 0; i < 3; i++)
+        u[i] = R[i] * d[0] + R[3 + i] * d[1] + R[6 + i] * d[2];
+    const int in_front = u[2] < -1e-6 * sqrt(dot3(u, u));
+    const double depth = in_front ? u[2] : -1.0, scale = -c / depth;
+    const double xy[2] = {scale * u[0], scale * u[1]};
+    for (int r = 0; r < 2; r++) {
+        residual[r] = xy[r] - vector[r];
+        if (!partials)
+            continue;
+        double by_point[3];
+        for (int k = 0; k < 3; k++)
+            by_point[k] = scale * R[3 * k + r] - xy[r] / depth * R[3 * k + 2];
+        /* by_point [d]x is by_point × d */
+        cross3(by_point, d, partials[r]);
+        for (int k = 0; k < 3; k++)
+            partials[r][3 + k] = -by_point[k];
+    }
+    return in_front;
+}
+
+#endif

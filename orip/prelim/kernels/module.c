@@ -1,0 +1,270 @@
+/* Inner loops of preliminary values: intersection, resection, refinement.
+ *
+ * Called by orip/prelim/compiled.py alone. The sizes of arrays that follow from one another are checked here, what the
+ * index arrays say is not.
+ */
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "intersection.h"
+#include "refinement.h"
+#include "resection.h"
+
+#define MOST_BUFFERS 16
+
+typedef struct {
+    Py_buffer views[MOST_BUFFERS];
+    double numbers[8];
+    int opened;
+} Arguments;
+
+static void release(Arguments *a)
+{
+    while (a->opened > 0)
+        PyBuffer_Release(&a->views[--a->opened]);
+}
+
+/* Take `inputs` readable arrays, `outputs` writable ones and then numbers from the arguments. */
+static int taken(Arguments *a, PyObject *const *arguments, Py_ssize_t given, int inputs, int outputs, int numbers)
+{
+    a->opened = 0;
+    if (given != inputs + outputs + numbers) {
+        PyErr_SetString(PyExc_TypeError, "wrong number of arguments");
+        return 0;
+    }
+    for (int k = 0; k < inputs + outputs; k++) {
+        const int flags = k < inputs ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
+        if (PyObject_GetBuffer(arguments[k], &a->views[k], flags) < 0) {
+            release(a);
+            return 0;
+        }
+        a->opened++;
+    }
+    for (int k = 0; k < numbers; k++)
+        a->numbers[k] = PyFloat_AsDouble(arguments[inputs + outputs + k]);
+    if (PyErr_Occurred()) {
+        release(a);
+        return 0;
+    }
+    return 1;
+}
+
+static PyObject *refused(Arguments *a)
+{
+    release(a);
+    PyErr_SetString(PyExc_ValueError, "arrays do not belong together");
+    return NULL;
+}
+
+static PyObject *done(Arguments *a)
+{
+    release(a);
+    Py_RETURN_NONE;
+}
+
+static int has(const Arguments *a, int view, int64_t numbers) { return a->views[view].len == 8 * numbers; }
+
+static int rays_from(const Arguments *a, int64_t *points, int64_t *rays)
+{
+    *points = a->views[3].len / 8 - 1;
+    *rays = a->views[2].len / 8;
+    return *points >= 0 && has(a, 0, 3 * *rays) && has(a, 1, 3 * *rays)
+        && ((const int64_t *)a->views[3].buf)[*points] == *rays;
+}
+
+static Rays rays_of(const Arguments *a, int64_t point)
+{
+    const int64_t *start = a->views[3].buf, first = start[point];
+    const Rays rays = {(const double *)a->views[0].buf + 3 * first, (const double *)a->views[1].buf + 3 * first,
+                       (const double *)a->views[2].buf + first, start[point + 1] - first};
+    return rays;
+}
+
+static PyObject *meet_first(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { START = 3, POINTS, RESIDUALS, SCRATCH };
+    Arguments a;
+    int64_t points, rays;
+    if (!taken(&a, arguments, given, 4, 3, 0))
+        return NULL;
+    if (!rays_from(&a, &points, &rays) || !has(&a, POINTS, 3 * points) || !has(&a, RESIDUALS, rays)
+        || !has(&a, SCRATCH, rays))
+        return refused(&a);
+    double *point = a.views[POINTS].buf, *residual = a.views[RESIDUALS].buf;
+    const int64_t *start = a.views[START].buf;
+    for (int64_t k = 0; k < points; k++) {
+        const Rays of = rays_of(&a, k);
+        first_meeting(&of, point + 3 * k, residual + start[k], a.views[SCRATCH].buf);
+    }
+    return done(&a);
+}
+
+static PyObject *meet_robustly(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { START = 3, POINTS, FACTORS, VARIANCES, ANGLES, SCRATCH };
+    Arguments a;
+    int64_t points, rays;
+    if (!taken(&a, arguments, given, 4, 5, 8))
+        return NULL;
+    if (!rays_from(&a, &points, &rays) || !has(&a, POINTS, 3 * points) || !has(&a, FACTORS, rays)
+        || !has(&a, VARIANCES, 3 * points) || !has(&a, ANGLES, points) || !has(&a, SCRATCH, rays))
+        return refused(&a);
+    const double *n = a.numbers;
+    const Robust robust = {n[0], n[1], n[2], n[3], n[4], (int64_t)n[5], (int64_t)n[6], (int64_t)n[7]};
+    const int64_t *start = a.views[START].buf;
+    for (int64_t k = 0; k < points; k++) {
+        const Rays of = rays_of(&a, k);
+        robust_meeting(&of, &robust, (double *)a.views[POINTS].buf + 3 * k, (double *)a.views[FACTORS].buf + start[k],
+                       (double *)a.views[VARIANCES].buf + 3 * k, (double *)a.views[ANGLES].buf + k,
+                       a.views[SCRATCH].buf);
+    }
+    return done(&a);
+}
+
+static int known_from(const Arguments *a, Known *k)
+{
+    const Known known = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0],
+                         a->views[2].len / 8, (int64_t)a->numbers[1]};
+    *k = known;
+    return has(a, 0, 3 * k->count) && has(a, 1, 3 * k->count) && 0 < k->least && k->least <= k->count;
+}
+
+static PyObject *rank(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
+    Arguments a;
+    Known k;
+    if (!taken(&a, arguments, given, 4, 4, 2))
+        return NULL;
+    const int64_t number = a.views[TRIPLES].len / 24;
+    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 36 * number) || !has(&a, CENTRES, 12 * number)
+        || !has(&a, QUANTILES, 4 * number) || !has(&a, SCRATCH, k.count))
+        return refused(&a);
+    rank_triples(&k, a.views[TRIPLES].buf, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+                 a.views[QUANTILES].buf, a.views[SCRATCH].buf);
+    return done(&a);
+}
+
+static PyObject *improve(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { ROTATIONS = 3, CENTRES, SQUARES, SPACE };
+    Arguments a;
+    Known k;
+    if (!taken(&a, arguments, given, 3, 4, 3))
+        return NULL;
+    const int64_t number = a.views[CENTRES].len / 24;
+    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * number) || !has(&a, SQUARES, number * k.count)
+        || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
+        return refused(&a);
+    for (int64_t one = 0; one < number; one++)
+        improve_one(&k, (int64_t)a.numbers[2], (double *)a.views[ROTATIONS].buf + 9 * one,
+                    (double *)a.views[CENTRES].buf + 3 * one, (double *)a.views[SQUARES].buf + one * k.count,
+                    a.views[SPACE].buf);
+    return done(&a);
+}
+
+static PyObject *adjust(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { ROTATION = 3, CENTRE, FACTORS, SPACE };
+    Arguments a;
+    Known k;
+    if (!taken(&a, arguments, given, 3, 4, 8))
+        return NULL;
+    if (!known_from(&a, &k) || !has(&a, ROTATION, 9) || !has(&a, CENTRE, 3) || !has(&a, FACTORS, k.count)
+        || !has(&a, SPACE, NUMBERS_OF_A_POINT * k.count))
+        return refused(&a);
+    const double *n = a.numbers;
+    const Danish danish = {n[3], n[4], n[5], n[6], (int64_t)n[7]};
+    adjust_one(&k, &danish, n[2], a.views[ROTATION].buf, a.views[CENTRE].buf, a.views[FACTORS].buf, a.views[SPACE].buf);
+    return done(&a);
+}
+
+enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, NETWORK_END };
+
+static int network_from(const Arguments *a, Network *n)
+{
+    memset(n, 0, sizeof *n);
+    n->photo = a->views[PHOTO].buf, n->start = a->views[OF_POINT].buf, n->vectors = a->views[VECTORS].buf;
+    n->error = a->views[ERROR].buf, n->rotations = a->views[TURNED].buf, n->centres = a->views[AT].buf;
+    n->points = a->views[GROUND].buf;
+    n->count = a->views[ERROR].len / 8, n->point_count = a->views[OF_POINT].len / 8 - 1;
+    return n->point_count >= 0 && has(a, PHOTO, n->count) && has(a, VECTORS, 3 * n->count)
+        && has(a, GROUND, 3 * n->point_count) && 3 * a->views[TURNED].len == 9 * a->views[AT].len
+        && n->start[n->point_count] == n->count;
+}
+
+static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { RESIDUAL = NETWORK_END, IN_FRONT };
+    Arguments a;
+    Network n;
+    if (!taken(&a, arguments, given, NETWORK_END, 2, 0))
+        return NULL;
+    if (!network_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || a.views[IN_FRONT].len != n.count)
+        return refused(&a);
+    network_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
+    return done(&a);
+}
+
+static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PLACE = NETWORK_END, FREE, FACTORS, PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT };
+    Arguments a;
+    Network n;
+    if (!taken(&a, arguments, given, NETWORK_END + 3, 6, 1))
+        return NULL;
+    if (!network_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
+        || !has(&a, FACTORS, n.count) || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
+        || !has(&a, POINT_RIGHT, 3 * n.point_count) || a.views[PHOTO_NORMALS].len != 6 * a.views[RIGHT].len
+        || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len))
+        return refused(&a);
+    n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
+    n.size = a.views[RIGHT].len / 8, n.damping = a.numbers[0];
+    n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
+    n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
+    n.band = a.views[BAND].buf, n.right = a.views[RIGHT].buf;
+    network_normals(&n);
+    return done(&a);
+}
+
+static PyObject *corrections(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, SOLUTION, POINTS };
+    Arguments a;
+    Network n;
+    if (!taken(&a, arguments, given, 7, 1, 0))
+        return NULL;
+    memset(&n, 0, sizeof n);
+    n.count = a.views[PHOTO_OF].len / 8, n.point_count = a.views[POINT_OF].len / 8 - 1;
+    if (n.point_count < 0 || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
+        || !has(&a, RIGHT, 3 * n.point_count) || !has(&a, POINTS, 3 * n.point_count))
+        return refused(&a);
+    n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
+    n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
+    network_points(&n, a.views[SOLUTION].buf, a.views[POINTS].buf);
+    return done(&a);
+}
+
+#define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
+
+static PyMethodDef methods[] = {
+    METHOD(meet_first, "First positions of points, and residuals of their rays."),
+    METHOD(meet_robustly, "Final positions of points, wrong rays down-weighted."),
+    METHOD(rank, "Orientations of triples, and how well they fit all points."),
+    METHOD(improve, "Least trimmed squares of orientations."),
+    METHOD(adjust, "One orientation with Danish weights."),
+    METHOD(residuals, "Residuals of a network."),
+    METHOD(normals, "Reduced normal equations of a network."),
+    METHOD(corrections, "Corrections of the points of a network."),
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_kernels", "Inner loops of preliminary values.", -1, methods, NULL, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__kernels(void) { return PyModule_Create(&definition); }

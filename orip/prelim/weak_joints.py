@@ -1,0 +1,68 @@
+"""Parts of a block that hang together with the rest by one photo and a few points, which alone give their scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.preliminary import ImageRays
+
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_FEW = 5
+"""Points beyond the photo: a wrong one among them cannot be told from a wrong scale."""
+
+_NAMED = 8
+"""Photos that are named one by one."""
+
+
+def weak_joints(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
+    """Yield a sentence for each part of a block whose scale hangs on a few points.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    common : array (photos, photos)
+        Numbers of common points.
+    known_on_ground : array (number of points,) of bool
+        Control: a part that sees two of these points has a scale of its own.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    together = common > _FEW
+    told: set[frozenset[int]] = set()
+    for joint in range(len(rays.photos)):
+        others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
+        count, label = connected_components(together[np.ix_(others, others)], directed=False)
+        largest = int(np.bincount(label).argmax()) if count > 1 else 0
+        for part in range(count):
+            members = others[label == part]
+            if part == largest or frozenset(members.tolist()) in told:
+                continue
+            shared, points = _shared(rays, members, joint)
+            if shared <= _FEW and np.count_nonzero(known_on_ground[points]) < 2:
+                told.add(frozenset(members.tolist()))
+                yield _sentence(rays, members, joint, shared)
+
+
+def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, IntArray]:
+    """Return how many points photos share with those outside but the joint, and all their points."""
+    inside = np.isin(rays.photo, members)
+    outside = ~inside & (rays.photo != joint)
+    points = np.unique(rays.point[inside])
+    return int(np.isin(points, rays.point[outside]).sum()), points
+
+
+def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
+    names = ", ".join(rays.photos[photo] for photo in members[:_NAMED])
+    more = f" and {len(members) - _NAMED} more" if len(members) > _NAMED else ""
+    photos = "photo" if len(members) == 1 else "photos"
+    points = "1 point" if shared == 1 else f"{shared} points"
+    hang = "hangs" if len(members) == 1 else "hang"
+    return (
+        f"{photos} {names}{more} {hang} together with the others by photo {rays.photos[joint]} and {points} only, "
+        "which give the scale there: measure more points across, or control"
+    )
