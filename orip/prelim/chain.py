@@ -27,6 +27,7 @@ from orip.prelim.ground_control import known_centres, known_points
 from orip.prelim.growing import Growth
 from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
+from orip.prelim.intersection import intersect
 from orip.prelim.joining import Joined
 from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
 from orip.prelim.own_system import in_own_system
@@ -53,6 +54,9 @@ _FAR_OFF = 15.0
 """Residuals over the a-priori error count up to this."""
 
 _LEAST_COORDINATES = 7
+
+_DOUBTFUL = 20.0
+"""Times the a-priori error: rays that miss each other by no more place a control point where none is to spare."""
 
 _NAMED = 6
 """Photos of a piece of a block that are named one by one."""
@@ -205,7 +209,11 @@ class _Chain:
             return _Outcome(route, placed, False, None, findings[0], findings)
         found = absolute_orientation(block, self.rays, self.control, self.centres)
         if not isinstance(found, Joined):
-            return _Outcome(route, placed, False, None, found.reason)
+            placed = self._with_all_control(placed)
+            again = absolute_orientation(placed.sub_block(), self.rays, self.control, self.centres)
+            if not isinstance(again, Joined):
+                return _Outcome(route, placed, False, None, found.reason)
+            found = again
         similarity = found.similarity
         moved = replace(
             placed,
@@ -215,6 +223,31 @@ class _Chain:
             deviations=similarity.scale * placed.deviations,
         )
         return _Outcome(route, moved, True, found.step, "")
+
+    def _with_all_control(self, placed: Placed) -> Placed:
+        """Return the system with control points, too, whose rays miss each other by more than they should.
+
+        A camera that is not calibrated lets the two rays of a point miss each other.
+        """
+        index = self.block.point_index()
+        wanted = np.zeros(len(self.rays.points), dtype=bool)
+        wanted[[index[name] for name in self.control.names if name in index]] = True
+        wanted &= ~placed.known
+        rows = np.flatnonzero(wanted[self.rays.point])
+        rays = replace(
+            self.rays,
+            photo=self.rays.photo[rows],
+            point=self.rays.point[rows],
+            xy=self.rays.xy[rows],
+            vectors=self.rays.vectors[rows],
+            error=_DOUBTFUL * self.rays.error[rows],
+        )
+        found = intersect(placed.rotations, placed.centres, placed.oriented, rays)
+        return replace(
+            placed,
+            coordinates=np.where(wanted[:, None], found.coordinates, placed.coordinates),
+            deviations=np.where(wanted[:, None], found.deviations, placed.deviations),
+        )
 
     def _fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
         if absolute is None:
