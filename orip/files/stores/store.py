@@ -23,7 +23,7 @@ PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float}
 ARRAY_TYPES = {"INTEGER": np.int64, "REAL": np.float64}
 NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
-"""Rows fetched at once into arrays: enough to be fast, few enough not to hold millions of Python floats."""
+"""Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
 
 def damage(path: Path, finding: str) -> InputError:
@@ -64,8 +64,7 @@ class Store:
 
     def insert_columns(self, table: Table, *columns: ColumnValues) -> None:
         """Insert many rows given as one array or tuple per column, all of one length."""
-        plain = [column.tolist() if isinstance(column, np.ndarray) else column for column in columns]
-        self._insert(table, zip(*plain, strict=True))
+        self._insert(table, _rows_of(columns))
 
     def delete(self, table: Table, owner: str | None = None) -> None:
         """Delete all rows, or those whose first column is `owner`."""
@@ -127,6 +126,17 @@ class Store:
             return self.connection.execute(NOTHING)
         of_owner = owner is not None
         return self.connection.execute(table.select(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
+
+
+def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
+    """Yield rows of plain values from columns of one length, some thousands of them as Python objects at a time."""
+    for start in range(0, max(map(len, columns)), ROWS_AT_A_TIME):
+        part = slice(start, start + ROWS_AT_A_TIME)
+        yield from zip(*(_plain_values(column[part]) for column in columns), strict=True)
+
+
+def _plain_values(values: ColumnValues) -> Sequence[Any]:
+    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def _plain(value: Any) -> Any:
