@@ -87,7 +87,8 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     on_the_ground = tuple(each for each in problem.observations if each.rows.kind != "photo")
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
-    is_photo = np.concatenate([np.full(len(each.rows.used), each.rows.kind == "photo") for each in problem.observations])
+    rows = [each.rows for each in problem.observations]
+    is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
     active = solved.adjusted.linearised.equations.active[~is_photo]
     design = BlockProblem(problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
@@ -231,7 +232,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
         if not isinstance(observations, PhotoPointObservations):
             continue
         # in use, but with no influence: left out as a blunder, or as one behind the camera
-        idle = (rows.used & ~active).reshape(-1, 2).any(axis=1)
+        idle: NDArray[np.bool_] = np.asarray((rows.used & ~active).reshape(-1, 2).any(axis=1))
         if not idle.any():
             continue
         some = observations.of(idle)
