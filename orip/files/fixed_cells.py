@@ -80,8 +80,10 @@ class FixedCells(Sequence[str]):
 
     def justified(self, part: slice, width: int) -> list[str]:
         """Return some cells, right-aligned in a width that is that of the longest at least."""
-        characters = self._characters(self._numbers(part), width)
-        texts: list[str] = characters.view(f"U{width}").ravel().tolist() if width else []
+        numbers = self._numbers(part)
+        if not len(numbers):
+            return []
+        texts: list[str] = self._characters(numbers, width).view(f"U{width}").ravel().tolist()
         return texts
 
     def _numbers(self, part: slice) -> FloatArray:
@@ -97,7 +99,9 @@ class FixedCells(Sequence[str]):
             tie = np.abs(scaled - whole - 0.5) <= scaled * _ROUNDING
         plain = (np.abs(values) < HUGE) & (scaled < _EXACT_PRODUCTS) & ~tie
         number = np.rint(np.where(plain, scaled, 0.0)).astype(np.int64)
-        result = _digits(number, (values < 0.0) & (number > 0), self._decimals, width)
+        room = max(width, self._decimals + 2)  # where no number is printed, its decimals may not fit
+        digits = _digits(number, (values < 0.0) & (number > 0), self._decimals, room)
+        result = np.ascontiguousarray(digits[:, room - width :])
         missing = np.isnan(values)
         if missing.any():
             result[missing] = _code_points(self._missing.rjust(width))

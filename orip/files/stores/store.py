@@ -6,6 +6,7 @@ import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -161,13 +162,13 @@ def _read(column: Column, value: Any) -> Any:
 
 def _column_values(column: Column, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
     if column.type == "TEXT":
-        return tuple(known.setdefault(value, value) for value in values)
+        return tuple(map(known.setdefault, values, values))
     array = np.array(values, dtype=ARRAY_TYPES[column.type])
     return array.astype(np.bool_) if column.flag else array
 
 
 def _joined(column: Column, parts: list[ColumnValues]) -> ColumnValues:
     if column.type == "TEXT":
-        return tuple(value for part in parts for value in part)
+        return tuple(chain.from_iterable(parts))
     empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])
     return np.concatenate([empty, *parts])
