@@ -173,7 +173,7 @@ def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> Float
         Of the observations that may determine them.
     """
     generator = movement_generator(state, unknowns)
-    allowed = abs(design) @ np.abs(generator).max(axis=1)
+    allowed = abs(design) @ np.maximum(generator.max(axis=1), -generator.min(axis=1))
     by_observations = (design @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]
     determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
     # only the square matters: n rows would make a needlessly large decomposition
