@@ -78,7 +78,7 @@ def gather(ingredients: Ingredients) -> Assembled:
         is not known. Every fault is a complaint, all of them at once.
     """
     observations = ingredients.observations
-    keys = tuple(dict.fromkeys(record_key(name) for name in observations.photos))
+    keys = tuple(dict.fromkeys(map(record_key, dict.fromkeys(observations.photos))))
     complaints = _photo_complaints(keys, ingredients)
     if not keys:
         complaints.append(
@@ -287,15 +287,16 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
 
 def _photo_points(keys: Sequence[str], point_names: Sequence[str], ingredients: Ingredients) -> PhotoPoints:
     observations = ingredients.observations
-    photo_place = {key: place for place, key in enumerate(keys)}
+    key_place = {key: place for place, key in enumerate(keys)}
+    photo_place = {name: key_place[record_key(name)] for name in dict.fromkeys(observations.photos)}
     point_place = {name: place for place, name in enumerate(point_names)}
-    photo = np.array([photo_place[record_key(name)] for name in observations.photos])
-    point = np.array([point_place[name] for name in observations.points])
+    photo = np.fromiter(map(photo_place.__getitem__, observations.photos), np.int64, len(observations.photos))
+    point = np.fromiter(map(point_place.__getitem__, observations.points), np.int64, len(observations.points))
     xy = np.empty_like(observations.measured)
     default = np.empty_like(observations.measured)
     precision = ingredients.definition.measurement_precision
-    for place, key in enumerate(keys):
-        rows = photo == place
+    by_photo = np.split(np.argsort(photo, kind="stable"), np.cumsum(np.bincount(photo, minlength=len(keys)))[:-1])
+    for rows, key in zip(by_photo, keys, strict=True):
         xy[rows] = ingredients.to_photo[key].apply(observations.measured[rows])
         unit = np.array(ingredients.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
         default[rows] = precision.value * unit

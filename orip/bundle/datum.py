@@ -173,7 +173,7 @@ def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> Float
         Of the observations that may determine them.
     """
     generator = movement_generator(state, unknowns)
-    allowed = abs(design) @ np.abs(generator).max(axis=1)
+    allowed = abs(design) @ np.maximum(generator.max(axis=1), -generator.min(axis=1))
     by_observations = (design @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]
     determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
     # only the square matters: n rows would make a needlessly large decomposition
@@ -184,6 +184,9 @@ def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> Float
 
 def _held_by_constants(state: State, unknowns: Unknowns) -> FloatArray:
     """Return how the movements would change constant photo elements and points: they are not free to."""
+    constant = np.concatenate([unknowns.photos.ravel(), unknowns.points.ravel()]) == CONSTANT
+    if not constant.any():
+        return np.empty((0, 7))
     photos = np.arange(6 * len(state.centres)).reshape(-1, 6)
     points = photos.size + np.arange(3 * len(state.points)).reshape(-1, 3)
     size = photos.size + points.size
@@ -194,7 +197,6 @@ def _held_by_constants(state: State, unknowns: Unknowns) -> FloatArray:
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
         layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )
-    constant = np.concatenate([unknowns.photos.ravel(), unknowns.points.ravel()]) == CONSTANT
     rows = movement_generator(state, as_unknown)[constant]
     return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300))
 

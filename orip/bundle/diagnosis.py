@@ -7,9 +7,12 @@ from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
+from orip.bundle.photo_point import PhotoPointObservations
+from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
@@ -52,8 +55,7 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the movements of the whole block that no control stops."""
     if solved.problem.datum is not None:
         return
-    equations, state = solved.adjusted.linearised.equations, solved.adjusted.linearised.state
-    movements = free_movements(state, solved.problem.unknowns, equations.design[equations.active])
+    movements = _free_movements(solved)
     free = movements.shape[1]
     if not free:
         return
@@ -74,6 +76,22 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
     else:
         remedy = 'add control points, three at least and not on one line, or set datum = "free"'
         yield Diagnosis("datum", where, f"the ground system is not fixed ({because}); free: {listed}", remedy)
+
+
+def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
+    """Return the movements (7, d) that neither observations on the ground nor constants determine.
+
+    Photo points do not determine any: they only see how photos and points lie to one another.
+    """
+    problem, state = solved.problem, solved.adjusted.linearised.state
+    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != "photo")
+    if not on_the_ground:
+        return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
+    rows = [each.rows for each in problem.observations]
+    is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
+    active = solved.adjusted.linearised.equations.active[~is_photo]
+    design = BlockProblem(problem.unknowns, on_the_ground).design(state)
+    return free_movements(state, problem.unknowns, design[active])
 
 
 def _scale_is_free(movements: NDArray[np.float64]) -> bool:
@@ -205,12 +223,21 @@ def _strong_pairs(
 
 def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo points that the solution puts behind their camera."""
-    state = solved.adjusted.linearised.state
+    linearised = solved.adjusted.linearised
+    start = 0
     for observations in solved.problem.observations:
         rows = observations.rows
-        if rows.kind != "photo":
+        active = linearised.equations.active[start : start + len(rows.used)]
+        start += len(rows.used)
+        if not isinstance(observations, PhotoPointObservations):
             continue
-        behind = rows.used & ~observations.linearise_with_partials(state).computable
+        # in use, but with no influence: left out as a blunder, or as one behind the camera
+        idle: NDArray[np.bool_] = np.asarray((rows.used & ~active).reshape(-1, 2).any(axis=1))
+        if not idle.any():
+            continue
+        some = observations.of(idle)
+        rows = some.rows
+        behind = rows.used & ~some.linearise_with_partials(linearised.state).computable
         for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
             yield Diagnosis(
                 "behind",

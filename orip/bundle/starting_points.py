@@ -17,6 +17,9 @@ from orip.model.control import PreliminaryPoint
 
 FloatArray = NDArray[np.float64]
 
+_RAYS_AT_A_TIME = 65536
+"""Each has a matrix: for a million of them that would be much memory."""
+
 
 def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
     """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given.
@@ -62,8 +65,12 @@ def _hold(block: Block, start: FloatArray) -> None:
 def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
     """Return origins and directions (n, 3) of the rays of all photo points."""
     points = block.photo_points
-    rotation = rotation_from_angles(block.photo_orientation[points.photo, 3:])
-    return block.photo_orientation[points.photo, :3], (rotation @ image_vectors(block)[:, :, None])[:, :, 0]
+    rotation = rotation_from_angles(block.photo_orientation[:, 3:])
+    direction = image_vectors(block)
+    for start in range(0, len(direction), _RAYS_AT_A_TIME):
+        part = slice(start, start + _RAYS_AT_A_TIME)
+        direction[part] = (rotation[points.photo[part]] @ direction[part, :, None])[:, :, 0]
+    return block.photo_orientation[points.photo, :3], direction
 
 
 def _intersections(block: Block) -> FloatArray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import secrets
 import shutil
 import stat
 import time
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,6 +17,8 @@ _LEFTOVER = re.compile(r"\.orip-([0-9]{1,18})-[0-9a-f]{16}\.tmp")
 _PROCESS_START = time.time()
 # A file's time may lag behind the clock by its system's tick, on network disks by more.
 _CLOCK_MARGIN_SECONDS = 2.0
+_BUFFER_BYTES = 1 << 20
+_LINES_AT_A_TIME = 1000
 
 
 def replace_text(path: Path, text: str) -> None:
@@ -28,13 +32,23 @@ def replace_text(path: Path, text: str) -> None:
     OSError
         If the folder or the disk refuses; the old file is then as it was, and no temporary file is left behind.
     UnicodeEncodeError
-        If the text has half a surrogate pair; nothing was touched.
+        If the text has half a surrogate pair; the old file is then as it was too.
     """
-    data = text.encode("utf-8")
+    replace_text_in_pieces(path, [text])
+
+
+def replace_text_in_pieces(path: Path, pieces: Iterable[str]) -> None:
+    """Do what `replace_text` does with a text that is too large to be in memory as a whole.
+
+    Raises
+    ------
+    OSError, UnicodeEncodeError
+        As `replace_text`.
+    """
     target = Path(os.path.realpath(path))
     temporary = temporary_beside(target)
     try:
-        _write_through(temporary, data, _mode_of(target))
+        _write_through(temporary, pieces, _mode_of(target))
         temporary.replace(target)
     except BaseException:  # an interrupt must not leave the temporary file behind either
         with suppress(OSError):
@@ -46,6 +60,13 @@ def replace_text(path: Path, text: str) -> None:
 def temporary_beside(target: Path) -> Path:
     """Return the name under which a file or folder may be made before it takes its own, in the same folder."""
     return target.with_name(f".orip-{os.getpid()}-{secrets.token_hex(8)}.tmp")
+
+
+def lines_in_pieces(lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines without newlines as text, many of them at a time."""
+    left = iter(lines)
+    while some := list(itertools.islice(left, _LINES_AT_A_TIME)):
+        yield "\n".join(some) + "\n"
 
 
 def remove_leftovers(folder: Path) -> list[str]:
@@ -81,9 +102,10 @@ def _mode_of(target: Path) -> int | None:
         return None
 
 
-def _write_through(temporary: Path, data: bytes, mode: int | None) -> None:
-    with temporary.open("xb") as stream:
-        stream.write(data)
+def _write_through(temporary: Path, pieces: Iterable[str], mode: int | None) -> None:
+    with temporary.open("xb", buffering=_BUFFER_BYTES) as stream:
+        for piece in pieces:
+            stream.write(piece.encode("utf-8"))
         stream.flush()
         if mode is not None:
             temporary.chmod(mode)

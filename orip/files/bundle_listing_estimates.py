@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from orip.files.fixed_cells import FixedCells, deviation_cells
 from orip.files.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
-from orip.files.text_table import Column, paragraph, table_lines
+from orip.files.text_table import Column, each_table_line, paragraph, table_lines
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.photo import PHOTO_PARAMETERS
 from orip.model.solution import AdditionalEstimate, Estimates, FloatArray, Solution
@@ -108,20 +109,20 @@ def _two_lines(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
     return [cell for pair in zip(upper, lower, strict=True) for cell in pair]
 
 
-def point_lines(solution: Solution) -> list[str]:
-    """Return the table of points: kind, rays, coordinates, standard deviations, and the mean precision."""
+def point_lines(solution: Solution) -> Iterator[str]:
+    """Yield the table of points: kind, rays, coordinates, standard deviations, and the mean precision."""
     points, unit = solution.points, solution.ground_unit
     decimals = _decimals(points.values, points.sd)
-    lines = table_lines(
+    yield from each_table_line(
         [
             Column("Point", points.names, align="left"),
             Column("Kind", solution.point_kinds, align="left"),
             Column("Rays", [str(rays) for rays in solution.point_rays]),
-            *(Column(axis, fixed(points.values[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
-            *(Column(f"s{axis}", deviations(points.sd[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            *(Column(axis, FixedCells(points.values[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            *(Column(f"s{axis}", deviation_cells(points.sd[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
         ]
     )
-    return lines + _mean_precision(points.sd, decimals, unit)
+    yield from _mean_precision(points.sd, decimals, unit)
 
 
 def _mean_precision(sd: FloatArray, decimals: int, unit: str) -> list[str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.files.bundle_listing_estimates import CAMERA_UNITS
+from orip.files.fixed_cells import FixedCells
 from orip.files.number_text import decimals_for, fixed, measure, root_mean_square
-from orip.files.text_table import Column, Table, table_lines, xy_columns
+from orip.files.text_table import Column, Table, table_lines, xy_pair
 from orip.model.measurement import IntArray, PhotoObservations
 from orip.model.names import record_key
 from orip.model.solution import FloatArray, Reliability, Residuals, Solution
@@ -37,11 +40,28 @@ PHOTO_LEGEND = [
     "  '-': disregarded), SR = standard residual, r = redundancy number, w = normalised residual",
 ]
 
+Names = NDArray[Any]
+"""Names as objects, shape (n,)."""
+
 AXES = {"x": 0, "y": 1, "X": 0, "Y": 1}
 """Column of a photo component."""
 
-PhotoRow = tuple[str, str, int, int]
-"""Photo, point, and the rows of its x and y components in the residuals; -1 for one that is missing."""
+
+class PhotoRows(NamedTuple):
+    """The lines of the tables of photo residuals, photo by photo.
+
+    Attributes
+    ----------
+    photos : tuple of (str, int)
+        Each photo and how many lines it has.
+    points : sequence of str, length n
+    parts : array (n, 2) of int
+        Rows of the x and y components in the residuals; -1 for one that is missing.
+    """
+
+    photos: tuple[tuple[str, int], ...]
+    points: Sequence[str]
+    parts: IntArray
 
 
 def unit_of(kind: str, component: str, ground_unit: str) -> str:
@@ -96,8 +116,8 @@ def ground_residual_lines(solution: Solution, choose: Callable[[str], bool]) -> 
     return table_lines(component_columns(residuals, rows, solution.ground_unit))
 
 
-def photo_residual_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> list[str]:
-    """Return a table of photo residuals for each photo; the columns are equally wide in all of them.
+def photo_residual_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> Iterator[str]:
+    """Yield a table of photo residuals for each photo; the columns are equally wide in all of them.
 
     Parameters
     ----------
@@ -107,68 +127,106 @@ def photo_residual_lines(solution: Solution, reliability: Reliability, measured:
         Those that were adjusted, for their measured coordinates; what is not among them has none.
     """
     rows = _photo_rows(solution)
-    if not rows:
-        return ["  none"]
+    if not rows.photos:
+        yield "  none"
+        return
     residuals = solution.residuals
-    parts = np.array([row[2:] for row in rows], dtype=np.int64)
     influential = np.where(np.isfinite(residuals.weight_factor), residuals.residual, np.nan)
-    influential = np.append(influential, np.nan)[parts]
-    columns = [
-        Column("Point", [row[1] for row in rows], align="left"),
-        *xy_columns("{}-template", _measured_at(rows, measured), 4, "mm, px"),
-        *_photo_columns(residuals, reliability, parts),
-    ]
-    table = Table(columns)
-    lines = [*PHOTO_LEGEND]
+    influential = np.append(influential, np.nan)
+    at = _measured_at(rows, measured)
+    coordinates = [FixedCells(measured.measured[:, k], 4, rows=at) for k in range(2)]
+    table = Table(
+        [
+            Column("Point", rows.points, align="left"),
+            *xy_pair("{}-template", coordinates, "mm, px"),
+            *_photo_columns(residuals, reliability, rows.parts),
+        ]
+    )
+    yield from PHOTO_LEGEND
+    lines = table.each_row()
     start = 0
-    for photo, group in itertools.groupby(rows, key=lambda row: row[0]):
-        stop = start + sum(1 for _ in group)
-        lines += ["", f"  Photo {photo}:  {_quality(influential[start:stop])}", "", *table.headings()]
-        lines += table.rows(start, stop)
-        start = stop
-    return lines
+    for photo, count in rows.photos:
+        quality = _quality(influential[rows.parts[start : start + count]])
+        yield from ["", f"  Photo {photo}:  {quality}", "", *table.headings()]
+        yield from itertools.islice(lines, count)
+        start += count
 
 
-def _photo_rows(solution: Solution) -> list[PhotoRow]:
+def _photo_rows(solution: Solution) -> PhotoRows:
     residuals = solution.residuals
-    pairs: dict[str, list[tuple[str, list[int]]]] = {photo: [] for photo in solution.photos.names}
+    chosen = np.flatnonzero(np.array(residuals.kind, dtype=object) == "photo")
+    names = [np.array(each, dtype=object)[chosen] for each in (residuals.photo, residuals.point, residuals.component)]
+    parts = _pairs(*names)
+    photo, point = (each[parts.max(axis=1, initial=0)] for each in names[:2])
+    place = {name: number for number, name in enumerate(dict.fromkeys([*solution.photos.names, *photo]))}
+    number = np.fromiter(map(place.__getitem__, photo), np.int64, len(photo))
+    order = np.argsort(number, kind="stable")
+    counts = np.bincount(number, minlength=len(place)).tolist()
+    return PhotoRows(
+        tuple((name, count) for name, count in zip(place, counts, strict=True) if count),
+        point[order].tolist(),
+        np.append(chosen, -1)[parts[order]],
+    )
+
+
+def _pairs(photo: Names, point: Names, component: Names) -> IntArray:
+    """Return the rows of the x and y components of each measurement (n, 2) in the order of their first ones.
+
+    A component met again belongs to another measurement of the point.
+    """
+    pairs = np.arange(len(photo) // 2 * 2).reshape(-1, 2)
+    axis = np.fromiter(map(AXES.__getitem__, component), np.int64, len(component))
+    x, y = pairs.T
+    if len(photo) == pairs.size and (axis[pairs] == [0, 1]).all() and all((n[x] == n[y]).all() for n in (photo, point)):
+        return pairs  # as the adjustment writes them
+    found: list[list[int]] = []
     open_pairs: dict[tuple[str, str], list[int]] = {}
-    for i, kind in enumerate(residuals.kind):
-        if kind != "photo":
-            continue
-        photo, point = residuals.photo[i], residuals.point[i]
-        axis = AXES[residuals.component[i]]
-        pair = open_pairs.get((photo, point))
-        if pair is None or pair[axis] >= 0:  # a component met again belongs to another measurement of the point
-            pair = open_pairs[photo, point] = [-1, -1]
-            pairs.setdefault(photo, []).append((point, pair))
-        pair[axis] = i
-    return [(photo, point, pair[0], pair[1]) for photo, points in pairs.items() for point, pair in points]
+    for row, key in enumerate(zip(photo, point, strict=True)):
+        pair = open_pairs.get(key)
+        if pair is None or pair[axis[row]] >= 0:
+            pair = open_pairs[key] = [-1, -1]
+            found.append(pair)
+        pair[axis[row]] = row
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
-def _measured_at(rows: Sequence[PhotoRow], measured: PhotoObservations) -> FloatArray:
-    """Return the measured coordinates of each row (n, 2), NaN where there are none."""
-    keys = zip(map(record_key, measured.photos), measured.points, strict=True)
-    place = {key: i for i, key in enumerate(keys)}
-    padded = np.vstack([measured.measured, [np.nan, np.nan]])  # row -1, of no measurement, reads NaN
-    return padded[[place.get((record_key(photo), point), -1) for photo, point, _, _ in rows]]
+def _measured_at(rows: PhotoRows, measured: PhotoObservations) -> IntArray:
+    """Return where each line's point is among the measured ones (n,), -1 where it is not."""
+    keys = {name: record_key(name) for name in dict.fromkeys(measured.photos)}
+    photos = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
+    points = {name: number for number, name in enumerate(dict.fromkeys(measured.points))}
+    found = _numbers(measured.photos, {name: photos[key] for name, key in keys.items()}) * len(points)
+    found += _numbers(measured.points, points)
+    photo = [photos.get(record_key(name), -1) for name, _ in rows.photos]
+    photo_of_rows = np.repeat(photo, [count for _, count in rows.photos])
+    point_of_rows = _numbers(rows.points, points)
+    known = (photo_of_rows >= 0) & (point_of_rows >= 0)
+    wanted = np.where(known, photo_of_rows * len(points) + point_of_rows, -1)
+    order = np.append(np.argsort(found, kind="stable"), -1)  # -1: behind the last one
+    at = order[np.searchsorted(found, wanted, sorter=order[:-1])]
+    return np.where(np.append(found, -1)[at] == wanted, at, -1)
+
+
+def _numbers(names: Sequence[str], number_of: Mapping[str, int]) -> IntArray:
+    """Return the number of each name (n,), -1 for one that has none."""
+    return np.fromiter((number_of.get(name, -1) for name in names), np.int64, len(names))
 
 
 def _photo_columns(residuals: Residuals, reliability: Reliability, parts: IntArray) -> list[Column]:
     # millimetres: one decimal less for the error than for the residual, as instruments read out
     decimals = decimals_for(np.abs(residuals.a_priori[parts[parts >= 0]]) / 10.0, 5, 6)
 
-    def of_parts(values: FloatArray) -> FloatArray:
-        return np.append(values, np.nan)[parts]  # row -1, the missing component, reads NaN
+    def pair(heading: str, values: FloatArray, digits: int, unit: str = "") -> list[Column]:
+        return xy_pair(heading, [FixedCells(values, digits, rows=parts[:, k]) for k in range(2)], unit)
 
     return [
-        *xy_columns("W{}", of_parts(residuals.a_priori), decimals - 1, "mm"),
-        *xy_columns("{}_residual", of_parts(residuals.residual), decimals, "mm"),
-        *xy_columns("SD {}", of_parts(reliability.adjusted_sd), decimals - 1, "mm"),
-        *xy_columns("{} WF", of_parts(residuals.weight_factor), 2),
-        *xy_columns("SR {}", of_parts(residuals.standard_residual), 2),
-        *xy_columns("r {}", of_parts(residuals.redundancy_number), 2),
-        *xy_columns("w {}", of_parts(residuals.w), 2),
+        *pair("W{}", residuals.a_priori, decimals - 1, "mm"),
+        *pair("{}_residual", residuals.residual, decimals, "mm"),
+        *pair("SD {}", reliability.adjusted_sd, decimals - 1, "mm"),
+        *pair("{} WF", residuals.weight_factor, 2),
+        *pair("SR {}", residuals.standard_residual, 2),
+        *pair("r {}", residuals.redundancy_number, 2),
+        *pair("w {}", residuals.w, 2),
     ]
 
 

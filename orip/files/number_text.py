@@ -6,7 +6,10 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike
+import orjson
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
 
 CONSTANT = "constant"
 SINGULAR = "singular"
@@ -14,6 +17,9 @@ MISSING = "-"
 
 HUGE = 1e12
 """From here on numbers are printed with an exponent: they come from a diverged adjustment and say nothing but that."""
+
+_WITHOUT_EXPONENT = 1e-4, 1e16
+"""Between these, repr writes no exponent."""
 
 COEFFICIENT_PRECISION = 1e-4
 """What is known better than this is no length or angle but a distortion coefficient, and printed with an exponent."""
@@ -58,6 +64,23 @@ def fixed(values: Iterable[float], decimals: int, missing: str = MISSING) -> lis
 def one_fixed(value: float, decimals: int, missing: str = MISSING) -> str:
     """Return one number as `fixed` prints it."""
     return fixed([value], decimals, missing)[0]
+
+
+def shortest_texts(values: FloatArray, missing: str) -> list[str]:
+    """Return the shortest texts that read back exactly, as `repr` writes them; `missing` for NaN."""
+    if not values.size:
+        return []
+    # one call a list, and in Rust: fifteen times faster than repr
+    texts = (
+        orjson.dumps(np.ascontiguousarray(values), option=orjson.OPT_SERIALIZE_NUMPY).decode("ascii")[1:-1].split(",")
+    )
+    size = np.abs(values)
+    # small and large numbers have an exponent in other places, or spelt otherwise; JSON has no infinity
+    unlike = ~((size >= _WITHOUT_EXPONENT[0]) & (size < _WITHOUT_EXPONENT[1]) | (size == 0.0))
+    for place in np.flatnonzero(unlike).tolist():
+        value = float(values[place])
+        texts[place] = missing if math.isnan(value) else repr(value)
+    return texts
 
 
 def scientific(values: Iterable[float], missing: str = MISSING) -> list[str]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from orip.files.number_text import shortest_texts
 from orip.model.solution import FloatArray, Reliability, Residuals
 
 HEADER = (
@@ -11,7 +14,7 @@ HEADER = (
     "adjusted_sd,minimal_detectable_bias,external_reliability\n"
 )
 
-ROWS_PER_PIECE = 65536
+ROWS_PER_PIECE = 16384
 
 
 def residuals_csv(residuals: Residuals, reliability: Reliability) -> str:
@@ -49,7 +52,7 @@ def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iter
 
 def _name_cells(names: Sequence[str]) -> list[str]:
     quoted = {name: _quoted(name) for name in set(names)}
-    return [quoted[name] for name in names]
+    return list(map(quoted.__getitem__, names))
 
 
 def _quoted(name: str) -> str:
@@ -58,5 +61,7 @@ def _quoted(name: str) -> str:
 
 
 def _number_cells(values: FloatArray) -> list[str]:
-    # the repr of a whole list is several times faster than one call a number
-    return repr(values.tolist())[1:-1].replace("nan", "").split(", ")
+    bits = np.ascontiguousarray(values).view(np.int64)  # 0.0 and -0.0 differ, NaN are alike
+    if (bits == bits[0]).all():  # as a-priori errors and weight factors mostly are
+        return shortest_texts(values[:1], missing="") * len(values)
+    return shortest_texts(values, missing="")

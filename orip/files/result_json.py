@@ -6,12 +6,14 @@ import json
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from orip.files.number_text import shortest_texts
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.model.solution import Estimates, FloatArray, InteriorSummary, Residuals, Solution
 
 SCHEMA = "orip.result/1"
 SINGULAR = "singular"
@@ -19,6 +21,8 @@ SINGULAR = "singular"
 INDENT = "  "
 LONGEST_LEAF = 160
 """An object or list without others inside stands on one line if that line's own text is not longer than this."""
+
+POINTS_PER_PIECE = 8192
 
 _HEAD = re.compile(rf'\s*{{\s*"schema"\s*:\s*"{re.escape(SCHEMA)}"\s*,\s*"run"\s*:\s*("(?:[^"\\]|\\.)*")')
 
@@ -29,6 +33,10 @@ def result_document(solution: Solution) -> dict[str, object]:
     Numbers that are not finite are None, apart from the standard deviation of a removed unknown, which is "singular".
     Units: mm for C, DX, DY and photo residuals, degrees for angles, ground units otherwise.
     """
+    return _document(solution, _points(solution))
+
+
+def _document(solution: Solution, points: object) -> dict[str, object]:
     return {
         "schema": SCHEMA,
         "run": solution.run,
@@ -49,7 +57,7 @@ def result_document(solution: Solution) -> dict[str, object]:
         ],
         "cameras": _cameras(solution),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
-        "points": _points(solution),
+        "points": points,
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
             {"group": row.group, "name": row.name, "kind": row.kind, "lost_digits": _number(row.lost_digits)}
@@ -75,7 +83,13 @@ def result_document(solution: Solution) -> dict[str, object]:
 
 def result_text(solution: Solution) -> str:
     """Return result.json as text: indented, short objects on one line, shortest exact floats, a newline at the end."""
-    return "".join(_json_pieces(result_document(solution), "")) + "\n"
+    return "".join(result_pieces(solution))
+
+
+def result_pieces(solution: Solution) -> Iterator[str]:
+    """Yield the text of result.json in pieces, so that a million points need little memory."""
+    yield from _json_pieces(_document(solution, _Points(solution)), "")
+    yield "\n"
 
 
 def run_of_result(text: str) -> str | None:
@@ -140,6 +154,45 @@ def _points(solution: Solution) -> dict[str, dict[str, object]]:
     return points
 
 
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """The points of a solution, to be written without making a document of them: blocks have many."""
+
+    solution: Solution
+
+    def pieces(self, margin: str) -> Iterator[str]:
+        """Yield what `_json_pieces` makes of `_points`."""
+        points, rays, kinds = self.solution.points, self.solution.point_rays, self.solution.point_kinds
+        if not points.names:
+            yield "{}"
+            return
+        one = margin + INDENT
+        entries = [f'"{axis}": {{"value": %s, "sd": %s}}' for axis in "XYZ"] + ['"rays": %d', '"kind": "%s"']
+        form = f"\n{one}%s: {{" + ",".join(f"\n{one}{INDENT}{entry}" for entry in entries) + f"\n{one}}}"
+        yield "{"
+        for start in range(0, len(points.names), POINTS_PER_PIECE):
+            part = slice(start, start + POINTS_PER_PIECE)
+            figures = [
+                texts
+                for k in range(3)
+                for texts in (
+                    _number_texts(points.values[part, k], "null"),
+                    _number_texts(points.sd[part, k], f'"{SINGULAR}"'),
+                )
+            ]
+            rows = zip(map(_compact, points.names[part]), *figures, rays[part], kinds[part], strict=True)
+            yield ("," if start else "") + ",".join([form % row for row in rows])
+        yield f"\n{margin}}}"
+
+
+def _number_texts(values: FloatArray, infinite: str) -> list[str]:
+    """Return numbers as JSON has them; `infinite` for infinity."""
+    texts = shortest_texts(values, missing="null")
+    for place in np.flatnonzero(np.isinf(values)).tolist():
+        texts[place] = infinite
+    return texts
+
+
 def _down_weighted(residuals: Residuals) -> list[dict[str, object]]:
     return [
         {
@@ -188,11 +241,14 @@ def _interior(summary: InteriorSummary) -> dict[str, object]:
 
 def _json_pieces(node: object, margin: str) -> Iterator[str]:
     inner = margin + INDENT
+    if isinstance(node, _Points):
+        yield from node.pieces(margin)
+        return
     if not isinstance(node, dict | list) or not node:
         yield _compact(node)
         return
     entries = list(node.values()) if isinstance(node, dict) else node
-    if not any(isinstance(entry, dict | list) for entry in entries):
+    if not any(isinstance(entry, dict | list | _Points) for entry in entries):
         line = _compact(node)
         if len(line) <= LONGEST_LEAF:
             yield line

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orip.files.number_text import fixed
+from orip.files.fixed_cells import FixedCells
 
 Alignment = Literal["left", "right", "point"]
 
@@ -18,6 +18,8 @@ PAGE_WIDTH = 110
 """Columns that headings are ruled to and paragraphs are wrapped at; tables are as wide as they must be."""
 
 INDENT = 2
+
+ROWS_AT_A_TIME = 8192
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ class Table:
         self._indent = indent
         self._cells = [_aligned_cells(column) for column in columns]
         self._widths = [
-            max(len(column.heading), len(column.unit_text), max(map(len, cells), default=0))
+            max(len(column.heading), len(column.unit_text), _longest(cells))
             for column, cells in zip(columns, self._cells, strict=True)
         ]
         if len({len(cells) for cells in self._cells}) > 1:
@@ -89,27 +91,29 @@ class Table:
 
     def rows(self, start: int = 0, stop: int | None = None) -> list[str]:
         """Return the lines of rows `start` to `stop` (excluded)."""
-        justified = []
-        for column, cells, width in zip(self._columns, self._cells, self._widths, strict=True):
-            part = cells[start:stop]
-            justified.append([cell.ljust(width) if column.align == "left" else cell.rjust(width) for cell in part])
-        template = self._template()
-        return [template.format(*row).rstrip() for row in zip(*justified, strict=True)]
+        part = slice(start, stop)
+        rest = zip(self._columns, self._cells, self._widths, self._gaps(), strict=True)
+        justified = [_justified(cells, part, width, gap, column.align) for column, cells, width, gap in rest]
+        return ["".join(row).rstrip() for row in zip(*justified, strict=True)]
+
+    def each_row(self) -> Iterator[str]:
+        """Yield the lines of all rows; only a part of a long table is in memory at a time."""
+        for start in range(0, max(map(len, self._cells), default=0), ROWS_AT_A_TIME):
+            yield from self.rows(start, start + ROWS_AT_A_TIME)
 
     def lines(self) -> list[str]:
         """Return the whole table."""
         return self.headings() + self.rows()
 
-    def _template(self) -> str:
-        gaps = [self._indent, *(max(column.gap, 1) for column in self._columns[1:])]
-        return "".join(" " * gap + "{}" for gap in gaps)
+    def _gaps(self) -> list[int]:
+        """Return the blanks before each column."""
+        return [self._indent, *(max(column.gap, 1) for column in self._columns[1:])]
 
     def _line(self, texts: Sequence[str]) -> str:
-        justified = [
-            text.ljust(width) if column.align == "left" else text.rjust(width)
-            for text, column, width in zip(texts, self._columns, self._widths, strict=True)
-        ]
-        return self._template().format(*justified).rstrip()
+        rest = zip(texts, self._columns, self._widths, self._gaps(), strict=True)
+        return "".join(
+            _justified([text], slice(1), width, gap, column.align)[0] for text, column, width, gap in rest
+        ).rstrip()
 
 
 def _aligned_cells(column: Column) -> Sequence[str]:
@@ -121,11 +125,32 @@ def _aligned_cells(column: Column) -> Sequence[str]:
     return [cell + " " * (longest - tail) if tail else cell for cell, tail in zip(cells, tails, strict=True)]
 
 
+def _longest(cells: Sequence[str]) -> int:
+    return cells.longest if isinstance(cells, FixedCells) else max(map(len, cells), default=0)
+
+
+def _justified(cells: Sequence[str], part: slice, width: int, gap: int, align: Alignment) -> list[str]:
+    """Return some cells of a column with the blanks before and after them."""
+    if isinstance(cells, FixedCells):
+        return cells.justified(part, gap + width)
+    if align == "left":
+        return [" " * gap + cell.ljust(width) for cell in cells[part]]
+    return [cell.rjust(gap + width) for cell in cells[part]]
+
+
 def table_lines(columns: Sequence[Column], indent: int = INDENT) -> list[str]:
     """Return a whole table; "none" where it has no rows."""
+    return list(each_table_line(columns, indent))
+
+
+def each_table_line(columns: Sequence[Column], indent: int = INDENT) -> Iterator[str]:
+    """Yield what `table_lines` returns."""
     if not columns or not columns[0].cells:
-        return [" " * indent + "none"]
-    return Table(columns, indent).lines()
+        yield " " * indent + "none"
+        return
+    table = Table(columns, indent)
+    yield from table.headings()
+    yield from table.each_row()
 
 
 def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -> list[Column]:
@@ -140,12 +165,19 @@ def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -
     unit : str
     """
     pairs = np.asarray(values, dtype=np.float64).reshape(-1, 2)
-    return [Column(heading.format(axis), fixed(pairs[:, k], decimals), unit, gap=2 - k) for k, axis in enumerate("XY")]
+    return xy_pair(heading, [FixedCells(pairs[:, k], decimals) for k in range(2)], unit)
 
 
-def section(title: str, body: Sequence[str]) -> list[str]:
-    """Return a blank line, the ruled title of a section, and its body."""
-    return ["", "", title, "=" * len(title), *body]
+def xy_pair(heading: str, cells: Sequence[Sequence[str]], unit: str = "") -> list[Column]:
+    """Return what `xy_columns` returns, from the cells of both columns."""
+    pairs = enumerate(zip("XY", cells, strict=True))
+    return [Column(heading.format(axis), each, unit, gap=2 - k) for k, (axis, each) in pairs]
+
+
+def section(title: str, body: Iterable[str]) -> Iterator[str]:
+    """Yield a blank line, the ruled title of a section, and its body."""
+    yield from ["", "", title, "=" * len(title)]
+    yield from body
 
 
 def one_line(text: str) -> str:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import compress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.model.measurement import EditRecord, PhotoObservations
+from orip.model.measurement import BoolArray, EditRecord, FloatArray, IntArray, PhotoObservations, PointsRecord
 from orip.model.names import record_key
 from orip.model.photo import Photo
-
-FloatArray = NDArray[np.float64]
 
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""
@@ -23,19 +23,65 @@ PixelSizes = Callable[[str, int], tuple[float, float]]
 """Photo and mounting to the size of a pixel (mm) along the photo axes; asked of scans and digital frames alone."""
 
 
-class MeasuredPoint(NamedTuple):
-    """One measured point: coordinates in the mounting of that number, own a-priori errors (mm, or pixels if so)."""
+@dataclass(frozen=True, slots=True)
+class PointsOfPhoto:
+    """n measured points of one photo in the order of their first measurement.
 
-    x: float
-    y: float
-    x_error: float
-    y_error: float
-    disregarded: bool
-    mounting: int
-    errors_in_pixels: tuple[bool, bool] = (False, False)
+    Parameters
+    ----------
+    names : tuple of str, length n
+    measured : array (n, 2)
+        In the mounting of that number.
+    errors : array (n, 2)
+        Own a-priori errors, mm or, where `errors_in_pixels`, pixels; NaN: none.
+    errors_in_pixels : array (n, 2) of bool
+    disregarded : array (n,) of bool
+    mounting : array (n,) of int
+    """
+
+    names: tuple[str, ...]
+    measured: FloatArray
+    errors: FloatArray
+    errors_in_pixels: BoolArray
+    disregarded: BoolArray
+    mounting: IntArray
+
+    def where(self, kept: BoolArray) -> PointsOfPhoto:
+        """Return some of the points."""
+        return PointsOfPhoto(tuple(compress(self.names, kept)), *(each[kept] for each in self._arrays()))
+
+    def measured_again(self, new: PointsOfPhoto) -> tuple[PointsOfPhoto, int]:
+        """Return these points with new measurements in their places or behind them, and how many are not the first."""
+        if not self.names and len(set(new.names)) == len(new.names):
+            return new, 0
+        place = {name: row for row, name in enumerate(self.names)}
+        rows, again = [], 0
+        for name in new.names:
+            again += name in place
+            rows.append(place.setdefault(name, len(place)))
+        joined = []
+        for old, changed in zip(self._arrays(), new._arrays(), strict=True):
+            column = np.concatenate([old, np.empty((len(place) - len(old), *old.shape[1:]), dtype=old.dtype)])
+            column[rows] = changed  # of a name that comes twice the last one stays
+            joined.append(column)
+        return PointsOfPhoto(tuple(place), *joined), again
+
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.measured, self.errors, self.errors_in_pixels, self.disregarded, self.mounting
 
 
-PointsOfPhoto = dict[str, MeasuredPoint]
+def points_of_record(record: PointsRecord, measured: FloatArray, mounting: int) -> PointsOfPhoto:
+    """Return the points of a log record, in coordinates (n, 2) of the mounting of that number."""
+    return PointsOfPhoto(
+        record.names, measured, record.errors, record.errors_in_pixels, record.disregarded,
+        np.full(len(record.names), mounting),
+    )  # fmt: skip
+
+
+_NO_POINTS = PointsOfPhoto(
+    (), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2), dtype=bool), np.empty(0, dtype=bool),
+    np.empty(0, dtype=np.int64),
+)  # fmt: skip
 
 
 class MeasuredPoints:
@@ -51,22 +97,34 @@ class MeasuredPoints:
         self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
         self.remeasured = 0
 
-    def measure(self, bundle: str, photo: str, points: Iterable[tuple[str, MeasuredPoint]]) -> None:
+    def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
         """Take points of one photo; one of a name that is there already replaces it and is counted."""
-        known = self._bundles.setdefault(bundle, {}).setdefault(photo, {})
-        for name, point in points:
-            self.remeasured += name in known
-            known[name] = point
+        photos = self._bundles.setdefault(bundle, {})
+        photos[photo], again = photos.get(photo, _NO_POINTS).measured_again(points)
+        self.remeasured += again
 
     def edit(self, bundle: str, record: EditRecord) -> int:
         """Disregard, include or kill points; return how many the edit finds."""
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
-        return sum(_edit_points(photos.get(key, {}), record) for key in keys)
+        found = 0
+        for key in keys:
+            points = photos.get(key, _NO_POINTS)
+            chosen = np.array([record.name in ("*", name) for name in points.names], dtype=bool)
+            if not chosen.any():
+                continue
+            found += int(np.count_nonzero(chosen))
+            if record.action == "KILL":
+                photos[key] = points.where(~chosen)
+            else:
+                flags = np.where(chosen, record.action == "DISREGARD", points.disregarded)
+                photos[key] = replace(points, disregarded=flags)
+        return found
 
     def mountings(self, photo: str) -> set[int]:
         """Return the mountings in which points of a photo were measured."""
-        return {point.mounting for photos in self._bundles.values() for point in photos.get(photo, {}).values()}
+        of_photo = (photos.get(photo, _NO_POINTS) for photos in self._bundles.values())
+        return {number for points in of_photo for number in np.unique(points.mounting).tolist()}
 
     def observations(
         self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
@@ -79,26 +137,22 @@ class MeasuredPoints:
         }
 
 
-def _edit_points(points: PointsOfPhoto, record: EditRecord) -> int:
-    names = list(points) if record.name == "*" else [record.name] if record.name in points else []
-    for name in names:
-        if record.action == "KILL":
-            del points[name]
-        else:
-            points[name] = points[name]._replace(disregarded=record.action == "DISREGARD")
-    return len(names)
-
-
 def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto]:
-    by_photo: dict[str, PointsOfPhoto] = {}
-    rows = zip(
-        observations.photos, observations.points, observations.measured.tolist(), observations.errors.tolist(),
-        observations.disregarded.tolist(), strict=True,
-    )  # fmt: skip
-    for photo, name, (x, y), (x_error, y_error), disregarded in rows:
-        point = MeasuredPoint(x, y, x_error, y_error, disregarded, STORED)
-        by_photo.setdefault(record_key(photo), {})[name] = point
-    return by_photo
+    keys = {name: record_key(name) for name in dict.fromkeys(observations.photos)}
+    place = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
+    number = np.fromiter((place[keys[name]] for name in observations.photos), np.int64, len(observations.photos))
+    by_photo = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number, minlength=len(place)))[:-1])
+    return {
+        key: PointsOfPhoto(
+            tuple(observations.points[row] for row in rows.tolist()),
+            observations.measured[rows],
+            observations.errors[rows],
+            np.zeros((len(rows), 2), dtype=bool),
+            observations.disregarded[rows],
+            np.full(len(rows), STORED),
+        )
+        for key, rows in zip(place, by_photo, strict=False)  # without photos there is still one part
+    }
 
 
 def _observations(
@@ -108,32 +162,34 @@ def _observations(
     to_stored: ToStored,
     pixel_sizes: PixelSizes,
 ) -> PhotoObservations:
-    found = [(key, by_photo[key]) for key in photos if by_photo.get(key)]
-    points = [point for _, of_photo in found for point in of_photo.values()]
-    errors = [_errors_in_millimetres(key, point, pixel_sizes) for key, of_photo in found for point in of_photo.values()]
+    found = [(key, points) for key in photos if (points := by_photo.get(key, _NO_POINTS)).names]
+    errors = [_errors_in_millimetres(key, points, pixel_sizes) for key, points in found]
     return PhotoObservations(
         bundle,
-        tuple(photos[key].name for key, of_photo in found for _ in of_photo),
-        tuple(name for _, of_photo in found for name in of_photo),
-        np.vstack([np.empty((0, 2)), *(_stored_coordinates(key, of_photo, to_stored) for key, of_photo in found)]),
-        np.array(errors, dtype=np.float64).reshape(-1, 2),
-        np.array([point.disregarded for point in points], dtype=bool),
+        tuple(photos[key].name for key, points in found for _ in points.names),
+        tuple(name for _, points in found for name in points.names),
+        np.vstack([np.empty((0, 2)), *(_stored_coordinates(key, points, to_stored) for key, points in found)]),
+        np.vstack([np.empty((0, 2)), *errors]),
+        np.concatenate([np.empty(0, dtype=bool), *(points.disregarded for _, points in found)]),
     )
 
 
-def _errors_in_millimetres(photo: str, point: MeasuredPoint, pixel_sizes: PixelSizes) -> tuple[float, float]:
-    if not any(point.errors_in_pixels):
-        return point.x_error, point.y_error
-    (x_size, y_size), (x_in_pixels, y_in_pixels) = pixel_sizes(photo, point.mounting), point.errors_in_pixels
-    return point.x_error * (x_size if x_in_pixels else 1.0), point.y_error * (y_size if y_in_pixels else 1.0)
+def _errors_in_millimetres(photo: str, points: PointsOfPhoto, pixel_sizes: PixelSizes) -> FloatArray:
+    """Return own a-priori errors (n, 2)."""
+    errors = points.errors.copy()
+    in_pixels = points.errors_in_pixels.any(axis=1)
+    for number in np.unique(points.mounting[in_pixels]).tolist():
+        size = np.where(points.errors_in_pixels, pixel_sizes(photo, number), 1.0)
+        rows = in_pixels & (points.mounting == number)
+        errors[rows] *= size[rows]
+    return errors
 
 
 def _stored_coordinates(photo: str, points: PointsOfPhoto, to_stored: ToStored) -> FloatArray:
     """Return stored coordinates (n, 2), NaN where the mounting is not oriented."""
-    xy = np.array([(point.x, point.y) for point in points.values()])
-    mounting = np.array([point.mounting for point in points.values()])
-    for number in np.unique(mounting).tolist():
+    xy = points.measured.copy()
+    for number in np.unique(points.mounting).tolist():
         transformation = to_stored(photo, number)
-        rows = mounting == number
+        rows = points.mounting == number
         xy[rows] = transformation.apply(xy[rows]) if transformation else np.nan
     return xy

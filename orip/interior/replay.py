@@ -21,7 +21,7 @@ from orip.interior.digitised_marks import camera_with_digitised_fiducials, temti
 from orip.interior.findings import Findings
 from orip.interior.known_names import unknown_record
 from orip.interior.measured import Measured
-from orip.interior.measured_points import MeasuredPoint, MeasuredPoints
+from orip.interior.measured_points import MeasuredPoints, points_of_record
 from orip.interior.mounting import STORED, MountedFilms, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
@@ -192,14 +192,7 @@ class _Replay:
             measured, mounting = record.measured, STORED
         else:
             measured, mounting = self._to_plate(photo).apply(record.measured), self._mounting_in_force(photo)
-        rows = zip(
-            record.names, measured.tolist(), record.errors.tolist(), record.errors_in_pixels.tolist(),
-            record.disregarded.tolist(), strict=True,
-        )  # fmt: skip
-        points = (
-            (name, MeasuredPoint(x, y, x_error, y_error, disregarded, mounting, (x_in_pixels, y_in_pixels)))
-            for name, (x, y), (x_error, y_error), (x_in_pixels, y_in_pixels), disregarded in rows
-        )
+        points = points_of_record(record, measured, mounting)
         self.points.measure(record_key(bundle), record_key(photo.name), points)
 
     def _mounting_in_force(self, photo: Photo) -> int:

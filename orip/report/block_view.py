@@ -60,11 +60,11 @@ def seen_points(solution: Solution) -> tuple[IntArray, ...]:
     residuals = solution.residuals
     photo_row = {name: row for row, name in enumerate(solution.photos.names)}
     point_row = {name: row for row, name in enumerate(solution.points.names)}
-    seen: list[set[int]] = [set() for _ in photo_row]
-    for kind, photo, point in zip(residuals.kind, residuals.photo, residuals.point, strict=True):
-        if kind == "photo" and photo in photo_row and point in point_row:
-            seen[photo_row[photo]].add(point_row[point])
-    return tuple(np.array(sorted(each), dtype=np.int64) for each in seen)
+    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
+    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
+    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
+    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
+    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 
 
 def pyramid_corners(matter: Matter) -> FloatArray:

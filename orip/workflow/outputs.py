@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from orip.adjustment.reliability import reliability
 from orip.errors import OripError
-from orip.files.atomic_text import remove_leftovers, replace_text
-from orip.files.bundle_listing import bundle_listing
-from orip.files.error_listing import error_listing
+from orip.files.atomic_text import lines_in_pieces, remove_leftovers, replace_text_in_pieces
+from orip.files.bundle_listing import bundle_listing_lines
+from orip.files.error_listing import error_listing_lines
 from orip.files.interior_listing import interior_listing
 from orip.files.listing_title import run_of_listing
-from orip.files.residuals_csv import residuals_csv
-from orip.files.result_json import result_text, run_of_result
+from orip.files.residuals_csv import residuals_csv_pieces
+from orip.files.result_json import result_pieces, run_of_result
 from orip.files.stores import observations, solutions
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
@@ -45,10 +45,10 @@ def write_solution_outputs(project: Project, solution: Solution, measured: Photo
     """
     files = project.outputs(solution.bundle)
     found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
-    _write(project, files.residuals, residuals_csv(solution.residuals, found))
-    _write(project, files.listing, bundle_listing(solution, found, measured))
-    _write(project, files.errors, error_listing(solution))
-    _write(project, files.result, result_text(solution))
+    _write(project, files.residuals, residuals_csv_pieces(solution.residuals, found))
+    _write(project, files.listing, lines_in_pieces(bundle_listing_lines(solution, found, measured)))
+    _write(project, files.errors, lines_in_pieces(error_listing_lines(solution)))
+    _write(project, files.result, result_pieces(solution))
     return files.all
 
 
@@ -56,7 +56,7 @@ def write_interior_listing(project: Project, interior: Interior, run: str) -> No
     """Write INTERIOR_RESULT.OUT."""
     definition = project.definition
     listing = interior_listing(interior.adjustments, definition.name, definition.user, run)
-    _write(project, project.interior_listing, listing)
+    _write(project, project.interior_listing, [listing])
 
 
 def stale_solution_outputs(project: Project, bundle: str, run: str) -> tuple[Path, ...]:
@@ -114,9 +114,9 @@ def _rewrite_interior_listing(project: Project) -> None:
     write_interior_listing(project, interior_orientation(definitions.by_name(), measured), run)
 
 
-def _write(project: Project, path: Path, text: str) -> None:
+def _write(project: Project, path: Path, pieces: Iterable[str]) -> None:
     try:
-        replace_text(path, text)
+        replace_text_in_pieces(path, pieces)
     except OSError as error:
         shown = project.shown(path)
         message = (

@@ -63,7 +63,7 @@ def results(folder: Path, bundle: str | None, what: What, names: Sequence[str]) 
     lines = {
         "cameras": lambda: camera_lines(chosen.cameras, chosen.additional)[1:],
         "photos": lambda: photo_lines(chosen),
-        "points": lambda: point_lines(chosen),
+        "points": lambda: list(point_lines(chosen)),
     }[what]()
     return Results("\n".join(lines) + "\n", {"run": solution.run, what: result_document(chosen)[what]})
 

@@ -13,7 +13,8 @@ from orip.bundle.results import iteration_pass
 from orip.errors import ProjectWarning
 from orip.files.parsed import Parsed
 from orip.files.stores import solutions
-from orip.files.stores.digest import record_digest
+from orip.files.stores.digest import same_record
+from orip.files.stores.store import Store
 from orip.files.stores.transaction import writing
 from orip.model.block import Block
 from orip.model.measurement import PhotoObservations
@@ -99,8 +100,7 @@ def solve_bundle(
     stored = read_stored(project, bundle)
     solution, preliminary = _adjusted(project, stored, ground, watcher, method)
     with stage("keeping the solution"), writing([project.exterior]) as stores:
-        old = solutions.read(stores[project.exterior], bundle)
-        changed = old is None or record_digest(old) != record_digest(solution)
+        changed = not _is_stored(stores[project.exterior], solution)
         if changed:
             solutions.write(stores[project.exterior], solution)
     listed = () if preliminary is None else (write_preliminary_listing(project, bundle, preliminary),)
@@ -144,6 +144,13 @@ def _adjusted(
     )
     run = run_id("solve", method, solution.status, len(solution.iterations), inputs)
     return replace(solution, run=run), preliminary
+
+
+def _is_stored(store: Store, solution: Solution) -> bool:
+    head = solutions.read_head(store, solution.bundle)
+    if head is None or head.run != solution.run:  # spares reading all of the old one
+        return False
+    return same_record(solutions.read(store, solution.bundle), solution)
 
 
 def _summaries(

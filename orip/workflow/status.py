@@ -11,6 +11,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
+from orip.interior.measured import Measured
 from orip.model.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.workflow.apply_text import apply_text
@@ -73,8 +74,9 @@ def project_status(folder: Path) -> ProjectStatus:
         old_reports = list(_old_reports(project, stores))
         definitions = read_definitions(project, stores)
         steps = [_initialised(project, definitions), _measured(project, stores, definitions)]
-        steps += [_solved(project, stores, definitions, name) for name in bundles]
-        points = sum(len(each.points) for each in read_measured(project, stores, bundles).observations.values())
+        measured = read_measured(project, stores, bundles)
+        steps += [_solved(project, stores, definitions, measured, name) for name in bundles]
+        points = sum(len(each.points) for each in measured.observations.values())
     steps += [step for name in bundles if (step := _driven(project, name, steps)) is not None]
     counts = (
         ("camera", len(project.definition.cameras)),
@@ -127,12 +129,11 @@ def _measured(project: Project, stores: Stores, definitions: StoredDefinitions) 
     return Step(command, "up to date", f"{files} in the stores")
 
 
-def _solved(project: Project, stores: Stores, definitions: StoredDefinitions, bundle: str) -> Step:
+def _solved(project: Project, stores: Stores, definitions: StoredDefinitions, measured: Measured, bundle: str) -> Step:
     command = "orip solve" if len(project.definition.bundles) == 1 else f"orip solve {bundle}"
     solution = solutions.read_head(stores[project.exterior], bundle)
     if solution is None:
         return Step(command, "missing", f"bundle {bundle} has not been adjusted")
-    measured = read_measured(project, stores, [bundle])
     observations = measured.observations.get(record_key(bundle))
     if observations is None or record_key(bundle) not in definitions.by_name().bundles:
         return Step(command, "out of date", "its definition or photo observations are gone")

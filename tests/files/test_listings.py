@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 
 from orip import __version__
 from orip.adjustment.reliability import reliability
+from orip.files import bundle_listing_residuals
 from orip.files.bundle_listing import bundle_listing
 from orip.files.error_listing import error_listing
 from orip.files.interior_listing import interior_listing
@@ -401,3 +402,15 @@ def test_the_interior_listing_has_the_parameters_and_remarks() -> None:
 
 def test_an_interior_listing_without_orientations_says_none() -> None:
     assert interior_listing([], "ZURICH", "K. Dueholm", "r1").count("\n  none\n") == 3
+
+
+@given(st.lists(st.tuples(st.sampled_from("PQ"), st.sampled_from("abc")), max_size=12))
+def test_pairs_that_stand_together_are_those_found_one_by_one(measured: list[tuple[str, str]]) -> None:
+    rows = [(photo, point, axis) for photo, point in measured for axis in "xy"]
+
+    def pairs(of: list[tuple[str, str, str]]) -> list[list[int]]:
+        names = [np.array([row[k] for row in of], dtype=object) for k in range(3)]
+        return bundle_listing_residuals._pairs(*names).tolist()
+
+    alone = [*rows, ("R", "d", "y")]  # is looked at row by row
+    assert pairs(alone) == [*pairs(rows), [-1, len(rows)]]

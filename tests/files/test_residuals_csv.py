@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hand_built_solutions import (
     COLUMNS,
+    INF,
     LONG_NAME,
     NAN,
     ROWS,
@@ -23,6 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files import residuals_csv as module
+from orip.files.number_text import shortest_texts
 from orip.model.solution import Residuals
 
 
@@ -95,3 +97,22 @@ def test_many_rows() -> None:
 
 def test_long_names_are_not_shortened() -> None:
     assert f",{LONG_NAME}," in csv_text(awkward().residuals)
+
+
+@given(st.lists(st.floats() | st.floats(-1.0, 1.0) | st.integers(-400, 400).map(lambda power: 10.0 ** (power / 10.0))))
+def test_numbers_are_spelt_as_python_spells_them(values: list[float]) -> None:
+    expected = ["" if value != value else repr(value) for value in values]
+    assert shortest_texts(np.array(values, dtype=np.float64), missing="") == expected
+
+
+@pytest.mark.parametrize(
+    "value", [0.0, -0.0, NAN, INF, -INF, 1e-4, 9.999999999999999e-5, 1e16, 9999999999999998.0, 5e-324]
+)
+def test_a_number_in_every_row_is_spelt_as_python_spells_it(value: float) -> None:
+    text = "" if value != value else repr(value)
+    assert shortest_texts(np.full(3, value), missing="") == [text] * 3
+    assert module._number_cells(np.full(3, value)) == [text] * 3
+
+
+def test_zeros_of_both_signs_are_told_apart() -> None:
+    assert module._number_cells(np.array([0.0, -0.0])) == ["0.0", "-0.0"]

@@ -11,6 +11,7 @@ from hand_built_solutions import INF, LONG_NAME, NAN, awkward, empty, with_many_
 from hypothesis import given
 from hypothesis import strategies as st
 
+from orip.files import result_json as module
 from orip.files.result_json import result_document, result_text, run_of_result
 from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.photo import PHOTO_PARAMETERS
@@ -252,3 +253,19 @@ def test_garbage_has_no_run_id(text: str) -> None:
 @given(st.text())
 def test_any_text_is_tolerated(text: str) -> None:
     assert run_of_result(text) is None
+
+
+@pytest.mark.parametrize("count", [1, 20_000], ids=["one", "several pieces"])
+def test_points_are_written_as_every_other_part_is(count: int) -> None:
+    solution = with_many_points(count)
+    points = solution.points
+    points.values[0] = [1e-7, 1e22, NAN]
+    points.sd[0] = [NAN, INF, 1e-5]
+    names = ('a "quoted" %s', *points.names[1:])
+    solution = replace(solution, points=replace(points, names=names))
+    expected = "".join(module._json_pieces(result_document(solution), "")) + "\n"
+    assert result_text(solution) == expected
+
+
+def test_no_points_are_an_empty_object() -> None:
+    assert "".join(module._json_pieces(result_document(empty()), "")) + "\n" == result_text(empty())

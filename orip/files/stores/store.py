@@ -6,6 +6,7 @@ import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float}
 ARRAY_TYPES = {"INTEGER": np.int64, "REAL": np.float64}
 NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
-"""Rows fetched at once into arrays: enough to be fast, few enough not to hold millions of Python floats."""
+"""Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
 
 def damage(path: Path, finding: str) -> InputError:
@@ -64,8 +65,7 @@ class Store:
 
     def insert_columns(self, table: Table, *columns: ColumnValues) -> None:
         """Insert many rows given as one array or tuple per column, all of one length."""
-        plain = [column.tolist() if isinstance(column, np.ndarray) else column for column in columns]
-        self._insert(table, zip(*plain, strict=True))
+        self._insert(table, _rows_of(columns))
 
     def delete(self, table: Table, owner: str | None = None) -> None:
         """Delete all rows, or those whose first column is `owner`."""
@@ -129,6 +129,17 @@ class Store:
         return self.connection.execute(table.select(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
 
 
+def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
+    """Yield rows of plain values from columns of one length, some thousands of them as Python objects at a time."""
+    for start in range(0, max(map(len, columns)), ROWS_AT_A_TIME):
+        part = slice(start, start + ROWS_AT_A_TIME)
+        yield from zip(*(_plain_values(column[part]) for column in columns), strict=True)
+
+
+def _plain_values(values: ColumnValues) -> Sequence[Any]:
+    return values.tolist() if isinstance(values, np.ndarray) else values
+
+
 def _plain(value: Any) -> Any:
     """Return a NumPy scalar as the Python value that sqlite3 can bind."""
     return value.item() if isinstance(value, np.generic) else value
@@ -151,13 +162,13 @@ def _read(column: Column, value: Any) -> Any:
 
 def _column_values(column: Column, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
     if column.type == "TEXT":
-        return tuple(known.setdefault(value, value) for value in values)
+        return tuple(map(known.setdefault, values, values))
     array = np.array(values, dtype=ARRAY_TYPES[column.type])
     return array.astype(np.bool_) if column.flag else array
 
 
 def _joined(column: Column, parts: list[ColumnValues]) -> ColumnValues:
     if column.type == "TEXT":
-        return tuple(value for part in parts for value in part)
+        return tuple(chain.from_iterable(parts))
     empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])
     return np.concatenate([empty, *parts])

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from orip.errors import InputError
 from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
 from orip.files.stores.definitions import StoredRecord
-from orip.files.stores.digest import record_digest
+from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
 from orip.model.camera import Camera, Mark
-from orip.model.measurement import PhotoObservations
+from orip.model.measurement import MeasuredMarks, PhotoObservations
 from orip.model.names import record_key
 from orip.model.photo import Photo, Temtick
 from orip.model.project import BundleDefinition
@@ -221,3 +221,19 @@ def test_a_million_observations_are_written_and_read_within_half_a_minute(tmp_pa
     # On a laptop it takes some 5 s: half a minute tells slowness of another order from a busy machine.
     assert time.monotonic() - began < 30
     assert samples.same(found, written)
+
+
+def _marks(values: list[float], name: str = "1") -> MeasuredMarks:
+    array = np.array(values).reshape(-1, 2)
+    return MeasuredMarks((name,) * len(array), array, np.zeros(len(array), dtype=bool), np.full(array.shape, np.nan))
+
+
+@given(st.lists(st.floats(allow_nan=True) | st.sampled_from([0.0, -0.0]), min_size=2, max_size=2))
+def test_records_are_the_same_as_their_digests_are(values: list[float]) -> None:
+    for other in (_marks(values), _marks([0.0, 1.0]), _marks(values * 2), _marks(values, "2")):
+        assert same_record(_marks(values), other) == (record_digest(_marks(values)) == record_digest(other))
+
+
+def test_no_solution_is_not_the_same_as_one() -> None:
+    assert same_record(None, None)
+    assert not same_record(None, _marks([1.0, 2.0]))
