@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import msgspec
 import numpy as np
-import orjson
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
@@ -70,10 +70,8 @@ def shortest_texts(values: FloatArray, missing: str) -> list[str]:
     """Return the shortest texts that read back exactly, as `repr` writes them; `missing` for NaN."""
     if not values.size:
         return []
-    # one call a list, and in Rust: fifteen times faster than repr
-    texts = (
-        orjson.dumps(np.ascontiguousarray(values), option=orjson.OPT_SERIALIZE_NUMPY).decode("ascii")[1:-1].split(",")
-    )
+    # one call a list, and in C: four times faster than repr
+    texts = msgspec.json.encode(values.tolist()).decode("ascii")[1:-1].split(",")
     size = np.abs(values)
     # small and large numbers have an exponent in other places, or spelt otherwise; JSON has no infinity
     unlike = ~((size >= _WITHOUT_EXPONENT[0]) & (size < _WITHOUT_EXPONENT[1]) | (size == 0.0))
