@@ -3,7 +3,8 @@
 A block is fenced with three backticks. It is
 
 - **run**, if its language is ``console``: lines that begin with ``$ `` are commands, and what follows each is what it
-  prints (a line ``...`` stands for any lines, ``...`` within a line for any text);
+  prints: a line ``...`` stands for any lines, ``...`` within a line for any text, and a long message may be broken as
+  on a terminal;
 - **a file**, if it has a ``:caption:`` (``{code-block} toml``), or if the paragraph before it begins with the file's
   name: ```FIRST.PNT` -- ground control``.
 

@@ -19,6 +19,9 @@ from orip.cli.main import main
 PORT = "4788"
 """The port of the pages, which is the program's default; the reader takes a free one in its place."""
 
+MARGIN = 9
+"""Where messages begin, behind the word that says what they are about."""
+
 SHELL_WORDS = re.compile(r"[|<>&;*`$]")
 """A command with one of these is given to the shell."""
 
@@ -107,14 +110,20 @@ def orip(folder: Path, arguments: list[str], variables: dict[str, str]) -> tuple
 
 def agrees(expected: tuple[str, ...], printed: str) -> bool:
     """Tell whether a text is what a page shows of it."""
-    pattern = "".join(map(_line_pattern, expected))
-    return re.fullmatch(pattern, printed if printed.endswith("\n") or not printed else printed + "\n") is not None
+    pattern = "".join(map(_line_pattern, _unbroken("\n".join(expected)).splitlines()))
+    text = _unbroken(printed)
+    return re.fullmatch(pattern, text if text.endswith("\n") or not text else text + "\n") is not None
 
 
 def _line_pattern(line: str) -> str:
     if line.strip() == "...":
         return r"(?:.*\n)*?"
     return r".*?".join(map(re.escape, line.rstrip().split("..."))) + r" *\n"
+
+
+def _unbroken(text: str) -> str:
+    """Return a text with the parts of messages, which begin below their first word, in one line."""
+    return re.sub(rf"\n {{{MARGIN}}}(?! )", " ", text)
 
 
 def _free_port() -> str:

@@ -6,12 +6,16 @@ only said. Read the difference before it is committed: the test that failed may 
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
 from documentation.pages import Step, steps
-from documentation.reader import Reader, agrees
+from documentation.reader import MARGIN, Reader, agrees
+
+WIDTH = 108
 
 
 def refreshed(page: Path) -> str:
@@ -34,7 +38,15 @@ def _replace(lines: list[str], step: Step, text: str) -> None:
     if any(line.strip() == "..." for line in shown):
         sys.stderr.write(f"line {step.line}: '{step.command}' prints something else, see there\n{text}")
         return
-    lines[step.line : step.line + len(shown)] = [_kept(shown, line.rstrip()) for line in text.splitlines()]
+    printed = [part for line in text.splitlines() for part in _broken(_kept(shown, line.rstrip()))]
+    lines[step.line : step.line + len(shown)] = printed
+
+
+def _broken(line: str) -> list[str]:
+    """Return a long message in several lines, as on a terminal."""
+    if len(line) <= WIDTH or not re.match(rf"(?:[a-z]+ +| +)(?<=^.{{{MARGIN}}})\S", line):
+        return [line]
+    return textwrap.wrap(line, WIDTH, subsequent_indent=" " * MARGIN, break_on_hyphens=False)
 
 
 def _kept(shown: list[str], printed: str) -> str:
