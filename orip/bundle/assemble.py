@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orip.bundle.additional_parameter import base_of_camera
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.name_warnings import name_warnings
+from orip.bundle.same_photo import photos_under_two_names
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
@@ -96,7 +97,11 @@ def gather(ingredients: Ingredients) -> Assembled:
         return Assembled(None, error.complaints, ())
     if complaints := frame_complaints(block, ingredients.preliminary):
         return Assembled(None, tuple(complaints), ())
-    warnings = (*name_warnings(block, ingredients.control, ingredients.preliminary), *block.ground.warnings)
+    warnings = (
+        *photos_under_two_names(block),
+        *name_warnings(block, ingredients.control, ingredients.preliminary),
+        *block.ground.warnings,
+    )
     return Assembled(photos_in_frame(block), (), warnings)
 
 

@@ -34,6 +34,12 @@ _NEAR = 0.1
 _TOO_FEW = 5
 """Points of which three always fit, and a robust fit would call the others wrong."""
 
+_METRES_PER_DEGREE = 111_195.0
+"""On a sphere of the radius 6371 km; within a block its flattening is of no account."""
+
+_DEGREES = 5.0
+"""Largest extent of a block in latitude and longitude together, 500 km."""
+
 _FOOT = 0.3048
 _Z_UNITS = {
     _FOOT: "Z seems to be in feet, X and Y in metres",
@@ -99,6 +105,8 @@ def handedness(
     common = _full(common)
     if len(common.source) < 3:
         return ()
+    if findings := _geographic(common):
+        return findings
     given = _fit(common)
     mirrored = _fit(replace(common, source=-common.source))
     if given is None or mirrored is None:
@@ -112,6 +120,32 @@ def handedness(
     # a reflection that the points exclude needs no look at the cameras
     if mirrored.misfit <= max(expected, given.misfit / _BETTER):
         return _seen_from_below(block, common, given)
+    return ()
+
+
+def _geographic(common: CommonPoints) -> tuple[str, ...]:
+    """Say so when X and Y are longitude and latitude in degrees: taken as such they fit, and as lengths they do not."""
+    x, y, _ = common.target.T
+    given = _fit(common)
+    for longitude, latitude, order in ((0, 1, "X, Y"), (1, 0, "Y, X")):
+        in_range = (
+            np.abs(common.target[:, longitude]).max() <= 180.0 and np.abs(common.target[:, latitude]).max() <= 90.0
+        )
+        if not in_range or np.ptp(x) + np.ptp(y) > _DEGREES:
+            continue
+        metres = _METRES_PER_DEGREE * np.array([np.cos(np.radians(common.target[:, latitude].mean())), 1.0])
+        target = np.column_stack([common.target[:, [longitude, latitude]] * metres, common.target[:, 2]])
+        fit = _fit(replace(common, target=target))
+        if fit is None or given is None:
+            continue
+        # both misfits in units of the block
+        if fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
+            sentence = (
+                f"the control fits when {order} are longitude and latitude in degrees, and orip wants X, Y and Z in "
+                "one unit of length: convert them to projected coordinates (a national grid or UTM: easting, "
+                "northing), and name the system as crs in [project] if the area is large"
+            )
+            return (sentence,)
     return ()
 
 

@@ -152,7 +152,7 @@ def _best_of_many(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Or
 
 def _alike(known: KnownPoints, squares: FloatArray) -> IntArray:
     """Return which of the squared residuals (k, n) are the least or not much more, the least first."""
-    costs = known.costs(squares)
+    costs = np.nan_to_num(known.costs(squares), nan=np.inf)  # an orientation may have run away
     order = np.argsort(costs, kind="stable")
     expected = max(2 * known.least - 6, 2)
     return np.asarray(order[costs[order] <= costs[order[0]] + _ALIKE * expected])

@@ -10,7 +10,7 @@ from pathlib import Path
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.results import iteration_pass
-from orip.errors import ProjectWarning
+from orip.errors import NotSolvableError, ProjectWarning
 from orip.files.parsed import Parsed
 from orip.files.stores import solutions
 from orip.files.stores.digest import same_record
@@ -24,6 +24,7 @@ from orip.model.solution import InteriorSummary, IterationPass, Solution
 from orip.prelim.in_project import absolute_in_project
 from orip.progress import stage
 from orip.workflow.bundle_input import Stored, gathered_block, read_stored
+from orip.workflow.explanation import Trials, explanations_of, explanations_of_failure
 from orip.workflow.interior import Interior
 from orip.workflow.outputs import rewrite_stale_outputs, write_solution_outputs
 from orip.workflow.preliminary_outputs import ListedValues, listed_values, write_preliminary_listing
@@ -119,28 +120,45 @@ def _adjusted(
     """Return the solution, and the preliminary values if they had to be found."""
     texts, interior = ground.records, stored.interior
     gathered, gather_warnings = gathered_block(project, stored, texts)
+    trials = Trials(
+        gathered,
+        lambda block: started_block(block, texts.preliminary, lambda _: None)[0],
+        tuple(each.record for each in stored.definitions.cameras),
+        interior.warnings,
+    )
     preliminary = None
+    not_oriented: list[str] = []
 
     def oriented(values: PreliminaryValues) -> None:
         nonlocal preliminary
         preliminary = listed_values(absolute_in_project(values, gathered.ground), gathered.ground)
+        not_oriented.extend(photo.name for photo in values.photos if photo.rotation is None)
         watcher.oriented(values)
 
-    block, start_warnings = started_block(gathered, texts.preliminary, oriented)
-    watcher.started(block)
-    for_bundle = tuple(forewarnings(block))
     unit = project.definition.ground_unit
-    with watcher.stoppable() as stop_asked:
-        solution = adjust_block(block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked)
+    try:
+        block, start_warnings = started_block(gathered, texts.preliminary, oriented)
+        watcher.started(block)
+        with watcher.stoppable() as stop_asked:
+            solution = adjust_block(
+                block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
+            )
+    except NotSolvableError as error:
+        causes = explanations_of_failure(trials, not_oriented)
+        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    for_bundle = tuple(forewarnings(block))
+    solution = replace(solution, ground_unit=unit)
+    explained = () if solution.status == "stopped" else explanations_of(solution, block, trials)
     inputs = (*texts.digests, *stored.digests, project.heading_digest)
     solution = replace(
         solution,
         project=project.definition.name,
         user=project.definition.user,
-        ground_unit=unit,
         inputs=inputs,
         interior=_summaries(interior, stored.definitions, stored.observations),
-        warnings=_rows((*ground.warnings, *interior.warnings, *gather_warnings, *start_warnings, *for_bundle)),
+        warnings=_rows(
+            (*explained, *ground.warnings, *interior.warnings, *gather_warnings, *start_warnings, *for_bundle)
+        ),
     )
     run = run_id("solve", method, solution.status, len(solution.iterations), inputs)
     return replace(solution, run=run), preliminary

@@ -1,0 +1,142 @@
+"""Photo points outside the frame of their photo: they were measured in another one, or on another mounting.
+
+No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most of
+a photo's points do, the photo, its marks or its template are not those that the points were measured on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.errors import ProjectWarning
+from orip.geometry.plane import PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.model.camera import Camera
+from orip.model.measurement import PhotoObservations
+from orip.model.names import counted_names, record_key
+from orip.model.photo import Photo
+
+FloatArray = NDArray[np.float64]
+
+_BEYOND_MARKS = 0.25
+"""Of the extent of the fiducial marks, on each side: the picture goes on beyond marks at the corners of its gate."""
+
+_MOST = 0.5
+"""Part of a photo's points that is outside where the photo, not a point of it, is at fault."""
+
+_PIXEL = 1.0
+"""Tolerance of a sensor's edge, pixels: some count from the centre of the first one."""
+
+
+def points_outside_frames(
+    definitions: Definitions, observations: PhotoObservations, to_photo: Mapping[str, PlaneTransformation]
+) -> list[ProjectWarning]:
+    """Return a warning for each photo and camera whose points lie outside.
+
+    Parameters
+    ----------
+    definitions : Definitions
+    observations : PhotoObservations
+        Of one bundle.
+    to_photo : mapping by `record_key` of the photo
+        Stored coordinates to photo millimetres.
+    """
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(observations.photos):
+        rows.setdefault(record_key(name), []).append(row)
+    points = {key: observations.measured[mine] for key, mine in rows.items() if key in definitions.photos}
+    photos = [definitions.photos[key] for key in points]
+    film = [each for each in photos if definitions.camera_of(each).fiducials]
+    return [
+        *_off_sensors(definitions, [each for each in photos if definitions.camera_of(each).sensor], points),
+        *_off_films(definitions, [each for each in film if record_key(each.name) in to_photo], points, to_photo),
+    ]
+
+
+def _off_sensors(
+    definitions: Definitions, photos: list[Photo], points: Mapping[str, FloatArray]
+) -> Iterator[ProjectWarning]:
+    by_camera: dict[str, list[Photo]] = {}
+    for photo in photos:
+        by_camera.setdefault(record_key(photo.camera), []).append(photo)
+    for key, mine in by_camera.items():
+        sensor = definitions.cameras[key].sensor
+        assert sensor is not None
+        size = np.array([sensor.columns, sensor.rows], dtype=np.float64)
+        off = [photo.name for photo in mine if _off(points[record_key(photo.name)], size).any()]
+        if not off:
+            continue
+        xy = np.vstack([points[record_key(photo.name)] for photo in mine])
+        text = (
+            f"{_count(_off(xy, size))} lie outside the {sensor.columns} columns and {sensor.rows} rows of the sensor "
+            f"({counted_names('photo', off)})"
+        )
+        if not _off(xy, size[::-1]).any():
+            text += (
+                "; none would if columns and rows were exchanged: write the column first in the measurements, "
+                "or exchange columns and rows (and width and height) of the sensor"
+            )
+        else:
+            text += "; check columns and rows of the sensor, and whether the photos are of this camera and uncropped"
+        yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+
+
+def _off(pixels: FloatArray, size: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray(((pixels < -_PIXEL) | (pixels > size + _PIXEL)).any(axis=1))
+
+
+def _off_films(
+    definitions: Definitions,
+    photos: list[Photo],
+    points: Mapping[str, FloatArray],
+    to_photo: Mapping[str, PlaneTransformation],
+) -> Iterator[ProjectWarning]:
+    found: dict[tuple[str, str], list[str]] = {}
+    for photo in photos:
+        key, camera = record_key(photo.name), definitions.camera_of(photo)
+        outside = _beyond_marks(to_photo[key].apply(points[key]), camera)
+        if np.mean(outside) <= _MOST:
+            continue
+        there = [
+            other.name
+            for other in photos
+            if other is not photo
+            and other.template == photo.template
+            and _are_in(points[key], other, to_photo, camera)
+            and _are_in(points[record_key(other.name)], photo, to_photo, camera)
+        ]
+        if len(there) == 1:
+            text = (
+                f"{_count(outside)} lie outside its fiducial marks, but within those of photo {there[0]}, and those of "
+                f"{there[0]} within its own: the two are exchanged; exchange the names in the POINTS lines"
+            )
+            yield ProjectWarning("outside-frame", f"photo {photo.name}", text)
+        else:
+            found.setdefault((photo.template or "", record_key(photo.camera)), []).append(photo.name)
+    for (template, _), names in found.items():
+        where = counted_names("photo", names)
+        cause = (
+            f"template {template} was mounted otherwise than its tick marks say, or fiducial marks or points are those "
+            "of another photo; measure the tick marks again"
+            if template
+            else "fiducial marks or points are those of another photo or mounting; measure the fiducial marks again"
+        )
+        yield ProjectWarning("outside-frame", where, f"most of the points lie outside the fiducial marks: {cause}")
+
+
+def _are_in(stored: FloatArray, photo: Photo, to_photo: Mapping[str, PlaneTransformation], camera: Camera) -> bool:
+    return float(np.mean(_beyond_marks(to_photo[record_key(photo.name)].apply(stored), camera))) <= 1.0 - _MOST
+
+
+def _beyond_marks(xy: FloatArray, camera: Camera) -> NDArray[np.bool_]:
+    marks = np.array([(mark.x, mark.y) for mark in camera.fiducials])
+    low, high = marks.min(axis=0), marks.max(axis=0)
+    margin = _BEYOND_MARKS * (high - low).max()
+    return np.asarray(((xy < low - margin) | (xy > high + margin)).any(axis=1))
+
+
+def _count(outside: NDArray[np.bool_]) -> str:
+    return f"{np.count_nonzero(outside)} of {len(outside)} points"

@@ -1,0 +1,530 @@
+"""The likeliest mistakes: how each is made in a sample project, and what the first line of orip has to tell."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mistakes.edits import SAMPLES, in_control, in_logs, in_photo, in_toml, number
+
+CLIFF = "small_frame_block"
+ZURICH = "zurich_city_hall"
+DCS = "dcs260_calibration"
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake.
+
+    Attributes
+    ----------
+    title : str
+    sample : str
+    make : callable
+        Makes it in a folder with the texts of the sample.
+    tells : tuple of str
+        Words of the first line: what is concerned, and what is wrong.
+    mend : str
+    upto : str
+        The command that says it: "measure" (after "init") where it is seen before anything is adjusted, else "run".
+    """
+
+    title: str
+    sample: str
+    make: Callable[[Path], None]
+    tells: tuple[str, ...]
+    mend: str
+    upto: str
+
+
+MISTAKES: dict[str, Mistake] = {}
+
+
+def mistake(
+    title: str, sample: str, *tells: str, mend: str, upto: str = "run"
+) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:
+    """Enter a function that makes a mistake into the catalogue, under its name."""
+
+    def enter(make: Callable[[Path], None]) -> Callable[[Path], None]:
+        MISTAKES[make.__name__] = Mistake(title, sample, make, tells, mend, upto)
+        return make
+
+    return enter
+
+
+def truth() -> dict[str, dict[str, list[float]]]:
+    """Return what the block of small frames was simulated from."""
+    found: dict[str, dict[str, list[float]]] = json.loads((SAMPLES / CLIFF / "truth.json").read_text(encoding="utf-8"))
+    return found
+
+
+# ------------------------------------------------------------------------------------------------- photos and cameras
+
+
+@mistake(
+    "Wrong camera on a photo", CLIFF, "photo 103", "camera REFLEX35", "not with TELE50",
+    mend="Name the right camera in the `[[photo]]`.",
+)  # fmt: skip
+def wrong_camera(folder: Path) -> None:
+    text = (folder / "orip.toml").read_text(encoding="utf-8")
+    record = re.search(r"\[\[camera\]\].*?\n\]\n", text, re.DOTALL)
+    assert record
+    other = record[0].replace('"REFLEX35"', '"TELE50"').replace("c = 35.0 ", "c = 50.0 ")
+    other = re.sub(r"unknown = .*\n", "", other)
+    (folder / "orip.toml").write_text(text.replace(record[0], f"{record[0]}\n{other}"), encoding="utf-8")
+    in_photo(folder, "103", lambda part: part.replace("REFLEX35", "TELE50"))
+
+
+@mistake(
+    "Principal distance of another lens", CLIFF, "camera REFLEX35", "C = 50 mm does not fit", "35.",
+    mend='Correct `c`, or let the adjustment find it: `unknown = ["C"]`.',
+)  # fmt: skip
+def other_lens(folder: Path) -> None:
+    in_toml(folder, ("c = 35.0 ", "c = 50.0 "), ('unknown = ["C", "DX", "DY", "A3", "A5"]', 'unknown = ["A3", "A5"]'))
+
+
+@mistake(
+    "Focal length as the equivalent for 35 mm film", ZURICH, "camera OLYMPUS", "C = 36 mm", "equivalent for 35 mm film",
+    mend="Write the focal length of the lens itself, mm.",
+)  # fmt: skip
+def equivalent_focal_length(folder: Path) -> None:
+    in_toml(folder, ("c = 8.595 ", "c = 36.0 "))
+
+
+@mistake(
+    "Principal distance in pixels", ZURICH, "camera OLYMPUS", "in pixels: C = 8.595 mm",
+    mend="Multiply by the size of a pixel; `c` is in mm.", upto="measure",
+)  # fmt: skip
+def principal_distance_in_pixels(folder: Path) -> None:
+    in_toml(folder, ("c = 8.595 ", "c = 1334.34 "))
+
+
+@mistake(
+    "Sensor size of another camera", ZURICH, "camera OLYMPUS", "C = 8.595 mm does not fit", "the size of the sensor",
+    mend="Correct `width` and `height` of the sensor, or `c`: the photos know their ratio alone.",
+)  # fmt: skip
+def sensor_size(folder: Path) -> None:
+    in_toml(folder, ("width = 8.245", "width = 36.0"), ("height = 6.6", "height = 28.8"))
+
+
+@mistake(
+    "Width and height of the sensor exchanged", ZURICH, "camera OLYMPUS", "pixels are square", "width and height",
+    mend="Exchange them.", upto="measure",
+)  # fmt: skip
+def sensor_turned(folder: Path) -> None:
+    in_toml(folder, ("width = 8.245, height = 6.6", "width = 6.6, height = 8.245"))
+
+
+@mistake(
+    "Distortion of the opposite sign", CLIFF, "camera REFLEX35", "distortion", "opposite sign",
+    mend="Reverse the sign of the coefficients: positive distortion moves the image outwards.",
+)  # fmt: skip
+def distortion_sign(folder: Path) -> None:
+    distortion = "distortion = { A3 = 3.1e-5, A5 = -3.2e-8 }"
+    in_toml(folder, ('unknown = ["C", "DX", "DY", "A3", "A5"]', f'{distortion}\nunknown = ["C", "DX", "DY"]'))
+
+
+# ------------------------------------------------------------------------------------------------ measuring the photos
+
+
+@mistake(
+    "Pixel rows counted upwards", ZURICH, "camera OLYMPUS", "rows seem to count upwards", "1024 - row",
+    mend="Rows count down from the upper edge: write rows − row.",
+)  # fmt: skip
+def rows_upwards(folder: Path) -> None:
+    in_logs(folder, lambda _, words: [*words[:2], number(words[2], -1.0, 1024.0)])
+
+
+@mistake(
+    "Pixel rows counted upwards, plane object", DCS, "other side of the plane", "rows may count upwards",
+    mend="As above. The adjustment fits: the cameras lie mirrored behind the plane.",
+)  # fmt: skip
+def rows_upwards_on_a_plane(folder: Path) -> None:
+    in_logs(folder, lambda _, words: [*words[:2], number(words[2], -1.0, 1024.0)])
+
+
+@mistake(
+    "Row before column", ZURICH, "camera OLYMPUS", "lie outside", "column first",
+    mend="Write the column first.", upto="measure",
+)  # fmt: skip
+def row_before_column(folder: Path) -> None:
+    in_logs(folder, lambda _, words: [words[0], words[2], words[1]])
+
+
+TURNED = {"1": "3", "3": "1", "2": "4", "4": "2", "5": "7", "7": "5", "6": "8", "8": "6"}
+QUARTER = {"1": "2", "2": "3", "3": "4", "4": "1", "5": "6", "6": "7", "7": "8", "8": "5"}
+TURNED_OVER = {"1": "2", "2": "1", "3": "4", "4": "3", "5": "5", "6": "8", "7": "7", "8": "6"}
+"""Name by position of each mark of the cliff's camera and sheets, on film that lies so."""
+
+
+@mistake(
+    "A scan turned by 180°, fiducial marks named by their place", CLIFF, "photo 103", "turned by 180°", "3 is 1",
+    mend="Name marks by what they are on the film, not by where they lie in the scan.", upto="measure",
+)  # fmt: skip
+def turned_scan(folder: Path) -> None:
+    in_logs(folder, lambda header, words: [TURNED[words[0]], *words[1:]] if header[:2] == ["PHOTO", "103"] else words)
+
+
+@mistake(
+    "Fiducial marks named from another corner", CLIFF, "photo 103", "turned by 90°", "2 is 1",
+    mend="Start where the camera's list of marks starts.", upto="measure",
+)  # fmt: skip
+def other_corner(folder: Path) -> None:
+    in_logs(folder, lambda header, words: [QUARTER[words[0]], *words[1:]] if header[:2] == ["PHOTO", "103"] else words)
+
+
+@mistake(
+    "Film scanned emulsion up, marks named by their place", CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
+    mend="Mirror the scan; or name the marks by what they are: then they undo it.", upto="measure",
+)  # fmt: skip
+def emulsion_up(folder: Path) -> None:
+    in_logs(
+        folder,
+        lambda header, words: [
+            words[0] if header[0] == "POINTS" else TURNED_OVER[words[0]], number(words[1], -1.0), words[2]
+        ],
+    )  # fmt: skip
+
+
+@mistake(
+    "Film scanned emulsion up, marks named by what they are", CLIFF, "template LEFT", "mirror image",
+    mend="Nothing, if it was meant: the marks undo it, and the result is right.", upto="measure",
+)  # fmt: skip
+def emulsion_up_named(folder: Path) -> None:
+    in_logs(folder, lambda _, words: [words[0], number(words[1], -1.0), words[2]])
+
+
+@mistake(
+    "A template mounted upside down, tick marks named by their place", CLIFF, "template LEFT", "turned by 180°",
+    mend="Name ticks by what they are on the sheet.", upto="measure",
+)  # fmt: skip
+def template_upside_down(folder: Path) -> None:
+    second_day = {"201", "203", "205"}
+    first = (folder / "DAY1.MEA").read_text(encoding="utf-8")
+
+    def turned(header: list[str], words: list[str]) -> list[str]:
+        if header[:2] == ["TEMPLATE", "LEFT"]:
+            return [TURNED[words[0]], *(number(each, -1.0) for each in words[1:])]
+        return [words[0], *(number(each, -1.0) for each in words[1:])] if header[-1] in second_day else words
+
+    in_logs(folder, turned)
+    (folder / "DAY1.MEA").write_text(first, encoding="utf-8")
+
+
+@mistake(
+    "Two photos exchanged", ZURICH, "photos st3 and st8", "exchanged",
+    mend="Exchange the names in the `POINTS` lines, or the preliminary orientations.",
+)  # fmt: skip
+def exchanged_photos(folder: Path) -> None:
+    other = {"st3": "st8", "st8": "st3"}
+    in_logs(folder, lambda _, words: words, lambda header: [*header[:2], other.get(header[2], header[2])])
+
+
+@mistake(
+    "Two photos on a template exchanged", CLIFF, "photo 102", "photo 104", "exchanged",
+    mend="Exchange the names in the `POINTS` lines.", upto="measure",
+)  # fmt: skip
+def exchanged_on_a_template(folder: Path) -> None:
+    other = {"102": "104", "104": "102"}
+    in_logs(
+        folder,
+        lambda _, words: words,
+        lambda header: [*header[:2], other.get(header[2], header[2])] if header[0] == "POINTS" else header,
+    )
+
+
+@mistake(
+    "The same photo under two names", CLIFF, "photo 113", "photo 103", "one photo",
+    mend="Take one of the two out.",
+)  # fmt: skip
+def photo_twice(folder: Path) -> None:
+    text = (folder / "DAY1.MEA").read_text(encoding="utf-8")
+    parts = re.split(r"(?m)^(?=TEMPLATE|PHOTO|POINTS|! )", text)
+    again = [part.replace(" 103", " 113", 1) for part in parts if re.match(r"(PHOTO|POINTS MAIN) 103", part)]
+    (folder / "DAY1.MEA").write_text(f"{text}\n{''.join(again)}", encoding="utf-8")
+    record = '[[photo]]\nname = "{}"\ncamera = "REFLEX35"\n'
+    in_toml(
+        folder,
+        (record.format("104"), f"{record.format('113')}\n{record.format('104')}"),
+        ('"103", "105", "201"', '"103", "113", "105", "201"'),
+    )
+
+
+@mistake(
+    "A photo that is measured, but is not in the project", ZURICH, "ZURICH.MEA:137", "photo st10 is not defined",
+    mend="Correct the name, or define the photo.",
+)  # fmt: skip
+def unknown_photo(folder: Path) -> None:
+    in_logs(folder, lambda _, words: words, lambda header: [*header[:2], header[2].replace("st9", "st10")])
+
+
+@mistake(
+    "One number for two points", CLIFF, "point 1401", "one number for two points",
+    mend="Give one of the two another number, in all its photos.",
+)  # fmt: skip
+def one_number_for_two_points(folder: Path) -> None:
+    in_logs(folder, lambda _, words: [re.sub("^1102$", "1401", words[0]), *words[1:]])
+
+
+@mistake(
+    "A point measured under another number", CLIFF, "photo 204", "point 1301", "probably 1302",
+    mend="Correct the number.",
+)  # fmt: skip
+def another_number(folder: Path) -> None:
+    in_logs(
+        folder,
+        lambda header, words: (
+            {"1301": None, "1302": ["1301", *words[1:]]}.get(words[0], words)
+            if header == ["POINTS", "MAIN", "204"]
+            else words
+        ),
+    )
+
+
+@mistake(
+    "One number twice in a photo", ZURICH, "ZURICH.MEA:10", "'101' is measured twice",
+    mend="Give the second point its own number.",
+)  # fmt: skip
+def number_twice_in_a_photo(folder: Path) -> None:
+    in_logs(
+        folder, lambda header, words: ["101", *words[1:]] if header[-1] == "st1" and words[0] == "121" else words
+    )  # fmt: skip
+
+
+@mistake(
+    "A point pointed to wrongly", CLIFF, "photo 104", "point 1308", "does not fit",
+    mend="Measure it again, or disregard it.",
+)  # fmt: skip
+def mispointed(folder: Path) -> None:
+    in_logs(
+        folder,
+        lambda header, words: (
+            [words[0], number(words[1], 1.0, 0.2), words[2]]
+            if header == ["POINTS", "MAIN", "104"] and words[0] == "1308"
+            else words
+        ),
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------- control
+
+
+@mistake(
+    "North, east in place of east, north", CLIFF, "X and Y of the control are exchanged", "north, east",
+    mend="Exchange the columns X and Y of the control file.",
+)  # fmt: skip
+def north_east(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], words[2], words[1], *words[3:]])
+
+
+@mistake(
+    "North, east in place of east, north; orientations are given", ZURICH, "X and Y are exchanged", "north, east",
+    mend="Exchange the columns X and Y of the control file.",
+)  # fmt: skip
+def north_east_against_orientations(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], words[2], words[1], *words[3:]])
+
+
+def in_feet(words: list[str]) -> list[str]:
+    return [words[0], *(number(each, 1.0 / 0.3048) for each in words[1:4]), *words[4:]]
+
+
+@mistake(
+    "Control in feet, distances in metres", CLIFF, "distances", "metres, and the control in feet",
+    mend="Write both in one unit.",
+)  # fmt: skip
+def feet(folder: Path) -> None:
+    in_control(folder, in_feet)
+
+
+@mistake(
+    "Control in feet, orientations in metres", ZURICH, "0.3048", "feet", "orientations in metres",
+    mend="Write both in one unit.",
+)  # fmt: skip
+def feet_against_orientations(folder: Path) -> None:
+    in_control(folder, in_feet)
+
+
+@mistake(
+    "Heights in feet, X and Y in metres", CLIFF, "Z seems to be in feet",
+    mend="Multiply Z by 0.3048.",
+)  # fmt: skip
+def heights_in_feet(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:3], number(words[3], 1.0 / 0.3048), *words[4:]])
+
+
+@mistake(
+    "Longitude and latitude in place of projected coordinates", CLIFF, "longitude and latitude in degrees",
+    mend="Convert to easting and northing.",
+)  # fmt: skip
+def longitude_and_latitude(folder: Path) -> None:
+    def degrees(words: list[str]) -> list[str]:
+        latitude = 60.7 + float(words[2]) / 111195.0
+        longitude = -45.9 + float(words[1]) / (111195.0 * np.cos(np.radians(latitude)))
+        return [words[0], f"{longitude:.8f}", f"{latitude:.8f}", *words[3:]]
+
+    in_control(folder, degrees)
+
+
+@mistake(
+    "0 for want of a height", CLIFF, "control point CP3", "Z = 0", "for want of a value",
+    mend="Write `-` for the height and its error.",
+)  # fmt: skip
+def placeholder_height(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:3], "0", *words[4:]] if words[0] == "CP3" else words)
+
+
+@mistake(
+    "0 for want of a height, control constant", ZURICH, "control point 121", "Z = 0", "for want of a value",
+    mend="Write `-` for the height and its error.",
+)  # fmt: skip
+def placeholder_height_held(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:3], "0", *words[4:]] if words[0] == "121" else words)
+
+
+@mistake(
+    "Two digits exchanged in a coordinate", CLIFF, "control point CP4", "probably 194.989", "two digits",
+    mend="Correct it.",
+)  # fmt: skip
+def exchanged_digits(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], "149.989", *words[2:]] if words[0] == "CP4" else words)
+
+
+@mistake(
+    "Missing minus", CLIFF, "control point CP1", "probably -2.615", "sign",
+    mend="Correct it.",
+)  # fmt: skip
+def missing_minus(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:2], "2.615", *words[3:]] if words[0] == "CP1" else words)
+
+
+@mistake(
+    "Missing minus, control constant", DCS, "control point 11", "probably -0.101895", "sign",
+    mend="Correct it.",
+)  # fmt: skip
+def missing_minus_held(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], "0.101895", *words[2:]] if words[0] == "11" else words)
+
+
+@mistake(
+    "Two control points exchanged", CLIFF, "control point CP2", "CP1", "the two are exchanged",
+    mend="Exchange their names.",
+)  # fmt: skip
+def exchanged_control(folder: Path) -> None:
+    other = {"CP1": "CP2", "CP2": "CP1"}
+    in_control(folder, lambda words: [other.get(words[0], words[0]), *words[1:]])
+
+
+@mistake(
+    "A control point given twice", CLIFF, "CLIFF.PNT:4", "'CP1' is already on line 3",
+    mend="Keep one of the two lines.",
+)  # fmt: skip
+def control_twice(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0].replace("CP2", "CP1"), *words[1:]])
+
+
+@mistake(
+    "Heights above the ellipsoid beside heights above the geoid", CLIFF, "check points", "in Z", "height system",
+    mend="Take all heights from one system.",
+)  # fmt: skip
+def two_height_systems(folder: Path) -> None:
+    in_control(
+        folder, lambda words: [*words[:3], number(words[3], 1.0, 46.7), *words[4:]] if words[0][1] == "K" else words
+    )  # fmt: skip
+
+
+@mistake(
+    "Decimal comma", CLIFF, "CLIFF.PNT:3:6", "'72,012' has a decimal comma", "72.012",
+    mend="Write decimal points.",
+)  # fmt: skip
+def decimal_comma(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], *(each.replace(".", ",") for each in words[1:])])
+
+
+# ------------------------------------------------------------------------------------- a-priori errors, units of angles
+
+
+@mistake(
+    "A-priori errors of control in mm", CLIFF, "control", "millimetres beside metres",
+    mend="Write them in the unit of the coordinates.",
+)  # fmt: skip
+def control_errors_in_mm(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:4], *(number(each, 1e3) for each in words[4:])])
+
+
+@mistake(
+    "Measurement precision in pixels", DCS, "measurement_precision = 1 mm", "205 pixels", "'1px'",
+    mend="Write `'1px'`, or the size of a pixel in mm.",
+)  # fmt: skip
+def precision_in_pixels(folder: Path) -> None:
+    in_toml(folder, ("measurement_precision = 0.005 ", "measurement_precision = 1 "))
+
+
+@mistake(
+    "Measurement precision in micrometres", CLIFF, "measurement_precision = 2.2", "micrometres", "0.0022",
+    mend="Write mm.",
+)  # fmt: skip
+def precision_in_micrometres(folder: Path) -> None:
+    in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2 "))
+
+
+@mistake(
+    "Measurement precision in metres", CLIFF, "measurement_precision = 2.2e-06", "metres", "0.0022",
+    mend="Write mm.",
+)  # fmt: skip
+def precision_in_metres(folder: Path) -> None:
+    in_toml(folder, ("measurement_precision = 0.0022 ", "measurement_precision = 2.2e-6 "))
+
+
+@mistake(
+    "Preliminary angles in gon", CLIFF, "OMEGA, PHI and KAPPA", "gon", "by 0.9",
+    mend="Write degrees.",
+)  # fmt: skip
+def orientations_in_gon(folder: Path) -> None:
+    for name, (*centre, omega, phi, kappa) in truth()["photos"].items():
+        values = [*centre, *(round(angle) / 0.9 for angle in (omega, phi, kappa))]
+        keys = ("X0", "Y0", "Z0", "OMEGA", "PHI", "KAPPA")
+        lines = "".join(f"{key} = {value:.4f}\n" for key, value in zip(keys, values, strict=True))
+        camera = 'camera = "REFLEX35"\n'
+        in_photo(folder, name, lambda part, new=camera + lines, old=camera: part.replace(old, new))
+
+
+@mistake(
+    "Preliminary angles in radians", ZURICH, "OMEGA, PHI and KAPPA", "radians", "57.29",
+    mend="Write degrees.",
+)  # fmt: skip
+def orientations_in_radians(folder: Path) -> None:
+    path = folder / "orip.toml"
+    text = path.read_text(encoding="utf-8")
+    angle = re.compile(r"(?m)^(OMEGA|PHI|KAPPA) = (.*)$")
+    path.write_text(angle.sub(lambda found: f"{found[1]} = {np.radians(float(found[2])):.6f}", text), encoding="utf-8")
+
+
+@mistake(
+    "Theodolite directions in gon", CLIFF, "theodolite directions", "gon", "by 0.9",
+    mend="Write degrees.",
+)  # fmt: skip
+def directions_in_gon(folder: Path) -> None:
+    points = truth()["points"]
+    random = np.random.default_rng(1989)
+    station = np.array([120.0, -90.0, 30.0])
+    lines = []
+    for name in ("CP1", "CP2", "1102", "1205", "1307", "2110", "2207", "2409"):
+        x, y, z = np.array(points[name]) - station
+        direction, zenith = np.degrees([np.arctan2(x, y), np.arctan2(np.hypot(x, y), z)]) + random.normal(0, 0.003, 2)
+        lines.append(f"S1 ST {name} {(direction + 40.0) / 0.9:.4f} 0.003 {zenith / 0.9:.4f} 0.003\n")
+    (folder / "CLIFF.DIR").write_text("".join(lines), encoding="utf-8")
+    with (folder / "CLIFF.PNT").open("a", encoding="utf-8") as control:
+        control.write("  ST 120.01 -90.01 30.01 0.02 0.02 0.02\n")
+
+
+@mistake(
+    "Distances in feet", CLIFF, "distances", "0.3048", "feet, and the control in metres",
+    mend="Write both in one unit.",
+)  # fmt: skip
+def distances_in_feet(folder: Path) -> None:
+    in_control(folder, lambda words: [*words[:4], number(words[4], 1.0 / 0.3048), words[5]], "LEN")

@@ -1,0 +1,50 @@
+"""What orip says first of a project with a mistake, and the table of the documentation."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from cli.command_line import Said, orip
+from mistakes.catalogue import MISTAKES, Mistake
+from mistakes.edits import sample
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "mistakes.md"
+BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->\n"
+
+_COMMANDS = {"measure": (("init",), ("measure",)), "run": (("run", "--no-report"),)}
+
+
+def said_of(mistake: Mistake, folder: Path) -> list[Said]:
+    """Make a mistake in a new folder, and return what the commands say."""
+    mistake.make(sample(mistake.sample, folder))
+    return [orip(folder, *words) for words in _COMMANDS[mistake.upto]]
+
+
+def first_line(said: list[Said]) -> str:
+    """Return the first error or warning; else the status, and without one nothing."""
+    lines = [line for each in said for line in each.err.splitlines()]
+    return next((line for line in lines if re.match("error: |warning: |status ", line)), "")
+
+
+def row(mistake: Mistake, line: str) -> str:
+    """Return a row of the table."""
+    shown = line.replace("|", "\\|").replace("<", "&lt;")
+    return f"| {mistake.title} | {shown} | {mistake.mend} |\n"
+
+
+def write_table() -> None:
+    """Write the table of the documentation anew: ``PYTHONPATH=tests python -m mistakes.first_line``."""
+    from tempfile import TemporaryDirectory
+
+    rows = ["| mistake | what orip says first | how to mend it |\n", "|---|---|---|\n"]
+    for name, mistake in MISTAKES.items():
+        with TemporaryDirectory() as folder:
+            rows.append(row(mistake, first_line(said_of(mistake, Path(folder) / name))))
+    before, rest = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)
+    _, after = rest.split(END)
+    DOCUMENT.write_text(f"{before}{BEGIN}{''.join(rows)}{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_table()

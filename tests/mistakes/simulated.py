@@ -1,0 +1,36 @@
+"""What orip explains of simulated blocks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from orip.bundle.assemble import with_starting_values
+from orip.bundle.methods import Method, adjust_block
+from orip.errors import ProjectWarning
+from orip.model.block import Block
+from orip.model.camera import Camera
+from orip.workflow.explanation import Trials, explanations_of
+
+
+def explained(block: Block) -> list[ProjectWarning]:
+    """Adjust a block, and return what orip says of it."""
+    gathered = replace(block, point_start=np.full_like(block.point_start, np.nan))
+
+    def start(other: Block) -> Block:
+        return with_starting_values(other, ())[0]
+
+    started = start(gathered)
+    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
+    return explanations_of(solution, started, Trials(gathered, start, block.cameras))
+
+
+def with_camera(block: Block, *values: tuple[int, float]) -> Block:
+    """Return a block whose camera has other values at some places of `CAMERA_PARAMETERS`."""
+    (camera,) = block.cameras
+    parameters = list(camera.parameters)
+    for place, value in values:
+        parameters[place] = value
+    changed: Camera = replace(camera, parameters=tuple(parameters))
+    return replace(block, cameras=(changed,))

@@ -1,0 +1,159 @@
+"""Recognition of single mistakes: what is recognised, what is not taken for one, and what cannot be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli.command_line import orip
+from mistakes.edits import in_logs, number, sample
+from mistakes.simulated import explained, with_camera
+from support.synthetic_block import DISTORTED, synthetic_block
+from workflow.quiet import run_quietly
+
+from orip.bundle.control_slips import slip
+from orip.bundle.same_photo import photos_under_two_names
+from orip.interior.camera_sense import camera_warnings
+from orip.interior.mark_names import misnamed_marks
+from orip.interior.orientation import orient_photo
+from orip.model.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.model.measurement import MeasuredMarks, PhotoOrientation
+
+# ------------------------------------------------------------------------------------------------------------- cameras
+
+
+def test_a_lens_distortion_that_the_record_has_not() -> None:
+    block = synthetic_block("strip", "no distortion given", noise_mm=0.005, distortion=DISTORTED).block
+    (said,) = explained(with_camera(block, *((place, 0.0) for place in range(3, len(CAMERA_PARAMETERS)))))
+    assert said.code == "distortion"
+    assert 'unknown = ["A3", "A5", "P1", "P2"]' in said.text
+
+
+def test_a_principal_point_of_the_opposite_sign() -> None:
+    # photos of two walls held by control: elsewhere the photos turn a little, and take most of it over
+    block = synthetic_block(
+        "terrestrial", "principal point", noise_mm=0.002, precision_mm=0.002, control="constant"
+    ).block
+    x, y = block.cameras[0].parameters[1:3]
+    (said,) = explained(with_camera(block, (1, -x), (2, -y)))
+    assert (said.code, said.where) == ("principal-point-sign", "camera CAM")
+    assert "opposite sign of x and y" in said.text
+
+
+def test_a_camera_that_makes_sense() -> None:
+    values = (50.0, *[0.0] * 10)
+    assert not list(camera_warnings(Camera("A", values, sensor=Sensor(6000, 4000, 35.9, 23.9))))
+    # a fisheye of 8 mm on small-frame film, and a long aerial lens
+    assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 10), frame=(36.0, 24.0))))
+    assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 10), frame=(230.0, 230.0))))
+    (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 10), sensor=Sensor(6000, 4000, 35.9, 23.9)))
+    assert "angle of view" in said.text
+
+
+# --------------------------------------------------------------------------------------------------------------- marks
+
+
+def _photo(name: str, given: np.ndarray, labels: list[int], random: np.random.Generator) -> PhotoOrientation:
+    """Return a photo whose marks lie as the camera has them, measured under other labels."""
+    turn = np.radians(30.0)
+    plate = given @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) * 1.0004 + [12.0, -40.0]
+    measured = plate + random.normal(scale=0.002, size=plate.shape)
+    unknown = np.full_like(given, np.nan)
+    marks = MeasuredMarks(tuple(str(each) for each in labels), measured, np.zeros(len(given), dtype=bool), unknown)
+    return PhotoOrientation(name, "A", marks)
+
+
+@pytest.mark.parametrize(
+    ("asymmetry_mm", "labels", "found"),
+    [
+        (0.03, [1, 2, 3, 4, 5, 6, 7, 8], ""),
+        (0.03, [5, 6, 7, 8, 1, 2, 3, 4], "turned by 180°"),
+        # nothing tells how a quite symmetrical camera lay: no alarm, whatever the names
+        (0.0, [1, 2, 3, 4, 5, 6, 7, 8], ""),
+        (0.0, [5, 6, 7, 8, 1, 2, 3, 4], ""),
+    ],
+)
+def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], found: str) -> None:
+    random = np.random.default_rng(41)
+    around = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)], dtype=float)
+    given = around * [18.0, 12.0] + asymmetry_mm * random.normal(size=around.shape)
+    fiducials = tuple(Mark(str(k + 1), x, y) for k, (x, y) in enumerate(given.tolist()))
+    camera = Camera("A", (35.0, *[0.0] * 10), fiducials=fiducials)
+    photos = [_photo(str(k), given, [1, 2, 3, 4, 5, 6, 7, 8], random) for k in range(4)]
+    photos.append(_photo("last", given, labels, random))
+    said = misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos])
+    assert [each.where for each in said] == (["photo last"] if found else [])
+    assert all(found in each.text for each in said)
+
+
+def test_one_mark_mispointed_is_no_other_name() -> None:
+    random = np.random.default_rng(42)
+    given = np.array([(-18.02, -12.01), (18.01, -12.03), (18.0, 12.02), (-17.98, 12.0)])
+    camera = Camera("A", (35.0, *[0.0] * 10), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
+    photos = [_photo(str(k), given, [1, 2, 3, 4], random) for k in range(5)]
+    photos[2].marks.measured[1] += 0.5
+    assert misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos]) == []
+
+
+# -------------------------------------------------------------------------------------------------------------- photos
+
+
+def test_photos_taken_one_after_the_other_are_two() -> None:
+    block = synthetic_block("convergent", "two photos", noise_mm=0.005).block
+    assert photos_under_two_names(block) == []
+    points = block.photo_points
+    xy = points.xy.copy()
+    first, second = (np.flatnonzero(points.photo == k) for k in (0, 1))
+    place = {point: row for row, point in zip(first, points.point[first], strict=True)}
+    for row in second:
+        if points.point[row] in place:
+            xy[row] = points.xy[place[points.point[row]]] + 0.004
+    (said,) = photos_under_two_names(replace(block, photo_points=replace(points, xy=xy)))
+    assert said.where == "photo P2"
+
+
+# ------------------------------------------------------------------------------------------------------------- control
+
+
+@pytest.mark.parametrize(
+    ("given", "seen", "what"),
+    [
+        (149.989, 194.98, "194.989: two digits are exchanged"),
+        (2.615, -2.61, "-2.615: its sign is wrong"),
+        (19.4989, 194.98, "194.989: its decimal point is displaced"),
+        (194.989, 184.98, "184.989: one digit is wrong"),
+        (0.0, 83.0, "for want of a value"),
+        (194.989, 187.3, None),
+        # half the difference is unknown: any slip would do
+        (149.989, 150.3, None),
+    ],
+)
+def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
+    found = slip(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
+    assert found is None if what is None else found is not None and what in found
+
+
+# ---------------------------------------------------------------------------------------------- what cannot be seen
+
+
+def test_half_a_pixel_is_taken_over_by_an_unknown_principal_point(tmp_path: Path) -> None:
+    (as_it_is,) = run_quietly(sample("dcs260_calibration", tmp_path / "a"))
+    folder = sample("dcs260_calibration", tmp_path / "b")
+    in_logs(folder, lambda _, words: [words[0], *(number(each, 1.0, -0.5) for each in words[1:])])
+    (shifted,) = run_quietly(folder)
+    pixel = 7.5078 / 1536
+    moved = shifted.solution.cameras.values[0, 1:3] - as_it_is.solution.cameras.values[0, 1:3]
+    # the input has six decimals of a pixel
+    assert moved == pytest.approx([-0.5 * pixel, 0.5 * pixel], abs=1e-5)
+    assert shifted.solution.sigma0 == pytest.approx(as_it_is.solution.sigma0, abs=1e-6)
+
+
+def test_micrometres_on_the_stage_change_nothing(tmp_path: Path) -> None:
+    (as_it_is,) = run_quietly(sample("small_frame_block", tmp_path / "a"))
+    folder = sample("small_frame_block", tmp_path / "b")
+    in_logs(folder, lambda _, words: [words[0], *(number(each, 1e3) for each in words[1:])])
+    assert "warning" not in orip(folder, "run", "--no-report").err
+    (other,) = run_quietly(folder)
+    assert other.solution.points.values == pytest.approx(as_it_is.solution.points.values, abs=1e-6)
