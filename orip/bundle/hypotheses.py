@@ -20,23 +20,15 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.model.block import Block
 from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.control import ControlPoint
-from orip.model.ground import PlainGround
 
 FloatArray = NDArray[np.float64]
 
-_FOOT = 0.3048
-_GON = 0.9
 _NEAR = 0.5
 _WORST_PHOTOS = 12
 """Photos among which an exchanged pair is looked for."""
 
 _PAIRS = 3
 """Pairs that are tried: preliminary orientations are rough."""
-
-_MILLI = 1e-3
-_USELESS = 0.01
-"""Of the extent of photos or control: with errors that large they do not say where anything is."""
 
 _LENS = ("A3", "A5", "P1", "P2")
 _DISTORTION_TEXT = (
@@ -70,7 +62,8 @@ class Hypothesis:
     holds: Callable[[SolvedBlock], bool] = lambda _: True
 
 
-def _plainly(text: str) -> Callable[[SolvedBlock], str]:
+def plainly(text: str) -> Callable[[SolvedBlock], str]:
+    """Return what says a text of any adjustment."""
     return lambda _: text
 
 
@@ -87,12 +80,12 @@ def camera_hypotheses(block: Block) -> Iterator[Hypothesis]:
                 "the distortion fits with the opposite sign; reverse the sign of its coefficients (positive distortion "
                 "moves the image outwards: measured = ideal + distortion)"
             )
-            yield Hypothesis("distortion-sign", where, _with_values(block, row, _DISTORTION, -1.0), _plainly(text))
+            yield Hypothesis("distortion-sign", where, _with_values(block, row, _DISTORTION, -1.0), plainly(text))
         if values[_PRINCIPAL_POINT].any() and not unknown[_PRINCIPAL_POINT].any():
             yield from _principal_points(block, row, where)
         if not values[_DISTORTION].any() and not unknown[_DISTORTION].any():
             free = _with_unknown(block, row, *_LENS)
-            yield Hypothesis("distortion", where, free, _plainly(_DISTORTION_TEXT))
+            yield Hypothesis("distortion", where, free, plainly(_DISTORTION_TEXT))
         if not unknown[0]:
             yield Hypothesis("principal-distance", where, _with_unknown(block, row, "C"), partial(_other_c, row=row))
 
@@ -107,7 +100,7 @@ def _principal_points(block: Block, row: int, where: str) -> Iterator[Hypothesis
             "and y up, from the centre of the sensor or the fiducial marks to the principal point)"
         )
         changed = _with_values(block, row, _PRINCIPAL_POINT, np.array(signs))
-        yield Hypothesis("principal-point-sign", where, changed, _plainly(text))
+        yield Hypothesis("principal-point-sign", where, changed, plainly(text))
 
 
 def _with_camera(block: Block, row: int, camera: Camera) -> Block:
@@ -182,7 +175,7 @@ def other_cameras(block: Block, photos: Sequence[str], cameras: Sequence[Camera]
                 f"it fits with camera {camera.name}, and not with {own.name}; write "
                 f'camera = "{camera.name}" in its [[photo]]'
             )
-            yield Hypothesis("other-camera", f"photo {name}", changed, _plainly(text))
+            yield Hypothesis("other-camera", f"photo {name}", changed, plainly(text))
 
 
 def _without_unused(block: Block) -> Block:
@@ -205,7 +198,7 @@ def photo_hypotheses(block: Block) -> Iterator[Hypothesis]:
             xy[mine, axis] *= -1.0
             points = replace(block.photo_points, xy=xy)
             changed = replace(block, photo_points=points)
-            yield Hypothesis("mirrored", where, changed, _plainly(_mirrored(camera, axis)), _stay_near)
+            yield Hypothesis("mirrored", where, changed, plainly(_mirrored(camera, axis)), stay_near)
     for pair in _exchanged(block):
         one, other = (block.photos[k].name for k in pair)
         order = np.arange(len(block.photos))
@@ -216,19 +209,19 @@ def photo_hypotheses(block: Block) -> Iterator[Hypothesis]:
             "the other; exchange the names in the POINTS lines, or the preliminary orientations"
         )
         changed = replace(block, photo_points=points)
-        yield Hypothesis("exchanged-photos", "", changed, _plainly(text), partial(_are_in_place, pair=pair))
+        yield Hypothesis("exchanged-photos", "", changed, plainly(text), partial(_are_in_place, pair=pair))
     for factor in ANGLE_UNITS:
         orientation = block.photo_orientation * [1.0, 1.0, 1.0, factor, factor, factor]
         changed = replace(block, photo_orientation=orientation)
         near = partial(_is_near, given=block.photo_orientation[:, 3:], factor=factor)
-        yield Hypothesis("angle-unit", "orip.toml", changed, _plainly(angle_unit_text(factor)), near)
+        yield Hypothesis("angle-unit", "orip.toml", changed, plainly(angle_unit_text(factor)), near)
 
 
 def _is_near(solved: SolvedBlock, given: FloatArray, factor: float) -> bool:
     return is_nearer(given, factor, solved.adjusted.linearised.state.rotations)
 
 
-def _stay_near(solved: SolvedBlock) -> bool:
+def stay_near(solved: SolvedBlock) -> bool:
     """Tell whether photos are where they were given, for the most part and as far as the distance to their points goes.
 
     A block adjusts itself to control of any scale; where its photos stood tells which is right.
@@ -292,125 +285,3 @@ def _exchanged(block: Block) -> list[tuple[int, int]]:
         if (gain := own[i] + own[j] - sum(exchanged)) > 0.0:
             better[i, j] = gain
     return sorted(better, key=lambda pair: -better[pair])[:_PAIRS]
-
-
-# ------------------------------------------------------------------------------------------------------------- control
-
-
-def control_hypotheses(block: Block) -> Iterator[Hypothesis]:
-    """Yield control with its axes exchanged or reversed, or in another unit than the photos' orientations."""
-    if not isinstance(block.ground, PlainGround) or not block.control_points:
-        return
-    exchanged = (
-        "the control fits the photos when X and Y are exchanged: it probably has north, east in place of X = east, Y = "
-        "north; exchange the columns X and Y of the control file"
-    )
-    yield _control(block, "control-axes", np.eye(3)[[1, 0, 2]], exchanged)
-    for axis, name in enumerate("XYZ"):
-        signs = np.ones(3)
-        signs[axis] = -1.0
-        text = f"the control fits the photos when {name} has the opposite sign; reverse the sign of {name}"
-        yield _control(block, "control-axes", np.diag(signs), text)
-    for factor, unit, other in ((_FOOT, "feet", "metres"), (1.0 / _FOOT, "metres", "feet")):
-        text = (
-            f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in "
-            f"{unit}, and the orientations in {other}; use one unit"
-        )
-        yield _control(block, "control-unit", np.eye(3) * factor, text)
-        text = (
-            f"the control fits the photos when Z is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in "
-            f"{other}; use one unit"
-        )
-        yield _control(block, "control-unit", np.diag([1.0, 1.0, factor]), text)
-
-
-def _control(block: Block, code: str, matrix: FloatArray, text: str) -> Hypothesis:
-    points = tuple(_changed(point, matrix) for point in block.control_points)
-    place = block.point_index()
-    constant = block.constant_points.copy()
-    rows = [place[point.name] for point in points]
-    constant[rows] = (np.abs(matrix) @ constant[rows].T > 0.0).T
-    changed = replace(block, control_points=points, constant_points=constant)
-    return Hypothesis(code, "", changed, _plainly(text), _stay_near)
-
-
-def _changed(point: ControlPoint, matrix: FloatArray) -> ControlPoint:
-    """Return a control point whose coordinates are multiplied by a matrix that has one element in each row."""
-    source = np.abs(matrix).argmax(axis=1)
-    factors = matrix[np.arange(3), source]
-
-    def taken(values: Sequence[float | None], by: FloatArray) -> tuple[float | None, float | None, float | None]:
-        x, y, z = (None if (value := values[k]) is None else float(value * by[row]) for row, k in enumerate(source))
-        return x, y, z
-
-    return replace(point, coordinates=taken(point.coordinates, factors), errors=taken(point.errors, np.abs(factors)))
-
-
-def released_control(block: Block, names: Sequence[str]) -> Iterator[tuple[str, Block]]:
-    """Yield blocks in which one of the control points is a tie point."""
-    place = block.point_index()
-    for name in names:
-        constant = block.constant_points.copy()
-        constant[place[name]] = False
-        points = tuple(point for point in block.control_points if point.name != name)
-        yield name, replace(block, control_points=points, constant_points=constant)
-
-
-def direction_hypotheses(block: Block) -> Iterator[Hypothesis]:
-    """Yield theodolite directions in gon."""
-    if block.directions:
-        directions = tuple(
-            replace(
-                each,
-                direction=each.direction * _GON,
-                direction_error=each.direction_error * _GON,
-                zenith=None if each.zenith is None else each.zenith * _GON,
-                zenith_error=None if each.zenith_error is None else each.zenith_error * _GON,
-            )
-            for each in block.directions
-        )
-        text = (
-            "the theodolite directions fit when they are in gon; write degrees: multiply directions, zenith angles and "
-            "their a-priori errors by 0.9"
-        )
-        yield Hypothesis("direction-unit", "control directions", replace(block, directions=directions), _plainly(text))
-
-
-def error_hypotheses(block: Block) -> Iterator[Hypothesis]:
-    """Yield a-priori errors in other units, where those given are so large that photos or control say nothing."""
-    precision, points = block.definition.measurement_precision, block.photo_points
-    sensors = {camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None}
-    too_large = float(np.median(points.error)) > _USELESS * float(np.ptp(points.xy, axis=0).max())
-    factors = [(_MILLI, "micrometres")] if too_large else [(1.0 / _MILLI, "metres")]
-    if too_large and precision.unit == "mm":
-        factors += [(pixel, "pixels") for pixel in sorted(sensors)[:1]]
-    for factor, unit in factors:
-        written = f"'{precision.value:g}px'" if unit == "pixels" else f"{precision.value * factor:g}"
-        text = (
-            f"measurement_precision = {precision.value:g} is in {precision.unit}, and makes sense in {unit}; write "
-            f"measurement_precision = {written}"
-        )
-        changed = replace(block, photo_points=replace(points, error=points.error * factor))
-        yield Hypothesis("error-unit", "orip.toml", changed, _plainly(text))
-    if _control_is_useless(block):
-        text = (
-            "the a-priori errors of the control points make sense in thousandths of the ground unit, as millimetres "
-            "beside metres; write them in the unit of the coordinates"
-        )
-        weighted = tuple(_with_errors(point, _MILLI) for point in block.control_points)
-        yield Hypothesis("error-unit", "control file", replace(block, control_points=weighted), _plainly(text))
-
-
-def _control_is_useless(block: Block) -> bool:
-    known = [point for point in block.control_points if point.kind == "control"]
-    coordinates = np.array([[np.nan if value is None else value for value in point.coordinates] for point in known])
-    errors = np.array([[np.nan if error is None else error for error in point.errors] for point in known])
-    if not np.isfinite(coordinates).any() or not np.isfinite(errors).any():
-        return False
-    extent = float(np.nanmax(np.nanmax(coordinates, axis=0) - np.nanmin(coordinates, axis=0)))
-    return float(np.nanmedian(errors)) > _USELESS * extent
-
-
-def _with_errors(point: ControlPoint, factor: float) -> ControlPoint:
-    x, y, z = (None if error is None else error * factor for error in point.errors)
-    return replace(point, errors=(x, y, z))

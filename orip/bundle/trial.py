@@ -24,6 +24,10 @@ _FITS = 3.0
 _SIGN_TEST = 3.7
 """Quantile of the normal distribution, error probability 1e-4: some ten ways of writing something are tried."""
 
+_FAR_OFF, _FEW = 10.0, 4
+"""An observation that is off by ten times the limit comes to fit by chance with a probability of a tenth at most, four
+of them with 1e-4."""
+
 _EXPLAINED = 0.5
 """Part of the misfits that has to go."""
 
@@ -80,13 +84,23 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
 
 
 def explains(other: Fit, given: Fit) -> bool:
-    """Tell whether another adjustment explains what the given one does not."""
+    """Tell whether another adjustment explains what the given one does not.
+
+    Few observations decide, too, where they are off by far: control that a block is bent to fits in most coordinates.
+    """
     limit = _FITS * min(other.scale, given.scale)
-    fits, fitted = other.standard <= limit, given.of(other.observations) <= limit
-    gained, lost = np.count_nonzero(fits & ~fitted), np.count_nonzero(fitted & ~fits)
-    if gained - lost < _SIGN_TEST * np.sqrt(gained + lost):
+    before = given.of(other.observations)
+    counted = ~(np.isinf(before) & np.isinf(other.standard))
+    before, after = before[counted], other.standard[counted]
+    if np.count_nonzero(after > limit) > _EXPLAINED * np.count_nonzero(before > limit):
         return False
-    return bool(np.count_nonzero(~fits) <= _EXPLAINED * np.count_nonzero(~fitted))
+    gained, lost = after <= limit, before <= limit
+    gained, lost = gained & ~lost, lost & ~gained
+    few = np.count_nonzero(gained & (before > _FAR_OFF * limit))
+    if few >= _FEW and not (lost & (after > 2.0 * limit)).any():
+        return True
+    count, lost_count = np.count_nonzero(gained), np.count_nonzero(lost)
+    return bool(count - lost_count >= _SIGN_TEST * np.sqrt(count + lost_count) and count > 0)
 
 
 def is_good(fit: Fit) -> bool:

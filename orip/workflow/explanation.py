@@ -14,18 +14,16 @@ from functools import partial
 import numpy as np
 
 from orip.bundle.angle_unit import angles_in_another_unit
-from orip.bundle.control_slips import contradicting_control, control_warnings
-from orip.bundle.error_units import errors_too_large
-from orip.bundle.hypotheses import (
-    Hypothesis,
-    camera_hypotheses,
+from orip.bundle.control_hypotheses import (
     control_hypotheses,
     direction_hypotheses,
     error_hypotheses,
-    other_cameras,
-    photo_hypotheses,
+    mirrored_control,
     released_control,
 )
+from orip.bundle.control_slips import contradicting_control, control_warnings
+from orip.bundle.error_units import errors_too_large
+from orip.bundle.hypotheses import Hypothesis, camera_hypotheses, other_cameras, photo_hypotheses
 from orip.bundle.mirrored_plane import mirrored_plane
 from orip.bundle.misnamed_points import misnamed_points
 from orip.bundle.observation_units import units_of_observations
@@ -45,6 +43,9 @@ _PICTURE = 0.01
 a tenth of the coordinates."""
 
 _MOST = 0.5
+_MUCH_CONTROL = 0.2
+"""Part of the control coordinates that loses weight where more is wrong than single points."""
+
 _EQUALLY = 0.01
 """Part of the observations by which two readings may differ that explain a block equally well."""
 
@@ -177,7 +178,9 @@ def _hypotheses(solution: Solution, started: Block, trials: Trials) -> Iterator[
             yield from control_hypotheses(gathered)
         yield from other_cameras(gathered, _doubted(given, "photo", 1)[:_DOUBTED_PHOTOS], trials.cameras)
         yield from camera_hypotheses(oriented)
-    if _most_are_doubted(solution, "direction"):
+    if not trials.oriented and _doubted_share(solution, "control") > _MUCH_CONTROL:
+        yield from mirrored_control(gathered)
+    if _doubted_share(solution, "direction") > _MOST:
         yield from direction_hypotheses(oriented)
 
 
@@ -215,10 +218,11 @@ def _started_better(reading: _Reading, trials: Trials) -> bool:
     return not explains(reading.fit, fit_of_adjustment(again))
 
 
-def _most_are_doubted(solution: Solution, kind: str) -> bool:
+def _doubted_share(solution: Solution, kind: str) -> float:
+    """Return the part of the observations of a kind in use that has lost weight."""
     rows = solution.residuals
-    weights = rows.weight_factor[np.array(rows.kind) == kind]
-    return bool(np.mean(weights < 1.0) > _MOST) if len(weights) else False
+    weights = rows.weight_factor[(np.array(rows.kind) == kind) & ~np.isnan(rows.weight_factor)]
+    return float(np.mean(weights < 1.0)) if len(weights) else 0.0
 
 
 def _is_in_the_picture(solution: Solution) -> bool:

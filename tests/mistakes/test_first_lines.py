@@ -32,4 +32,4 @@ def test_the_table_has_each_mistake_once_and_nothing_else() -> None:
 @pytest.mark.parametrize("name", [CLIFF, ZURICH, DCS])
 def test_of_a_sample_without_mistakes_nothing_is_said(tmp_path: Path, name: str) -> None:
     folder = sample(name, tmp_path / name)
-    assert first_line([orip(folder, "run", "--no-report")]) == "status   converged"
+    assert first_line([orip(folder, "run", "--no-report")]).startswith("status   converged")
