@@ -6,7 +6,7 @@ Rays that do not meet where the other rays of their point do, but meet elsewhere
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ def misnamed_points(block: Block, solution: Solution) -> list[ProjectWarning]:
     doubted = doubted_photo_points(solution)
     if solution.status == "not_converged" or not 0 < len(doubted) <= _MOST * len(block.photo_points.photo):
         return []
-    return list(_Doubted(block, solution, doubted.tolist()).warnings())
+    return _Doubted(block, solution, doubted.tolist()).warnings()
 
 
 def doubted_photo_points(solution: Solution) -> NDArray[np.int64]:
@@ -64,7 +64,8 @@ class _Doubted:
         for photo, point in zip(block.photo_points.photo.tolist(), block.photo_points.point.tolist(), strict=True):
             self.measured.setdefault(photo, set()).add(point)
 
-    def warnings(self) -> Iterator[ProjectWarning]:
+    def warnings(self) -> list[ProjectWarning]:
+        """Return what the photo points are; where they are nothing else, the one that is off most."""
         alone: dict[str, list[int]] = {}
         others: dict[tuple[str, str], list[int]] = {}
         for row in self.rows:
@@ -73,30 +74,37 @@ class _Doubted:
                 alone.setdefault(self._point(row), []).append(row)
             else:
                 others.setdefault((self._point(row), other), []).append(row)
-        for (name, other), rows in others.items():
-            text = (
-                f"what was measured there as point {name} is where point {other} is seen, and that is not measured "
-                f"there: it is probably {other}; correct the number in the POINTS lines"
-            )
-            yield ProjectWarning("misnamed-point", self._photos(rows), text)
-        for name, rows in alone.items():
-            if len(rows) > 1 and self.sight.meeting(rows) is not None:
-                text = (
-                    f"its rays in {self._photos(rows)} meet, but not where those in other photos do: one number for "
-                    "two points; give one of them another number"
-                )
-                yield ProjectWarning("misnamed-point", f"point {name}", text)
-            else:
-                yield from self._blunders(rows)
+        found = [self._renamed(name, other, rows) for (name, other), rows in others.items()]
+        twice = {name: rows for name, rows in alone.items() if len(rows) > 1 and self.sight.meeting(rows) is not None}
+        found += [self._second_point(name, rows) for name, rows in twice.items()]
+        return found or self._blunder()
 
-    def _blunders(self, rows: Sequence[int]) -> Iterator[ProjectWarning]:
-        for row in rows:
-            if self.sight.meeting(self._other_rows(row)) is not None:
-                text = (
-                    f"point {self._point(row)} does not fit by {self._off(row):.3f} mm and was down-weighted; its "
-                    "other rays meet: measure it again in this photo, or check its number"
-                )
-                yield ProjectWarning("blunder", self._photos([row]), text)
+    def _renamed(self, name: str, other: str, rows: Sequence[int]) -> ProjectWarning:
+        text = (
+            f"what was measured there as point {name} is where point {other} is seen, and that is not measured there: "
+            f"it is probably {other}; correct the number in the POINTS lines"
+        )
+        return ProjectWarning("misnamed-point", self._photos(rows), text)
+
+    def _second_point(self, name: str, rows: Sequence[int]) -> ProjectWarning:
+        text = (
+            f"its rays in {self._photos(rows)} meet, but not where those in other photos do: one number for two "
+            "points; give one of them another number"
+        )
+        return ProjectWarning("misnamed-point", f"point {name}", text)
+
+    def _blunder(self) -> list[ProjectWarning]:
+        """Return a warning for the photo point that is off most, of those whose other rays meet."""
+        rows = [row for row in self.rows if self.sight.meeting(self._other_rows(row)) is not None]
+        if not rows:
+            return []
+        row = max(rows, key=lambda each: np.nan_to_num(self._off(each), nan=np.inf))
+        more = f" ({len(rows) - 1} more do not fit)" if len(rows) > 1 else ""
+        text = (
+            f"point {self._point(row)} does not fit by {self._off(row):.3f} mm and was down-weighted; its other rays "
+            f"meet: measure it again in this photo, or check its number{more}"
+        )
+        return [ProjectWarning("blunder", self._photos([row]), text)]
 
     def _off(self, row: int) -> float:
         """Return how far (mm) a photo point is from where its point is seen."""

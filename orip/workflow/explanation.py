@@ -46,6 +46,9 @@ _MOST = 0.5
 _MUCH_CONTROL = 0.2
 """Part of the control coordinates that loses weight where more is wrong than single points."""
 
+_MOST_TOLD = 5
+"""Warnings: the first ones matter, and listings have all observations that do not fit."""
+
 _EQUALLY = 0.01
 """Part of the observations by which two readings may differ that explain a block equally well."""
 
@@ -118,7 +121,7 @@ def explanations_of(solution: Solution, started: Block, trials: Trials) -> list[
         return found
     if not is_good(given) and (found := explanations_of_failure(trials, ())):
         return found
-    return [
+    found = [
         *mirrored_plane(trials.gathered, solution),
         *angles_in_another_unit(trials.gathered, solution),
         *errors_too_large(trials.gathered, solution),
@@ -126,6 +129,7 @@ def explanations_of(solution: Solution, started: Block, trials: Trials) -> list[
         *contradicting_control(trials.gathered, solution),
         *misnamed_points(trials.gathered, solution),
     ]
+    return found[:_MOST_TOLD]
 
 
 @dataclass(frozen=True, slots=True)
