@@ -32,6 +32,9 @@ _FEW = 0.2
 _NEARLY = 0.1
 """Of how far a control point is off: what is left of it when it has the coordinates of another one."""
 
+_SMALL = 0.01
+"""Of the extent of the control: by less a coordinate of the origin, or of a plane, may be off."""
+
 _WEIGHTED_AWAY = 0.5
 """Weight factor below which a coordinate had no say in where its point is."""
 
@@ -83,6 +86,7 @@ def control_warnings(block: Block, seen: Known, ground_unit: str) -> list[Projec
         if point.name in seen and not _is_at(point, *seen[point.name])
     }
     control = sum(point.kind == "control" for point in block.control_points)
+    size = _extent(block)
     few = len(points) <= max(1.0, _FEW * control)
     partner = dict(_exchanged(points, seen))
     found = []
@@ -96,18 +100,31 @@ def control_warnings(block: Block, seen: Known, ground_unit: str) -> list[Projec
                 "exchanged; exchange their names in the control file, or in the photos"
             )
         else:
-            text = _slips_of(point, *seen[name]) or (_contradiction(point, *seen[name], ground_unit) if few else "")
+            text = _slips_of(point, *seen[name], _SMALL * size) or (
+                _contradiction(point, *seen[name], ground_unit) if few else ""
+            )
         if text:
             found.append(ProjectWarning("contradicting-control", f"control point {name}", text))
     return found
 
 
-def _slips_of(point: ControlPoint, there: FloatArray, sd: FloatArray) -> str:
-    """Return which slips of the pen explain a point; nothing where none does."""
+def _extent(block: Block) -> float:
+    """Return the largest extent of the control points, ground units."""
+    extents = [0.0]
+    for axis in range(3):
+        given = [value for point in block.control_points if (value := point.coordinates[axis]) is not None]
+        extents.append(max(given, default=0.0) - min(given, default=0.0))
+    return max(extents)
+
+
+def _slips_of(point: ControlPoint, there: FloatArray, sd: FloatArray, small: float) -> str:
+    """Return which slips of the pen explain a point; nothing where none does. A 0 that is off by little was meant."""
     if _axes_exchanged(point, there, sd):
         return "the photos see it where it would be with X and Y exchanged; exchange them in the control file"
     slips = []
     for kind, value, seen, tolerance in _off(point, there, sd):
+        if value == 0.0 and abs(seen) < small:
+            continue
         if (meant := slip(value, seen, tolerance)) is not None:
             slips.append(f"{kind} = {value:.10g} {meant}")
     return (

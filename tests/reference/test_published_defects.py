@@ -100,7 +100,8 @@ def test_free_network_has_seven_movements_and_nothing_undetermined(free: Any) ->
 def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
     said = orip(without_datum(None).write(tmp_path / "block"), "run")
     assert said.code == 0
-    assert "cannot be determined" in said.err
+    assert "7 unknowns could not be determined" in said.err
+    assert "the ground system is not fixed" in said.err
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "converged"
     assert result["singular"]
@@ -135,7 +136,8 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     said = orip(block.write(tmp_path / "block"), "run")
     assert said.code == 0
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
-    named = {each["where"]: each["text"] for each in result["warnings"]}
+    # control point 1003 lies 2.6 mm beside where the photos see it, which is told too
+    named = {each["where"]: each["text"] for each in result["warnings"] if each["code"] != "contradicting-control"}
     assert named == {f"{where} {name}": "is not measured in any photo" for name in unseen}
     assert all(f"{where} {name}: is not measured" in said.err for name in unseen)
     assert result["status"] == "converged"
