@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from orip.adjustment.weights import danish_weights
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.rotation import cross_matrix, rotation_about_axes
+from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 from orip.prelim.parallax import Pairs, Parallaxes, parallaxes, parallaxes_with_partials
 
 FloatArray = NDArray[np.float64]
@@ -88,7 +89,12 @@ def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, m
     -------
     Adjusted
     """
-    limits = pairs.error * np.reshape(scale, (-1, 1))
+    scales = np.broadcast_to(np.asarray(scale, dtype=np.float64), len(start.base))
+    return (_compiled_adjusted if is_compiled() else _adjusted)(start, pairs, scales, max_iterations)
+
+
+def _adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_iterations: int) -> Adjusted:
+    limits = pairs.error * scales[:, None]
     photos, weights = start, np.empty(0)
     for iteration in range(1, max_iterations + 1):
         found = parallaxes_with_partials(photos, pairs)
@@ -106,6 +112,18 @@ def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, m
             break
     essential = cross_matrix(photos.base) @ photos.rotation
     return Adjusted(photos, parallaxes(essential, pairs), weights, iteration)
+
+
+def _compiled_adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_iterations: int) -> Adjusted:
+    """Do what `_adjusted` does in the compiled loop."""
+    photos = TwoPhotos(np.array(start.base, order="C"), np.array(start.rotation, order="C"))
+    shape = len(start.base), len(pairs.error)
+    weights, found, iterations = np.empty(shape), np.empty(shape), np.empty(1, dtype=np.int64)
+    kernels.adjust_models(
+        *pairs.arrays, np.ascontiguousarray(scales), *photos, weights, found, iterations, MAX_STANDARD_RESIDUAL,
+        LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, max_iterations, _WEIGHTS_HELD,
+    )  # fmt: skip
+    return Adjusted(photos, found, weights, int(iterations[0]))
 
 
 def precision_of(adjusted: Adjusted, pairs: Pairs) -> Precision:
