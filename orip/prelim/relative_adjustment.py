@@ -62,9 +62,9 @@ class Precision(NamedTuple):
 
     Attributes
     ----------
-    redundancy_number : array (k, n)
+    redundancy_number : array (n,)
         Of the parallaxes.
-    cofactor : array (k, 6, 6)
+    cofactor : array (6, 6)
         Of the unit base (nothing along itself) and of a small rotation about the left photo's axes.
     """
 
@@ -127,22 +127,40 @@ def _compiled_adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_i
 
 
 def precision_of(adjusted: Adjusted, pairs: Pairs) -> Precision:
-    """Return redundancy numbers and cofactors of adjusted orientations, from the a-priori errors."""
+    """Return redundancy numbers and cofactors of one adjusted orientation, from the a-priori errors."""
+    redundancy, inverse = (_compiled_inverse if is_compiled() else _inverse)(adjusted, pairs)
+    whole = np.zeros((6, 5))
+    whole[:3, :2] = _across(adjusted.photos.base)[0]
+    whole[3:, 2:] = np.eye(3)
+    return Precision(redundancy, whole @ inverse @ whole.T)
+
+
+def _inverse(adjusted: Adjusted, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
+    """Return redundancy numbers (n,), and the inverse (5, 5) of the normal equations."""
     photos, weights = adjusted.photos, adjusted.weight_factor
-    design, across = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
+    design, _ = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
     inverse = np.linalg.inv(_regular(np.swapaxes(design * weights[..., None], 1, 2) @ design))
     redundancy = 1.0 - weights * ((design @ inverse) * design).sum(axis=-1)
-    whole = np.zeros((len(photos.base), 6, 5))
-    whole[:, :3, :2] = across
-    whole[:, 3:, 2:] = np.eye(3)
-    return Precision(np.maximum(redundancy, 0.0), np.asarray(whole @ inverse @ np.swapaxes(whole, 1, 2)))
+    return np.maximum(redundancy[0], 0.0), np.asarray(inverse[0])
+
+
+def _compiled_inverse(adjusted: Adjusted, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
+    """Do what `_inverse` does in the compiled loop."""
+    redundancy, inverse = np.empty(len(pairs.error)), np.empty((5, 5))
+    kernels.relative_cofactors(*pairs.arrays, *adjusted.photos, adjusted.weight_factor, redundancy, inverse, _REGULAR)
+    return redundancy, inverse
 
 
 def _design(photos: TwoPhotos, pairs: Pairs, found: Parallaxes) -> tuple[FloatArray, FloatArray]:
     """Return the design matrices (k, n, 5) in units of the a-priori error, and the directions across the bases."""
-    across = np.linalg.qr(photos.base[..., None], mode="complete")[0][..., 1:]
+    across = _across(photos.base)
     design = np.concatenate([found.by_base @ across, found.by_rotation], axis=-1) / pairs.error[:, None]
-    return design, np.asarray(across)
+    return design, across
+
+
+def _across(base: FloatArray) -> FloatArray:
+    """Return two directions (k, 3, 2) across each of k bases."""
+    return np.asarray(np.linalg.qr(base[..., None], mode="complete")[0][..., 1:])
 
 
 def _regular(normals: FloatArray) -> FloatArray:

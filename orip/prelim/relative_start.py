@@ -164,8 +164,12 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     rows, n = residuals.shape
     if n <= POINTS_NEEDED:
         return Consensus(np.zeros(rows), np.ones(rows), np.ones(rows))
+    return (_compiled_consensus if is_compiled() else _consensus)(residuals, _chance_of_unit(pairs))
+
+
+def _consensus(residuals: FloatArray, unit: float) -> Consensus:
+    rows, n = residuals.shape
     ordered = np.sort(residuals, axis=1)
-    unit = _chance_of_unit(pairs)
     agreeing = np.arange(POINTS_NEEDED + 1, n + 1)
     largest = np.clip(np.maximum(ordered[:, POINTS_NEEDED:], _NO_BETTER) * unit, 1e-300, 1.0)
     log_chance = _log_of_sets(n) + (agreeing - POINTS_NEEDED) * np.log(largest)
@@ -175,9 +179,17 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     return Consensus(log_chance[row, which], np.maximum(np.sqrt(square), 1.0), count / n)
 
 
+def _compiled_consensus(residuals: FloatArray, unit: float) -> Consensus:
+    """Do what `_consensus` does in the compiled loop."""
+    rows, n = residuals.shape
+    found = np.empty((rows, 3))
+    kernels.agree(_log_of_sets(n), np.array(residuals, order="C"), found, unit, _NO_BETTER)
+    return Consensus(found[:, 0], found[:, 1], found[:, 2])
+
+
 def _chance_of_unit(pairs: Pairs) -> float:
     """Return the probability that a point placed at random has a parallax up to its a-priori error."""
-    extent = max(float(np.hypot(*np.ptp(xy[:, :2], axis=0))) for xy in (pairs.left, pairs.right))
+    extent = max(math.hypot(*(xy[:, :2].max(axis=0) - xy[:, :2].min(axis=0))) for xy in (pairs.left, pairs.right))
     return 2.0 * float(pairs.error.mean()) / max(extent, 1e-300)
 
 

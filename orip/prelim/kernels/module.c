@@ -342,6 +342,51 @@ static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *argu
     return done(&a);
 }
 
+static PyObject *agree(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SETS, RESIDUALS, AGREEMENTS };
+    Arguments a;
+    if (!taken(&a, arguments, given, 1, 2, 2))
+        return NULL;
+    const int64_t count = a.views[SETS].len / 8 + 5, rows = a.views[AGREEMENTS].len / 24;
+    const Judgement judgement = {a.numbers[0], a.numbers[1], 0.0, 0.0, a.views[SETS].buf, 0};
+    if (!has(&a, RESIDUALS, rows * count) || !has(&a, AGREEMENTS, 3 * rows))
+        return refused(&a);
+    for (int64_t k = 0; k < rows; k++)
+        ((Agreement *)a.views[AGREEMENTS].buf)[k] =
+            consensus(&judgement, (double *)a.views[RESIDUALS].buf + count * k, count);
+    return done(&a);
+}
+
+static PyObject *relative_cofactors(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { BASE = 3, ROTATION, WEIGHTS, REDUNDANCY, INVERSE };
+    Arguments a;
+    Pairs p;
+    if (!taken(&a, arguments, given, 6, 2, 1))
+        return NULL;
+    if (!pairs_from(&a, &p) || !has(&a, BASE, 3) || !has(&a, ROTATION, 9) || !has(&a, WEIGHTS, p.count)
+        || !has(&a, REDUNDANCY, p.count) || !has(&a, INVERSE, 25))
+        return refused(&a);
+    relative_precision(&p, a.numbers[0], a.views[BASE].buf, a.views[ROTATION].buf, a.views[WEIGHTS].buf,
+                       a.views[REDUNDANCY].buf, a.views[INVERSE].buf);
+    return done(&a);
+}
+
+static PyObject *rotate_only(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SPACE = 3 };
+    Arguments a;
+    Pairs p;
+    if (!taken(&a, arguments, given, 3, 1, 2))
+        return NULL;
+    if (!pairs_from(&a, &p) || !has(&a, SPACE, 9 * p.count) || p.count < 1)
+        return refused(&a);
+    const double median = left_by_rotation(&p, a.numbers[0], (int64_t)a.numbers[1], a.views[SPACE].buf);
+    release(&a);
+    return PyFloat_FromDouble(median);
+}
+
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
 
 static PyMethodDef methods[] = {
@@ -353,6 +398,9 @@ static PyMethodDef methods[] = {
     METHOD(judge, "Essential matrices of samples of points, the best of them."),
     METHOD(front, "Of essential matrices the orientations with the points in front."),
     METHOD(adjust_models, "Relative orientations with Danish weights."),
+    METHOD(agree, "How many points agree in adjustments, and how well."),
+    METHOD(relative_cofactors, "Redundancy numbers and cofactors of a relative orientation."),
+    METHOD(rotate_only, "What a rotation alone leaves between two photos."),
     METHOD(adjust_joint, "A spatial similarity with Danish weights."),
     METHOD(residuals, "Residuals of a network."),
     METHOD(normals, "Reduced normal equations of a network."),

@@ -168,29 +168,34 @@ static int64_t judge_samples(const Pairs *p, const Judgement *j, const int64_t *
     return best_unlike(j, essential, number, costs, chosen);
 }
 
-/* The four pairs of base and rotation of an essential matrix (Hartley and Zisserman 2004, result 9.19). */
-static void photos_of(const double *E, double bases[4][3], double rotations[4][9])
+/* Left and right singular vectors of a matrix, those of the largest singular value first, right-handed. */
+static void singular_vectors(const double *M, double u[3][3], double v[3][3])
 {
-    double square[3][3], values[3], V[3][3], v[3][3], u[3][3];
+    double square[3][3], values[3], V[3][3];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            square[i][j] = E[i] * E[j] + E[3 + i] * E[3 + j] + E[6 + i] * E[6 + j];
+            square[i][j] = M[i] * M[j] + M[3 + i] * M[3 + j] + M[6 + i] * M[6 + j];
     eigen3(square, values, V);
     for (int i = 0; i < 3; i++)
         v[0][i] = V[i][2], v[1][i] = V[i][1];
     cross3(v[0], v[1], v[2]);
-    times3(E, v[0], u[0]);
-    const double length = sqrt(dot3(u[0], u[0]));
-    for (int i = 0; i < 3; i++)
-        u[0][i] /= length;
-    times3(E, v[1], u[1]);
-    const double along = dot3(u[0], u[1]);
-    for (int i = 0; i < 3; i++)
-        u[1][i] -= along * u[0][i];
-    const double across = sqrt(dot3(u[1], u[1]));
-    for (int i = 0; i < 3; i++)
-        u[1][i] /= across;
+    for (int k = 0; k < 2; k++) {
+        times3(M, v[k], u[k]);
+        const double along = k ? dot3(u[0], u[1]) : 0.0;
+        for (int i = 0; i < 3; i++)
+            u[k][i] -= along * u[0][i];
+        const double length = sqrt(dot3(u[k], u[k]));
+        for (int i = 0; i < 3; i++)
+            u[k][i] /= length;
+    }
     cross3(u[0], u[1], u[2]);
+}
+
+/* The four pairs of base and rotation of an essential matrix (Hartley and Zisserman 2004, result 9.19). */
+static void photos_of(const double *E, double bases[4][3], double rotations[4][9])
+{
+    double u[3][3], v[3][3];
+    singular_vectors(E, u, v);
     for (int k = 0; k < 4; k++) {
         /* U Z V^T with a quarter turn Z, forwards or back */
         const double turn = k < 2 ? 1.0 : -1.0, sign = k % 2 ? -1.0 : 1.0;
@@ -366,4 +371,88 @@ static int64_t adjust_pairs(const Pairs *p, const RelativeDanish *d, const doubl
         parallaxes_at(p, E, parallax + p->count * k);
     }
     return iteration;
+}
+
+/* Redundancy numbers of an adjusted orientation, and the inverse of its normal equations (5 x 5). */
+static void relative_precision(const Pairs *p, double regular, const double *base, const double *R,
+                               const double *weights, double *redundancy, double *inverse)
+{
+    double E[9], across[2][3], N[5][5] = {{0.0}}, design[5], trace = 0.0;
+    essential_of(base, R, E);
+    across_of(base, across);
+    for (int64_t row = 0; row < p->count; row++) {
+        parallax_row(E, base, R, across, p->left + 3 * row, p->right + 3 * row, p->error[row], design);
+        for (int i = 0; i < 5; i++)
+            for (int j = 0; j < 5; j++)
+                N[i][j] += weights[row] * design[i] * design[j];
+    }
+    for (int i = 0; i < 5; i++)
+        trace += N[i][i];
+    for (int i = 0; i < 5; i++)
+        N[i][i] += regular * trace + 1e-300;
+    for (int k = 0; k < 5; k++) {
+        double used[5][5], column[5] = {0.0};
+        memcpy(used, N, sizeof(N));
+        column[k] = 1.0;
+        solve5(used, column);
+        for (int i = 0; i < 5; i++)
+            inverse[5 * i + k] = column[i];
+    }
+    for (int64_t row = 0; row < p->count; row++) {
+        double cofactor = 0.0;
+        parallax_row(E, base, R, across, p->left + 3 * row, p->right + 3 * row, p->error[row], design);
+        for (int i = 0; i < 5; i++)
+            for (int j = 0; j < 5; j++)
+                cofactor += design[i] * inverse[5 * i + j] * design[j];
+        redundancy[row] = fmax(1.0 - weights[row] * cofactor, 0.0);
+    }
+}
+
+/* The rotation that takes directions to others with the least squares; M is the sum of their dyads. */
+static void rotation_from(const double *M, double *R)
+{
+    double u[3][3], v[3][3];
+    singular_vectors(M, u, v);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            R[3 * i + j] = u[0][i] * v[0][j] + u[1][i] * v[1][j] + u[2][i] * v[2][j];
+}
+
+/* The median of what a rotation alone leaves between two photos, in standard deviations, or the first one above
+ * `plain`. `space` has room for 9 numbers a point.
+ */
+static double left_by_rotation(const Pairs *p, double plain, int64_t steps, double *space)
+{
+    double *left = space, *right = space + 3 * p->count, *weights = space + 6 * p->count;
+    double *distance = space + 7 * p->count, *sorted = space + 8 * p->count, median = INFINITY;
+    for (int64_t row = 0; row < p->count; row++) {
+        const double *a = p->left + 3 * row, *b = p->right + 3 * row;
+        for (int i = 0; i < 3; i++) {
+            left[3 * row + i] = a[i] / sqrt(dot3(a, a));
+            right[3 * row + i] = b[i] / sqrt(dot3(b, b));
+        }
+        weights[row] = 1.0;
+    }
+    for (int64_t step = 0; step < steps; step++) {
+        double M[9] = {0.0}, R[9];
+        for (int64_t row = 0; row < p->count; row++)
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++)
+                    M[3 * i + j] += weights[row] * left[3 * row + i] * right[3 * row + j];
+        rotation_from(M, R);
+        for (int64_t row = 0; row < p->count; row++) {
+            double turned[3], apart[3];
+            times3(R, right + 3 * row, turned);
+            for (int i = 0; i < 3; i++)
+                apart[i] = left[3 * row + i] - turned[i];
+            const double *a = p->left + 3 * row;
+            distance[row] = sqrt(dot3(apart, apart) * dot3(a, a)) / p->error[row];
+            weights[row] = 1.0 / fmax(distance[row], 1e-3);
+        }
+        memcpy(sorted, distance, (size_t)p->count * sizeof(double));
+        median = median_of(sorted, p->count);
+        if (median > plain)
+            break;
+    }
+    return median;
 }

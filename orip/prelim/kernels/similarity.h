@@ -46,14 +46,7 @@ static void similarity_factors(const Common *c, const SimilarityDanish *d, const
             factors[k] = 1.0;
         return;
     }
-    double median = select_smallest(residual, judged, judged / 2);
-    if (judged % 2 == 0) {
-        double below = residual[0];
-        for (int64_t k = 1; k < judged / 2; k++)
-            below = fmax(below, residual[k]);
-        median = 0.5 * (median + below);
-    }
-    const double scale = median * d->spread, limit = scale <= 1.0 ? d->limit : scale * d->student_limit;
+    const double scale = median_of(residual, judged) * d->spread, limit = scale <= 1.0 ? d->limit : scale * d->student_limit;
     for (int64_t k = 0; k < 3 * c->count; k++)
         factors[k] = c->trusted[k / 3] || !isfinite(factors[k]) ? 1.0 : danish_weight(factors[k], limit, d->floor);
 }
