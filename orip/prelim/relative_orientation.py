@@ -320,6 +320,11 @@ def _intersection_deviations(base: FloatArray, length: float, solution: _Solutio
     usable = solution.usable
     coordinates = length * solution.meeting.coordinates[usable]
     error = pairs.error[usable] / math.sqrt(2.0)
+    if is_compiled():
+        deviations = np.empty_like(coordinates)
+        seen = Pairs(pairs.left[usable], pairs.right[usable], error)
+        kernels.deviations(*seen.arrays, base, np.ascontiguousarray(solution.photos.rotation), coordinates, deviations)
+        return deviations
     normals = np.zeros((len(error), 3, 3))
     for centre, rotation, vectors in (
         (np.zeros(3), np.eye(3), pairs.left[usable]),

@@ -112,7 +112,7 @@ def _compiled_with_samples(kept: FloatArray, drawn: IntArray, pairs: Pairs) -> _
     residuals, costs, chosen = np.empty((room, count)), np.empty(room), np.empty((_KEPT, 3, 3))
     kernels.judge(
         *pairs.arrays, drawn, _log_of_sets(count), essential, residuals, np.empty(count), costs, chosen, found,
-        len(kept), _chance_of_unit(pairs), _NO_BETTER, _LIMIT, _ALIKE, _KEPT,
+        len(kept), _NO_BETTER, _LIMIT, _ALIKE, _KEPT,
     )  # fmt: skip
     number, scale, share = found.tolist()
     return _Best(essential[: int(number)], scale, share)
@@ -164,11 +164,11 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     rows, n = residuals.shape
     if n <= POINTS_NEEDED:
         return Consensus(np.zeros(rows), np.ones(rows), np.ones(rows))
-    return (_compiled_consensus if is_compiled() else _consensus)(residuals, _chance_of_unit(pairs))
+    return (_compiled_consensus if is_compiled() else _consensus)(residuals, pairs)
 
 
-def _consensus(residuals: FloatArray, unit: float) -> Consensus:
-    rows, n = residuals.shape
+def _consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
+    (rows, n), unit = residuals.shape, _chance_of_unit(pairs)
     ordered = np.sort(residuals, axis=1)
     agreeing = np.arange(POINTS_NEEDED + 1, n + 1)
     largest = np.clip(np.maximum(ordered[:, POINTS_NEEDED:], _NO_BETTER) * unit, 1e-300, 1.0)
@@ -179,11 +179,11 @@ def _consensus(residuals: FloatArray, unit: float) -> Consensus:
     return Consensus(log_chance[row, which], np.maximum(np.sqrt(square), 1.0), count / n)
 
 
-def _compiled_consensus(residuals: FloatArray, unit: float) -> Consensus:
+def _compiled_consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     """Do what `_consensus` does in the compiled loop."""
     rows, n = residuals.shape
     found = np.empty((rows, 3))
-    kernels.agree(_log_of_sets(n), np.array(residuals, order="C"), found, unit, _NO_BETTER)
+    kernels.agree(*pairs.arrays, _log_of_sets(n), np.array(residuals, order="C"), found, _NO_BETTER)
     return Consensus(found[:, 0], found[:, 1], found[:, 2])
 
 

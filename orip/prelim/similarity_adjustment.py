@@ -170,6 +170,8 @@ def start_from_triples(common: CommonPoints) -> Similarity:
 
 def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
     """Return the start with the least of `truncated_costs`."""
+    if len(starts.scale) == 1:
+        return starts.one(0)
     return starts.one(int(truncated_costs(common, starts).argmin()))
 
 
@@ -301,7 +303,7 @@ class _Equations:
         residual, design = self.linearised(at)
         normal, scaling = _scaled_normals(design, factors)
         cofactor = scaling[:, None] * np.linalg.inv(normal) * scaling
-        redundancy = 1.0 - factors * np.einsum("ij,jk,ik->i", design, cofactor, design)
+        redundancy = 1.0 - factors * ((design @ cofactor) * design).sum(axis=1)
         full = factors == 1.0
         used = float(redundancy[full].sum())
         # redundancy numbers add up to whole numbers but for rounding

@@ -18,6 +18,7 @@ from orip.prelim import (
     intersection,
     refinement,
     relative_adjustment,
+    relative_orientation,
     relative_start,
     resection_adjustment,
     resection_start,
@@ -35,8 +36,8 @@ pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extensio
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    intersection, refinement, relative_adjustment, relative_start, resection_adjustment, resection_start,
-    similarity_adjustment,
+    intersection, refinement, relative_adjustment, relative_orientation, relative_start, resection_adjustment,
+    resection_start, similarity_adjustment,
 )  # fmt: skip
 
 
@@ -149,6 +150,25 @@ def test_relative_orientation(without_loops, right: int, count: int | None) -> N
     assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-6)
     assert mine.parallax == pytest.approx(theirs.parallax, abs=1e-8)
     assert mine.remarks == theirs.remarks
+    assert mine.base_deviation == pytest.approx(theirs.base_deviation, rel=1e-6)
+    assert mine.parallax_deviation == pytest.approx(theirs.parallax_deviation, rel=1e-5, abs=1e-9)
+    assert mine.block.deviations == pytest.approx(theirs.block.deviations, rel=1e-6)
+
+
+def test_no_base(without_loops) -> None:
+    rays, *_ = scene()
+    left = rays.vectors[rays.photo == 0]
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(2)
+    turned = left @ Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    right = turned * (left[:, 2:] / turned[:, 2:])
+    right[:, :2] += random.normal(0.0, 0.01, (len(left), 2))
+    pairs = Pairs(left, right, np.full(len(left), 0.014))
+    mine, theirs = without_loops(lambda: relative_orientation._left_by_rotation(pairs, 1.0))
+    # the least sum of distances is not iterated to its end
+    assert mine == pytest.approx(theirs, rel=1e-9)
+    assert theirs < 3.0
 
 
 @pytest.mark.parametrize("unknowns", [ALL_UNKNOWNS, NO_ROTATION])

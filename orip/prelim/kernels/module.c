@@ -264,10 +264,10 @@ static PyObject *judge(PyObject *Py_UNUSED(module), PyObject *const *arguments, 
     enum { DRAWN = 3, SETS, ESSENTIAL, RESIDUALS, SORTED, COSTS, CHOSEN, AGREEMENT };
     Arguments a;
     Pairs p;
-    if (!taken(&a, arguments, given, 5, 6, 6))
+    if (!taken(&a, arguments, given, 5, 6, 5))
         return NULL;
     const double *n = a.numbers;
-    const Judgement judgement = {n[1], n[2], n[3], n[4], a.views[SETS].buf, (int64_t)n[5]};
+    Judgement judgement = {0.0, n[1], n[2], n[3], a.views[SETS].buf, (int64_t)n[4]};
     const int64_t samples = a.views[DRAWN].len / 40, number = (int64_t)n[0], room = number + 10 * samples;
     if (!pairs_from(&a, &p) || !has(&a, SETS, p.count > 5 ? p.count - 5 : 0) || number < 0
         || a.views[ESSENTIAL].len < 72 * room || a.views[RESIDUALS].len < 8 * room * p.count
@@ -275,6 +275,7 @@ static PyObject *judge(PyObject *Py_UNUSED(module), PyObject *const *arguments, 
         || !has(&a, AGREEMENT, 3))
         return refused(&a);
     Agreement best = {INFINITY, 1.0, 1.0};
+    judgement.unit = chance_of_unit(&p);
     const int64_t kept =
         judge_samples(&p, &judgement, a.views[DRAWN].buf, samples, a.views[ESSENTIAL].buf, number,
                       a.views[RESIDUALS].buf, a.views[SORTED].buf, a.views[COSTS].buf, a.views[CHOSEN].buf, &best);
@@ -344,17 +345,19 @@ static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *argu
 
 static PyObject *agree(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { SETS, RESIDUALS, AGREEMENTS };
+    enum { SETS = 3, RESIDUALS, AGREEMENTS };
     Arguments a;
-    if (!taken(&a, arguments, given, 1, 2, 2))
+    Pairs p;
+    if (!taken(&a, arguments, given, 4, 2, 1))
         return NULL;
-    const int64_t count = a.views[SETS].len / 8 + 5, rows = a.views[AGREEMENTS].len / 24;
-    const Judgement judgement = {a.numbers[0], a.numbers[1], 0.0, 0.0, a.views[SETS].buf, 0};
-    if (!has(&a, RESIDUALS, rows * count) || !has(&a, AGREEMENTS, 3 * rows))
+    const int64_t rows = a.views[AGREEMENTS].len / 24;
+    if (!pairs_from(&a, &p) || p.count <= 5 || !has(&a, SETS, p.count - 5) || !has(&a, RESIDUALS, rows * p.count)
+        || !has(&a, AGREEMENTS, 3 * rows))
         return refused(&a);
+    const Judgement judgement = {chance_of_unit(&p), a.numbers[0], 0.0, 0.0, a.views[SETS].buf, 0};
     for (int64_t k = 0; k < rows; k++)
         ((Agreement *)a.views[AGREEMENTS].buf)[k] =
-            consensus(&judgement, (double *)a.views[RESIDUALS].buf + count * k, count);
+            consensus(&judgement, (double *)a.views[RESIDUALS].buf + p.count * k, p.count);
     return done(&a);
 }
 
@@ -370,6 +373,21 @@ static PyObject *relative_cofactors(PyObject *Py_UNUSED(module), PyObject *const
         return refused(&a);
     relative_precision(&p, a.numbers[0], a.views[BASE].buf, a.views[ROTATION].buf, a.views[WEIGHTS].buf,
                        a.views[REDUNDANCY].buf, a.views[INVERSE].buf);
+    return done(&a);
+}
+
+static PyObject *deviations(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { BASE = 3, ROTATION, COORDINATES, DEVIATIONS };
+    Arguments a;
+    Pairs p;
+    if (!taken(&a, arguments, given, 6, 1, 0))
+        return NULL;
+    if (!pairs_from(&a, &p) || !has(&a, BASE, 3) || !has(&a, ROTATION, 9) || !has(&a, COORDINATES, 3 * p.count)
+        || !has(&a, DEVIATIONS, 3 * p.count))
+        return refused(&a);
+    intersection_deviations(&p, a.views[BASE].buf, a.views[ROTATION].buf, a.views[COORDINATES].buf,
+                            a.views[DEVIATIONS].buf);
     return done(&a);
 }
 
@@ -400,6 +418,7 @@ static PyMethodDef methods[] = {
     METHOD(adjust_models, "Relative orientations with Danish weights."),
     METHOD(agree, "How many points agree in adjustments, and how well."),
     METHOD(relative_cofactors, "Redundancy numbers and cofactors of a relative orientation."),
+    METHOD(deviations, "Precision of the points of a relative orientation."),
     METHOD(rotate_only, "What a rotation alone leaves between two photos."),
     METHOD(adjust_joint, "A spatial similarity with Danish weights."),
     METHOD(residuals, "Residuals of a network."),

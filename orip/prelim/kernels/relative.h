@@ -65,6 +65,25 @@ static void residuals_at(const Pairs *p, const double *E, double *residual)
         residual[row] = fabs(residual[row]) / p->error[row];
 }
 
+/* The probability that a point placed at random has a parallax up to its a-priori error. */
+static double chance_of_unit(const Pairs *p)
+{
+    double extent = 0.0, error = 0.0;
+    for (int side = 0; side < 2; side++) {
+        const double *vectors = side ? p->right : p->left;
+        double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+        for (int64_t row = 0; row < p->count; row++)
+            for (int i = 0; i < 2; i++) {
+                low[i] = fmin(low[i], vectors[3 * row + i]);
+                high[i] = fmax(high[i], vectors[3 * row + i]);
+            }
+        extent = fmax(extent, hypot(high[0] - low[0], high[1] - low[1]));
+    }
+    for (int64_t row = 0; row < p->count; row++)
+        error += p->error[row] / (double)p->count;
+    return 2.0 * error / fmax(extent, 1e-300);
+}
+
 /* Sort upwards: halves about a pivot (Hoare 1961), a few numbers one by one. */
 static void sort(double *a, int64_t n)
 {
@@ -455,4 +474,32 @@ static double left_by_rotation(const Pairs *p, double plain, int64_t steps, doub
             break;
     }
     return median;
+}
+
+/* Standard deviations of the intersections of both rays of each point from the orientation that is held; `error` is
+ * that of a photo coordinate.
+ */
+static void intersection_deviations(const Pairs *p, const double *base, const double *R, const double *coordinates,
+                                    double *deviations)
+{
+    static const double UNTURNED[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, ORIGIN[3] = {0.0, 0.0, 0.0};
+    for (int64_t row = 0; row < p->count; row++) {
+        const double *X = coordinates + 3 * row;
+        double partials[4][6], residual[2], N[9] = {0.0}, minors[9], trace;
+        project(UNTURNED, ORIGIN, X, p->left + 3 * row, residual, partials);
+        project(R, base, X, p->right + 3 * row, residual, partials + 2);
+        for (int r = 0; r < 4; r++)
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++)
+                    N[3 * i + j] += partials[r][3 + i] * partials[r][3 + j];
+        trace = N[0] + N[4] + N[8];
+        for (int i = 0; i < 3; i++)
+            N[4 * i] += 1e-15 * trace;
+        cross3(N + 3, N + 6, minors);
+        cross3(N + 6, N, minors + 3);
+        cross3(N, N + 3, minors + 6);
+        const double determinant = dot3(N, minors);
+        for (int i = 0; i < 3; i++)
+            deviations[3 * row + i] = p->error[row] * sqrt(fmax(minors[4 * i] / determinant, 0.0));
+    }
 }
