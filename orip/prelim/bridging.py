@@ -46,8 +46,12 @@ def bridge(model: SubBlock, previous: SubBlock, names: Names, strip: SubBlock | 
     return replace(found, step=replace(found.step, remarks=(*found.step.remarks, remark)))
 
 
-def _have_in_common(one: SubBlock, other: SubBlock) -> bool:
-    return bool(np.isin(one.photos, other.photos).any() or np.isin(one.points, other.points).any())
+def _contents(block: SubBlock) -> tuple[set[int], set[int]]:
+    return set(block.photos.tolist()), set(block.points.tolist())
+
+
+def _have_in_common(one: tuple[set[int], set[int]], other: tuple[set[int], set[int]]) -> bool:
+    return not (one[0].isdisjoint(other[0]) and one[1].isdisjoint(other[1]))
 
 
 def _runs_back(model: SubBlock, previous: SubBlock) -> bool:
@@ -73,12 +77,14 @@ def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
     strips: list[list[SubBlock]] = []
     steps: list[SimilarityStep] = []
     failures: list[NotOriented] = []
-    for model in models:
+    contents = [_contents(model) for model in models]
+    for place, model in enumerate(models):
         if not strips:
             strips.append([model])
             continue
         strip = strips[-1]
-        near = [each for each in strip if _have_in_common(each, model)] or strip[-1:]
+        before = zip(strip, contents[place - len(strip) : place], strict=True)
+        near = [each for each, has in before if _have_in_common(has, contents[place])] or strip[-1:]
         found = bridge(model, strip[-1], names, replace(assembled(near), name=strip[-1].name))
         if isinstance(found, Joined):
             steps.append(found.step)

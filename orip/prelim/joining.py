@@ -327,6 +327,4 @@ def _tiny(coordinates: FloatArray) -> float:
 
 
 def _sums(place: IntArray, values: FloatArray) -> FloatArray:
-    result = np.zeros((int(place.max(initial=-1)) + 1, 3))
-    np.add.at(result, place, values)
-    return result
+    return np.stack([np.bincount(place, weights=column) for column in values.T], axis=1)

@@ -12,6 +12,7 @@ from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
 from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.parallax import Meeting, Pairs, meeting_points, parallaxes
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative_adjustment import Adjusted, adjust_relative, precision_of
@@ -39,6 +40,8 @@ _SURE = 3.0
 
 _PLAIN_BASE = 1000.0
 """No blunders hide a rotation behind that many standard deviations."""
+
+_ROTATION_STEPS = 8
 
 _NO_MODEL = 0.01
 """Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
@@ -156,8 +159,8 @@ def _solve(pairs: Pairs) -> _Solution | None:
         photos,
         final.parallax[0],
         final.weight_factor[0],
-        precision.redundancy_number[0],
-        precision.cofactor[0],
+        precision.redundancy_number,
+        precision.cofactor,
         tried.iterations + final.iterations,
         scale,
         bool(agreed.log_chance[agreed.best] > -min(len(pairs.error) - POINTS_NEEDED, _SURE)),
@@ -206,12 +209,14 @@ def _fault(solution: _Solution, pairs: Pairs) -> str | None:
 
 def _left_by_rotation(pairs: Pairs, scale: float) -> float:
     """Return the median of what is left between the two photos after a rotation alone, in standard deviations."""
+    if is_compiled():
+        return kernels.rotate_only(*pairs.arrays, np.empty((9, len(pairs.error))), _PLAIN_BASE * scale, _ROTATION_STEPS)
     length = np.linalg.norm(pairs.left, axis=1)
     left = pairs.left / length[:, None]
     right = pairs.right / np.linalg.norm(pairs.right, axis=1)[:, None]
     weights = np.ones(len(length))
     median = math.inf
-    for _ in range(8):
+    for _ in range(_ROTATION_STEPS):
         # least squares, then the least sum of distances, which blunders do not move (Weiszfeld 1937)
         u, _, vt = np.linalg.svd((left * weights[:, None]).T @ right)
         rotation = (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
@@ -287,6 +292,8 @@ def _result(
 def _exchanged(solution: _Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
     """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
+    if len(wrong) < 2:
+        return []
     in_left, in_right = np.meshgrid(wrong, wrong, indexing="ij")
     mixed = Pairs(pairs.left[in_left.ravel()], pairs.right[in_right.ravel()], pairs.error[in_left.ravel()])
     sizes = np.abs(parallaxes(cross_matrix(solution.photos.base) @ solution.photos.rotation, mixed))
@@ -313,6 +320,11 @@ def _intersection_deviations(base: FloatArray, length: float, solution: _Solutio
     usable = solution.usable
     coordinates = length * solution.meeting.coordinates[usable]
     error = pairs.error[usable] / math.sqrt(2.0)
+    if is_compiled():
+        deviations = np.empty_like(coordinates)
+        seen = Pairs(pairs.left[usable], pairs.right[usable], error)
+        kernels.deviations(*seen.arrays, base, np.ascontiguousarray(solution.photos.rotation), coordinates, deviations)
+        return deviations
     normals = np.zeros((len(error), 3, 3))
     for centre, rotation, vectors in (
         (np.zeros(3), np.eye(3), pairs.left[usable]),

@@ -160,14 +160,15 @@ def _alike(known: KnownPoints, squares: FloatArray) -> IntArray:
 
 def _distinct(orientations: Orientations) -> Orientations:
     """Return those that differ from all before them."""
-    kept = orientations.of(slice(0, 1))
-    for row in range(1, len(orientations.centres)):
-        each = orientations.of(slice(row, row + 1))
-        turn = np.linalg.norm(kept.rotations - each.rotations, axis=(1, 2)) / np.sqrt(2.0)
-        shift = np.linalg.norm(kept.centres - each.centres, axis=1) / np.linalg.norm(kept.centres, axis=1)
-        if not np.any((turn < _SAME) & (shift < _SAME)):
-            kept = kept.joined(each)
-    return kept
+    rotations, centres = orientations
+    turn = np.sqrt(((rotations[:, None] - rotations) ** 2).sum(axis=(2, 3)) / 2.0)
+    shift = np.sqrt(((centres[:, None] - centres) ** 2).sum(axis=2) / (centres**2).sum(axis=1)[:, None])
+    same = (turn < _SAME) & (shift < _SAME)
+    kept = [0]
+    for row in range(1, len(centres)):
+        if not same[kept, row].any():
+            kept.append(row)
+    return orientations.of(np.array(kept))
 
 
 def _unfit(known: KnownPoints, best: Adjusted) -> str | None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from orip.adjustment.weights import danish_weights
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, fit_similarities, similarity_with_partials
+from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 from orip.prelim.sampling import subsets
 
 FloatArray = NDArray[np.float64]
@@ -43,8 +44,9 @@ _FLOOR = 1e-3
 _SINGULAR = 1e-9
 """Smallest eigenvalue of the normal equations with unit diagonal: points a 30000th of their extent off one line."""
 
-_STEPS, _FREE_STEPS = 40, 20
-"""Weights that still jump from one state to another after the second are kept as they are."""
+_STEPS = 40
+_FREE_STEPS = _STEPS // 2
+"""Weights that still jump from one state to another after half of the steps are kept as they are."""
 
 _LARGEST_TURN = 0.5
 """Radians; a longer step leaves what the linear equations are good for."""
@@ -168,6 +170,8 @@ def start_from_triples(common: CommonPoints) -> Similarity:
 
 def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
     """Return the start with the least of `truncated_costs`."""
+    if len(starts.scale) == 1:
+        return starts.one(0)
     return starts.one(int(truncated_costs(common, starts).argmin()))
 
 
@@ -216,6 +220,11 @@ def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_U
         message = f"{np.count_nonzero(common.known)} coordinates, {len(unknowns)} are needed"
         raise ValueError(message)
     equations = _Equations(common, start, unknowns)
+    return equations.result(*((_compiled_iterated(equations) if is_compiled() else None) or _iterated(equations)))
+
+
+def _iterated(equations: _Equations) -> tuple[Similarities, FloatArray, int]:
+    """Return the adjusted state, the weight factors (k,) of its known coordinates, and the number of iterations."""
     at = equations.start
     factors, previous = equations.factors(at), None
     for iteration in range(1, _STEPS + 1):
@@ -225,7 +234,24 @@ def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_U
             factors = equations.factors(at)
         if step < 1e-4 and np.abs(factors - previous).max() < 0.01:
             break
-    return equations.result(at, factors, iteration)
+    return at, factors, iteration
+
+
+def _compiled_iterated(equations: _Equations) -> tuple[Similarities, FloatArray, int] | None:
+    """Do what `_iterated` does in the compiled loop; None where that is not sure to be regular."""
+    common, start, redundancy = equations.common, equations.start, equations.redundancy
+    at = np.concatenate([start.scale, start.rotation.ravel(), start.shift.ravel()])
+    factors, iterations = np.empty(equations.known.shape), np.empty(1, dtype=np.int64)
+    spread = np.sqrt(len(equations.errors) / redundancy) / _MEDIAN_OF_NORMAL if redundancy > 0 else 0.0
+    kernels.adjust_joint(
+        np.ascontiguousarray(equations.reduced), np.ascontiguousarray(common.target), equations.all_errors,
+        common.trusted, at, factors, np.empty((2, *factors.shape)), iterations, len(equations.unknowns), _LIMIT,
+        student_limit(redundancy) if redundancy > 0 else _LIMIT, LEAST_WEIGHT, spread, _SINGULAR, _LARGEST_TURN, _STEPS,
+    )  # fmt: skip
+    if not iterations[0]:
+        return None
+    found = Similarities(at[:1], at[1:10].reshape(1, 3, 3), at[10:].reshape(1, 3))
+    return found, factors[equations.known], int(iterations[0])
 
 
 class _Equations:
@@ -236,7 +262,8 @@ class _Equations:
         self.centroid = common.source.mean(axis=0)
         self.reduced = common.source - self.centroid
         self.known = common.known
-        self.errors = common.errors(start)[self.known]
+        self.all_errors = common.errors(start)
+        self.errors = self.all_errors[self.known]
         self.trusted = np.repeat(common.trusted[:, None], 3, axis=1)[self.known]
         self.redundancy = len(self.errors) - len(unknowns)
         self.start = Similarities(
@@ -276,7 +303,7 @@ class _Equations:
         residual, design = self.linearised(at)
         normal, scaling = _scaled_normals(design, factors)
         cofactor = scaling[:, None] * np.linalg.inv(normal) * scaling
-        redundancy = 1.0 - factors * np.einsum("ij,jk,ik->i", design, cofactor, design)
+        redundancy = 1.0 - factors * ((design @ cofactor) * design).sum(axis=1)
         full = factors == 1.0
         used = float(redundancy[full].sum())
         # redundancy numbers add up to whole numbers but for rounding

@@ -47,11 +47,12 @@ def _connect_all(
     """Move strips from those that wait to the members of a block; return why those that are left do not connect."""
     while True:
         failed: list[NotOriented] = []
-        before = len(waiting)
+        before, block = len(waiting), assembled(members)
         for strip in tuple(waiting):
-            found = connect(strip, assembled(members), names)
+            found = connect(strip, block, names)
             if isinstance(found, Joined):
                 members.append(found.block)
+                block = assembled(members)
                 steps.append(found.step)
                 waiting.remove(strip)
             else:

@@ -10,16 +10,35 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.model.preliminary import ImageRays
-from orip.prelim import compiled, intersection, refinement, resection_adjustment, resection_start
+from orip.geometry.essential import essential_matrices
+from orip.geometry.similarity import Similarity
+from orip.model.preliminary import ImageRays, RelativeOrientation
+from orip.prelim import (
+    compiled,
+    intersection,
+    refinement,
+    relative_adjustment,
+    relative_orientation,
+    relative_start,
+    resection_adjustment,
+    resection_start,
+    similarity_adjustment,
+)
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
+from orip.prelim.parallax import Pairs
 from orip.prelim.refinement import refine
+from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.resection import Resected, resect
+from orip.prelim.similarity_adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjusted
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 
 BLUNDERS = 12
+WITH_LOOPS = (
+    intersection, refinement, relative_adjustment, relative_orientation, relative_start, resection_adjustment,
+    resection_start, similarity_adjustment,
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -28,7 +47,7 @@ def without_loops(monkeypatch: pytest.MonkeyPatch):
 
     def both(do):
         with_loops = do()
-        for module in (intersection, refinement, resection_adjustment, resection_start):
+        for module in WITH_LOOPS:
             monkeypatch.setattr(module, "is_compiled", lambda: False)
         return with_loops, do()
 
@@ -91,3 +110,93 @@ def test_refinement(without_loops, held: bool) -> None:
     assert np.abs(mine.centres - theirs.centres).max() < 1e-8 * np.abs(centres).max()
     assert mine.weight_factors == pytest.approx(theirs.weight_factors, abs=1e-6)
     assert mine.s0 == pytest.approx(theirs.s0, rel=1e-8)
+
+
+def test_five_points() -> None:
+    rays, *_ = scene()
+    random = np.random.default_rng(11)
+    for sample in range(40):
+        rows = random.choice(len(rays.photo), (2, 5), replace=False)
+        left, right = rays.vectors[rows]
+        pairs = Pairs(left, right, np.full(5, 0.01))
+        theirs = essential_matrices(left[None], right[None])
+        mine = relative_start._compiled_with_samples(np.empty((0, 3, 3)), np.arange(5)[None], pairs).essential
+        # solutions that are alike are kept once; the sign of a matrix means nothing
+        product = np.abs(mine.reshape(-1, 9) @ theirs.reshape(-1, 9).T)
+        assert len(mine) > 0, sample
+        # where two solutions are near to each other, rounding moves both by its root
+        assert product.max(axis=1) == pytest.approx(1.0, abs=1e-9)
+        assert np.all(product.max(axis=0) > 0.999)
+
+
+@pytest.mark.parametrize("right", [1, 2, 3])
+@pytest.mark.parametrize("count", [5, 6, 9, None])
+def test_relative_orientation(without_loops, right: int, count: int | None) -> None:
+    rays, *_ = scene()
+    common = np.intersect1d(rays.point[rays.photo == 0], rays.point[rays.photo == right])[:count]
+    rows = np.isin(rays.point, common)
+    few = ImageRays(
+        rays.photos, rays.points, rays.photo[rows], rays.point[rows], rays.xy[rows], rays.vectors[rows],
+        rays.error[rows],
+    )  # fmt: skip
+    mine, theirs = without_loops(lambda: orient_pair(few, 0, right, model="M", row=None, column=None))
+    assert type(mine) is type(theirs)
+    if not (isinstance(mine, RelativeOrientation) and isinstance(theirs, RelativeOrientation)):
+        assert mine == theirs
+        return
+    # both end where a correction is below 1e-9 standard deviations
+    assert mine.base == pytest.approx(theirs.base, abs=1e-9)
+    assert mine.angles == pytest.approx(theirs.angles, abs=1e-9)
+    assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-6)
+    assert mine.parallax == pytest.approx(theirs.parallax, abs=1e-8)
+    assert mine.remarks == theirs.remarks
+    assert mine.base_deviation == pytest.approx(theirs.base_deviation, rel=1e-6)
+    assert mine.parallax_deviation == pytest.approx(theirs.parallax_deviation, rel=1e-5, abs=1e-9)
+    assert mine.block.deviations == pytest.approx(theirs.block.deviations, rel=1e-6)
+
+
+def test_no_base(without_loops) -> None:
+    rays, *_ = scene()
+    left = rays.vectors[rays.photo == 0]
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(2)
+    turned = left @ Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    right = turned * (left[:, 2:] / turned[:, 2:])
+    right[:, :2] += random.normal(0.0, 0.01, (len(left), 2))
+    pairs = Pairs(left, right, np.full(len(left), 0.014))
+    mine, theirs = without_loops(lambda: relative_orientation._left_by_rotation(pairs, 1.0))
+    # the least sum of distances is not iterated to its end
+    assert mine == pytest.approx(theirs, rel=1e-9)
+    assert theirs < 3.0
+
+
+@pytest.mark.parametrize("unknowns", [ALL_UNKNOWNS, NO_ROTATION])
+@pytest.mark.parametrize("count", [3, 4, 25])
+def test_similarity(without_loops, unknowns: np.ndarray, count: int) -> None:
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(count)
+    rotation = Rotation.random(random_state=count).as_matrix()
+    source = random.normal(size=(count, 3))
+    target = 2.0 * source @ rotation.T + 3.0 + random.normal(0.0, 1e-3, (count, 3))
+    target[: count // 6] += 0.1
+    target[count // 2 : count // 2 + count // 8, 2] = np.nan
+    error = np.full((count, 3), 1e-3)
+    common = CommonPoints(source, target, error, error, np.arange(count) == count - 1)
+    start = Similarity(2.01, rotation, np.full(3, 3.01))
+    mine, theirs = without_loops(lambda: adjusted(common, start, unknowns))
+    assert mine.iterations == theirs.iterations
+    assert mine.similarity.scale == pytest.approx(theirs.similarity.scale, rel=1e-12)
+    assert np.abs(mine.similarity.rotation - theirs.similarity.rotation).max() < 1e-12
+    assert np.abs(mine.similarity.shift - theirs.similarity.shift).max() < 1e-12
+    assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-9)
+    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-9)
+
+
+def test_similarity_that_points_of_a_line_leave_open() -> None:
+    source = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])
+    error = np.full((4, 3), 1e-3)
+    common = CommonPoints(source, source, error, error, np.zeros(4, dtype=bool))
+    with pytest.raises(ValueError, match="do not determine"):
+        adjusted(common, Similarity(1.0, np.eye(3), np.zeros(3)))

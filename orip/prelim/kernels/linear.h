@@ -131,6 +131,18 @@ static inline double select_smallest(double *a, int64_t n, int64_t k)
     return a[k];
 }
 
+/* The median of n numbers, which change their places. */
+static inline double median_of(double *a, int64_t n)
+{
+    const double upper = select_smallest(a, n, n / 2);
+    if (n % 2)
+        return upper;
+    double lower = a[0];
+    for (int64_t k = 1; k < n / 2; k++)
+        lower = fmax(lower, a[k]);
+    return 0.5 * (lower + upper);
+}
+
 /* Danish weight of a standard residual (Krarup, Juhl and Kubik 1980); floor as in orip/adjustment/weights.py. */
 static inline double danish_weight(double u, double limit, double floor)
 {
