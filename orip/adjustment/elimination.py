@@ -7,6 +7,7 @@ determines (the depth of a point with one ray) is found by the digits its pivot 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,31 @@ class BlockFactors:
     removed: BoolArray
 
 
+class Coupling(Protocol):
+    """H N_pr (3 b, m): the eliminated points' rows of the triangular factor. It need not be stored."""
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return it times vectors (m,) or (m, k)."""
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return its transpose times vectors (3 b,) or (3 b, k)."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCoupling:
+    """Coupling as a sparse matrix (3 b, m)."""
+
+    matrix: csr_array
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return it times vectors (m,) or (m, k)."""
+        return np.asarray(self.matrix @ reduced)
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return its transpose times vectors (3 b,) or (3 b, k)."""
+        return np.asarray(self.matrix.T @ points)
+
+
 @dataclass(frozen=True, slots=True)
 class EliminatedNormals:
     """Normal equations with all blocks eliminated: the reduced system, and what leads back to the blocks.
@@ -52,8 +78,7 @@ class EliminatedNormals:
     diagonal : array (m,)
         Of the reduced unknowns in the complete matrix, before any elimination.
     blocks : BlockFactors
-    coupling : sparse array (3 b, m)
-        H N_pr: the eliminated points' rows of the triangular factor.
+    coupling : Coupling
     block_right : array (3 b,)
         H times the blocks' right-hand side.
     """
@@ -62,7 +87,7 @@ class EliminatedNormals:
     right: FloatArray
     diagonal: FloatArray
     blocks: BlockFactors
-    coupling: csr_array | bsr_array
+    coupling: Coupling
     block_right: FloatArray
 
 
@@ -114,6 +139,16 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
         # the pivot's own row must not be changed by itself: its multiplier is 1
         accumulated -= multiplier[:, :, None] * np.where(sound[:, None], accumulated[every, place], 0.0)[:, None, :]
     return BlockFactors(half * scale[:, None, :], lost, removed)
+
+
+def times_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return H v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
+    return np.asarray((half @ vectors.reshape(len(half), 3, -1)).reshape(vectors.shape))
+
+
+def times_transposed_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return H^T v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
+    return times_half(np.swapaxes(half, 1, 2), vectors)
 
 
 def block_diagonal(blocks: FloatArray) -> bsr_array:

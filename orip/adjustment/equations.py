@@ -7,10 +7,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, Symmetric
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals
+from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -71,7 +71,7 @@ class Rows(Protocol):
     ) -> EliminatedNormals:
         """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted."""
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
 
 

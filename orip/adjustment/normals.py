@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
 
 from orip.adjustment.band import BandMatrix, Symmetric
 from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
-from orip.adjustment.elimination import BlockFactors, block_diagonal
+from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.equations import Equations, Layout
 
 FloatArray = NDArray[np.float64]
@@ -32,8 +31,7 @@ class SolvedNormals:
     factor : Factor or BandFactor
         Of the reduced system divided by `scale` on both sides.
     blocks : BlockFactors
-    coupling : sparse array (3 b, m)
-        H N_pr: the eliminated points' rows of the triangular factor.
+    coupling : Coupling
     removed : array (m + 3 b,) of bool
         Unknowns that the observations do not determine.
     lost_digits : array (m + 3 b,)
@@ -44,18 +42,18 @@ class SolvedNormals:
     scale: FloatArray
     factor: Factor | BandFactor
     blocks: BlockFactors
-    coupling: csr_array | bsr_array
+    coupling: Coupling
     removed: NDArray[np.bool_]
     lost_digits: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns."""
         size = len(self.scale)
-        half = block_diagonal(self.blocks.half)
-        block_right = half @ right[size:]
-        reduced = (right[:size] - self.coupling.T @ block_right) / self.scale[:, None]
+        block_right = times_half(self.blocks.half, right[size:])
+        reduced = (right[:size] - self.coupling.transposed_times(block_right)) / self.scale[:, None]
         solution = self.factor.back_substitute(self.factor.reduce(reduced)) / self.scale[:, None]
-        return np.vstack([solution, half.T @ (block_right - self.coupling @ solution)])
+        rest = block_right - self.coupling.times(solution)
+        return np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
 
 
 def solve_normals(
@@ -83,9 +81,9 @@ def solve_normals(
     factor = _factorised(normals.matrix, 1.0 / scale, max_lost_digits, diagonal <= 0.0)
     reduced_right = factor.reduce(normals.right / scale)
     solution = factor.back_substitute(reduced_right) / scale
-    block_solution = block_diagonal(normals.blocks.half).T @ (normals.block_right - normals.coupling @ solution)
+    rest = normals.block_right - normals.coupling.times(solution)
     return SolvedNormals(
-        correction=np.concatenate([solution, block_solution]),
+        correction=np.concatenate([solution, times_transposed_half(normals.blocks.half, rest)]),
         reduced_square_sum=float(reduced_right @ reduced_right + normals.block_right @ normals.block_right),
         scale=scale,
         factor=factor,

@@ -135,12 +135,12 @@ def pose_problem(block: Block) -> BlockProblem:
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
     problem = BlockProblem(unknowns, observations)
-    if (loop := photo_loop(photo_points, unknowns)) is not None:
-        rest = tuple(each for each in observations if each is not photo_points)
-        staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
-        others = BlockProblem(unknowns, (*staying, *rest))
-        if not _couples_points(others):
-            problem = _arranged(problem, loop, others)
+    loop = photo_loop(photo_points, unknowns)
+    rest = tuple(each for each in observations if each is not photo_points)
+    staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+    others = BlockProblem(unknowns, (*staying, *rest))
+    if not _couples_points(others):
+        problem = _arranged(problem, loop, others)
     return problem if block.definition.datum == "control" else _freed(problem, block)
 
 
@@ -150,7 +150,7 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
     touching, touched = ([each] for each in loop.touched())
-    first = layout.blocks
+    first = len(loop.pattern.runs_start)
     for each in others.observations:
         rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
         touching.append(first + rows)
