@@ -88,7 +88,7 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[
     count = len(matrix)
     lost = np.where(undetermined, LOST_ALL, 0.0)
     columns = np.flatnonzero(~undetermined)
-    direct = _factorise_regular(matrix[np.ix_(columns, columns)])
+    direct = _factorise_regular(matrix if len(columns) == count else matrix[np.ix_(columns, columns)])
     if direct is not None:
         lost[columns] = -2.0 * np.log10(np.diag(direct))
         return Factor(columns, direct, lost, undetermined.copy())
@@ -105,7 +105,8 @@ def _factorise_regular(matrix: FloatArray) -> FloatArray | None:
     """Return L where no column loses more than the deferral limit: the usual case, at LAPACK's speed."""
     if not len(matrix):
         return matrix
-    lower, info = lapack.dpotrf(matrix, lower=1, clean=1)
+    # symmetric, so that its transpose is the same, in LAPACK's order
+    lower, info = lapack.dpotrf(matrix.T, lower=1, clean=1)
     if info != 0 or np.diag(lower).min() ** 2 < 10.0**-DEFERRAL_DIGITS:
         return None
     return np.asarray(lower)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
@@ -29,6 +29,9 @@ _GIVING_BACK_ENP = 2.0
 
 _LOOKS = 3
 """Times that points are taken to where more of their observations fit."""
+
+_SAME_PLACE_ENP = 3.0
+"""Corrections a thousandth of their deviations: they change partials by far less than rounding of what is printed."""
 
 _LEAST_LEFT = 0.5
 """Part of the observations; where fewer can still be computed, what is left is not the block."""
@@ -83,7 +86,8 @@ class Adjusted(Generic[State]):
     weight_factors : array (n,)
         Those of the final state; 0 for observations that take no part.
     normals : SolvedNormals
-        Factored at the final state with the final weights.
+        Factored with the final weights at the final state, or, like the rows of its equations, where the last
+        iteration began, if it changed next to nothing.
     passes : tuple of PassRecord
     termination : Termination
     """
@@ -124,16 +128,16 @@ def adjust(
     second_look = _SecondLook(problem, settings)
     again: list[int] = []
     acceleration = Acceleration(layout)
-    termination, last = Termination.MAX_ITERATIONS, settings.max_iterations
+    last = settings.max_iterations
     weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
-    while len(passes) < last:
+    while True:
         iteration = len(passes) + 1
         weights = weighing.factors(current.equations, iteration)
         weights[again] = 1.0
         normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
         step, limited = _step(problem, acceleration, normals)
         state = problem.update(current.state, step)
-        current = Linearised(state, problem.linearise(state))
+        before, current = current.equations, Linearised(state, problem.linearise(state))
         passes.append(_record(iteration, current.equations, weights, normals, layout, limited))
         on_pass(passes[-1])
         enp = passes[-1].enp
@@ -151,15 +155,19 @@ def adjust(
                 current, again = found
                 last = iteration + settings.max_iterations
                 acceleration.forget()
-                continue
-        if ended is not None:
-            termination = ended
+                ended = None
+        if ended is not None or len(passes) >= last:
             break
         # those of the next iteration need the room
         del normals
-    weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
-    normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
-    return Adjusted(current, weights, normals, tuple(passes), termination)
+    final = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
+    if passes[-1].enp >= _SAME_PLACE_ENP and np.array_equal(np.where(before.active, weights, 0.0), final):
+        current = Linearised(current.state, replace(current.equations, rows=before.rows))
+    else:
+        # both at once would take too much room
+        del normals, before
+        normals = solve_normals(current.equations, final, layout, settings.max_lost_digits)
+    return Adjusted(current, final, normals, tuple(passes), ended or Termination.MAX_ITERATIONS)
 
 
 class _SecondLook(Generic[State]):

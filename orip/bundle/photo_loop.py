@@ -167,23 +167,22 @@ class PhotoLoop:
         """
         m, b = layout.reduced, layout.blocks
         arrangement = layout.arrangement or _whole(m)
+        matrix = others.matrix.toarray() if layout.arrangement is None else band_of(others.matrix, arrangement)
         columns = arrangement.columns
-        matrix = band_of(others.matrix, arrangement)
         diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
-        half, lost = np.empty((b, 3, 3)), np.empty((b, 3))
+        half, pivots = np.empty((b, 3, 3)), np.empty((b, 3))
         removed = np.empty((b, 3), dtype=np.uint8)
         factor = root_weights / self.points.rows.error
         compiled.eliminate(
             *self._observations(state), *self._pattern(arrangement), factor, misclosure,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
-            half, lost, removed, matrix.band, matrix.border,
-            max_lost_digits, arrangement.width, arrangement.banded, m,
+            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, *_measures(matrix),
         )  # fmt: skip
         return EliminatedNormals(
-            matrix.toarray() if layout.arrangement is None else matrix,
+            matrix,
             right[arrangement.places],
             diagonal[arrangement.places],
-            BlockFactors(half, lost, removed.astype(bool)),
+            BlockFactors(half, pivots, removed.astype(bool)),
             StreamedCoupling(self, state, factor, half, m),
             others.block_right,
         )
@@ -191,16 +190,10 @@ class PhotoLoop:
     def precision(self, coupling: StreamedCoupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
-        size = len(inverse)
-        if isinstance(inverse, BandMatrix):
-            arrangement, stored = inverse.arrangement, (inverse.band, inverse.border)
-            width = arrangement.width
-        else:
-            arrangement, width, stored = _whole(size), size, (inverse, np.empty(0))
+        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
         compiled.precision(
             *self._observations(coupling.state), *self._pattern(arrangement), coupling.factor,
-            1.0 / self.points.rows.error, coupling.half, *map(np.ascontiguousarray, stored), blocks, leverage,
-            width, arrangement.banded, size,
+            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
 
@@ -215,6 +208,10 @@ class PhotoLoop:
         found = np.empty(3 * len(coupling.half))
         compiled.backward(*self._coupling(coupling), np.array(reduced), found)
         return found
+
+    def staying(self) -> NDArray[np.int64]:
+        """Return the rows (of 2 n) of photo points of points that are not eliminated."""
+        return np.flatnonzero(np.repeat(~self.eliminated, 2)) if not self.eliminated.all() else np.empty(0, dtype=np.int64)
 
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""
@@ -281,8 +278,22 @@ class StreamedCoupling:
 
 
 def _whole(size: int) -> Arrangement:
-    """Return the arrangement of a full matrix: a band as wide as it."""
-    return Arrangement(np.arange(size), size, max(size - 1, 0))
+    """Return the arrangement of a full matrix."""
+    return Arrangement(np.arange(size), size, size)
+
+
+def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
+    """Return band and border of a matrix; a full one is a band alone."""
+    found = (matrix.band, matrix.border) if isinstance(matrix, BandMatrix) else (matrix, np.empty(0))
+    return np.ascontiguousarray(found[0]), np.ascontiguousarray(found[1])
+
+
+def _measures(matrix: Symmetric) -> tuple[int, int, int]:
+    """Return how far columns are apart, and the number of banded places and of all."""
+    size = len(matrix)
+    if isinstance(matrix, BandMatrix):
+        return matrix.arrangement.width, matrix.arrangement.banded, size
+    return size, size, size
 
 
 def is_compiled() -> bool:

@@ -71,6 +71,9 @@ class BlockProblem:
         return self._stored(state).design
 
     def _stored(self, state: State) -> Equations:
+        if not self.observations:
+            nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
+            return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
         indices, indptr, kept = self._pattern()
         data, residual, active, exact = [], [], [], []
         for observations, keep in zip(self.observations, kept, strict=True):
@@ -93,10 +96,9 @@ class BlockProblem:
     def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
-        stay = np.count_nonzero(~loop.eliminated) * 2
-        rows = np.concatenate(
-            [np.flatnonzero(np.repeat(~loop.eliminated, 2)), len(of_photos) + np.arange(len(rest.residual) - stay)]
-        )
+        staying = loop.staying()
+        stay = len(staying)
+        rows = np.concatenate([staying, len(of_photos) + np.arange(len(rest.residual) - stay)])
         return Equations(
             StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
             np.concatenate([of_photos, rest.residual[stay:]]),
@@ -136,7 +138,7 @@ def pose_problem(block: Block) -> BlockProblem:
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
     problem = BlockProblem(unknowns, observations)
     loop = photo_loop(photo_points, unknowns)
-    rest = tuple(each for each in observations if each is not photo_points)
+    rest = tuple(each for each in observations if each is not photo_points and len(each.rows.columns))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
     others = BlockProblem(unknowns, (*staying, *rest))
     if not _couples_points(others):

@@ -40,28 +40,34 @@ typedef struct {
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
 #define ROW (PHOTO_ROW + PADDED(MOST_CAMERA_UNKNOWNS))
 
-INLINE void take_camera(const Block *b, int32_t camera, int lane, Ray *ray)
+/* Take what stands in the rows of each lane. */
+INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
 {
-    for (int k = 0; k < CAMERA_PARAMETERS; k++)
-        LANE(ray->camera[k], lane) = b->cameras[CAMERA_PARAMETERS * camera + k];
-}
-
-INLINE void take_ray(const Block *b, int64_t row, int lane, Ray *ray)
-{
-    const int32_t photo = b->photo[row];
-    const double *centre = b->centres + 3 * photo, *rotation = b->rotations + 9 * photo;
-    const double *ground = b->ground + 3 * b->point[row];
+    const double *centre[LANES], *rotation[LANES], *basis[LANES], *ground[LANES], *xy[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t row = rows[lane], photo = b->photo[row];
+        centre[lane] = b->centres + 3 * photo, rotation[lane] = b->rotations + 9 * photo;
+        basis[lane] = b->bases + 9 * photo, ground[lane] = b->ground + 3 * (int64_t)b->point[row], xy[lane] = b->xy + 2 * row;
+    }
     for (int k = 0; k < 3; k++) {
-        LANE(ray->centre[k], lane) = centre[k];
-        LANE(ray->ground[k], lane) = ground[k];
+        ray->centre[k] = GATHERED(centre, k);
+        ray->ground[k] = GATHERED(ground, k);
     }
     for (int k = 0; k < 9; k++)
-        LANE(ray->rotation[k], lane) = rotation[k];
-    if (b->turned)
-        for (int k = 0; k < 9; k++)
-            LANE(ray->basis[k], lane) = b->bases[9 * photo + k];
-    LANE(ray->xy[0], lane) = b->xy[2 * row];
-    LANE(ray->xy[1], lane) = b->xy[2 * row + 1];
+        ray->rotation[k] = GATHERED(rotation, k);
+    for (int k = 0; b->turned && k < 9; k++)
+        ray->basis[k] = GATHERED(basis, k);
+    for (int k = 0; k < 2; k++)
+        ray->xy[k] = GATHERED(xy, k);
+}
+
+INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
+{
+    const double *camera[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        camera[lane] = b->cameras + CAMERA_PARAMETERS * (int64_t)cameras[lane];
+    for (int k = 0; k < CAMERA_PARAMETERS; k++)
+        ray->camera[k] = GATHERED(camera, k);
 }
 
 INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int linear, Linearised *found)
@@ -84,28 +90,24 @@ INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int l
     }
 }
 
-/* Linearise the photo points in `count` rows, at most as many as there are lanes. The ray keeps what it has of cameras
- * from one call to the next; `cameras` says of which, -1 of none. */
-INLINE void linearise(const Block *b, const int32_t *rows, int count, int linear, Ray *ray, int32_t *cameras,
-                      Linearised *found)
+/* Linearise the photo points in rows, one for each lane. The ray keeps what it has of cameras from one call to the next;
+ * `cameras` says of which, -1 of none. */
+INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray, int32_t *cameras, Linearised *found)
 {
-    int32_t kinds[LANES];
-    int same = 1;
+    int same = 1, kept = 1;
     for (int lane = 0; lane < LANES; lane++) {
-        const int32_t row = rows[lane < count ? lane : 0], camera = b->camera_of_photo[b->photo[row]];
-        if (camera != cameras[lane])
-            take_camera(b, camera, lane, ray);
+        const int32_t camera = b->camera_of_photo[b->photo[rows[lane]]];
+        kept &= camera == cameras[lane];
         cameras[lane] = camera;
-        kinds[lane] = b->kind[camera];
-        same &= kinds[lane] == kinds[0];
-        take_ray(b, row, lane, ray);
+        same &= b->kind[camera] == b->kind[cameras[0]];
     }
+    if (!kept)
+        take_cameras(b, cameras, ray);
+    take_rays(b, rows, ray);
     linearise_kind(b, cameras[0], ray, linear, found);
-    if (same)
-        return;
-    for (int lane = 1; lane < LANES; lane++) {
+    for (int lane = 1; !same && lane < LANES; lane++) {
         Linearised other;
-        if (kinds[lane] == kinds[0])
+        if (b->kind[cameras[lane]] == b->kind[cameras[0]])
             continue;
         linearise_kind(b, cameras[lane], ray, linear, &other);
         for (int c = 0; c < 2; c++) {
@@ -138,13 +140,17 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
 {
     const int64_t rest = p->start[p->blocks] - k;
     const int count = rest < LANES ? (int)rest : LANES;
-    linearise(b, p->order + k, count, 1, &a->ray, a->cameras, &a->found);
+    int32_t rows[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        rows[lane] = p->order[k + (lane < count ? lane : 0)];
+    linearise(b, rows, 1, &a->ray, a->cameras, &a->found);
     a->begin = k;
     a->end = k + count;
     for (int c = 0; c < 2; c++) {
-        Lanes f = ALL(0.0);
-        for (int lane = 0; lane < count; lane++)
-            LANE(f, lane) = factor[2 * p->order[k + lane] + c];
+        const double *factors[LANES];
+        for (int lane = 0; lane < LANES; lane++)
+            factors[lane] = factor + 2 * (int64_t)rows[lane];
+        const Lanes f = GATHERED(factors, c);
         for (int i = 0; i < 3; i++)
             a->of_point[c][i] = f * a->found.partials[c][POINT + i];
         for (int u = 0; u < PHOTO_UNKNOWNS; u++) {
@@ -152,7 +158,7 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
             for (int lane = 0; lane < LANES; lane++)
                 a->row[lane][c][u] = LANE(scaled, lane);
         }
-        for (int lane = 0; lane < count; lane++) {
+        for (int lane = 0; lane < LANES; lane++) {
             const int32_t camera = a->cameras[lane], unknowns = p->camera_unknowns[camera];
             const int32_t *elements = p->camera_elements + MOST_CAMERA_UNKNOWNS * camera;
             double *row = a->row[lane][c] + PHOTO_ROW;

@@ -10,10 +10,13 @@
 #pragma GCC diagnostic ignored "-Wpsabi"
 /* aligned as a double, so that it may stand anywhere in an array of doubles */
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+/* element k of the array of each lane */
+#define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
 #else
 #define LANES 1
 #define INLINE static inline
 typedef double Lanes;
+#define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
 
 #define PADDED(count) (((count) + LANES - 1) / LANES * LANES)

@@ -165,7 +165,7 @@ static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *argumen
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum {
-        FACTOR = PATTERN_END, MISCLOSURE, FIXED, BLOCKS, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, LOST, REMOVED, BAND, BORDER,
+        FACTOR = PATTERN_END, MISCLOSURE, FIXED, BLOCKS, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, PIVOTS, REMOVED, BAND, BORDER,
         COUNT
     };
     Call c;
@@ -178,13 +178,13 @@ static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *argumen
     if (!has_length(&v[FACTOR], rows, 8) || !has_length(&v[MISCLOSURE], rows, 8) || !has_length(&v[FIXED], 3 * blocks, 1)
         || !has_length(&v[BLOCKS], 9 * blocks, 8) || !has_length(&v[BLOCK_RIGHT], 3 * blocks, 8)
         || !has_length(&v[DIAGONAL], n.reduced.size, 8) || !has_length(&v[RIGHT], n.reduced.size, 8)
-        || !has_length(&v[HALF], 9 * blocks, 8) || !has_length(&v[LOST], 3 * blocks, 8)
+        || !has_length(&v[HALF], 9 * blocks, 8) || !has_length(&v[PIVOTS], 3 * blocks, 8)
         || !has_length(&v[REMOVED], 3 * blocks, 1))
         return refused(&c);
     n.factor = v[FACTOR].buf, n.misclosure = v[MISCLOSURE].buf, n.fixed = v[FIXED].buf;
     n.blocks = v[BLOCKS].buf, n.block_right = v[BLOCK_RIGHT].buf, n.diagonal = v[DIAGONAL].buf, n.right = v[RIGHT].buf;
-    n.half = v[HALF].buf, n.lost = v[LOST].buf, n.removed = v[REMOVED].buf;
-    n.max_lost_digits = PyFloat_AsDouble(arguments[COUNT]);
+    n.half = v[HALF].buf, n.pivots = v[PIVOTS].buf, n.removed = v[REMOVED].buf;
+    n.least_pivot = PyFloat_AsDouble(arguments[COUNT]);
     if (PyErr_Occurred())
         return refused(&c);
     Py_BEGIN_ALLOW_THREADS

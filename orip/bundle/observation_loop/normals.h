@@ -8,7 +8,6 @@
 
 #include "block.h"
 
-#define LOST_ALL 99.0
 #define AS_LARGE 1e-9
 
 /* Lower triangle of a symmetric matrix of `size` unknowns in their places. Of the first `banded` of them element (i, j)
@@ -28,24 +27,47 @@ INLINE double *element_at(const Reduced *m, int64_t one, int64_t other)
 typedef struct {
     const double *factor, *misclosure;
     const uint8_t *fixed;
-    double max_lost_digits;
+    double least_pivot;
     const double *blocks;
     double *block_right, *diagonal, *right;
-    double *half, *lost;
+    double *half, *pivots;
     uint8_t *removed;
     Reduced reduced;
 } Normals;
 
-/* Factor a symmetric 3 x 3 block; see orip/adjustment/elimination.py. half: H with H^T H = inverse of the block. */
-INLINE void factorise_block(
-    const double *block, const uint8_t *fixed, double max_lost_digits, double *half, double *lost, uint8_t *removed)
+#define WELL_DETERMINED 1e-3
+
+/* Factor a symmetric 3 x 3 block in the order of its coordinates; return whether that is as good as any other order.
+ * half: H with H^T H = inverse of the block. */
+INLINE int factorise_in_order(const double *block, const uint8_t *fixed, double *half, double *pivots)
+{
+    if (fixed[0] || fixed[1] || fixed[2] || !(block[0] > 0.0 && block[4] > 0.0 && block[8] > 0.0))
+        return 0;
+    const double a = 1.0 / block[0], l10 = block[3] * a, l20 = block[6] * a;
+    const double d1 = block[4] - l10 * block[3], b = 1.0 / d1, e = block[7] - l20 * block[3], l21 = e * b;
+    const double d2 = block[8] - l20 * block[6] - l21 * e;
+    pivots[0] = 1.0;
+    pivots[1] = d1 / block[4];
+    pivots[2] = d2 / block[8];
+    if (!(pivots[1] > WELL_DETERMINED && pivots[2] > WELL_DETERMINED))
+        return 0;
+    const double roots[3] = {sqrt(a), sqrt(b), sqrt(1.0 / d2)};
+    half[0] = roots[0], half[1] = half[2] = half[5] = 0.0;
+    half[3] = -l10 * roots[1], half[4] = roots[1];
+    half[6] = (l21 * l10 - l20) * roots[2], half[7] = -l21 * roots[2], half[8] = roots[2];
+    return 1;
+}
+
+/* Factor a symmetric 3 x 3 block by largest pivots; see orip/adjustment/elimination.py. */
+static void factorise_by_size(
+    const double *block, const uint8_t *fixed, double least_pivot, double *half, double *pivots, uint8_t *removed)
 {
     double scale[3], rest[3][3], accumulated[3][3];
     int open[3];
     for (int i = 0; i < 3; i++) {
         const double diagonal = block[4 * i];
-        const int empty = !fixed[i] && diagonal <= 0.0;
-        lost[i] = empty ? LOST_ALL : 0.0;
+        const int empty = !fixed[i] && !(diagonal > 0.0);
+        pivots[i] = empty ? 0.0 : 1.0;
         removed[i] = (uint8_t)empty;
         open[i] = !fixed[i] && !empty;
         scale[i] = open[i] ? 1.0 / sqrt(diagonal) : 0.0;
@@ -58,35 +80,35 @@ INLINE void factorise_block(
         }
     for (int step = 0; step < 3; step++) {
         int place = -1;
+        double largest = 0.0;
         for (int i = 0; i < 3; i++)
-            if (open[i] && (place < 0 || rest[i][i] > rest[place][place]))
-                place = i;
+            if (open[i] && (place < 0 || rest[i][i] > largest))
+                place = i, largest = rest[i][i];
         if (place < 0)
             break;
         /* of pivots that are as large but for rounding the first is taken */
-        const double as_large = rest[place][place] - AS_LARGE * fabs(rest[place][place]);
+        const double as_large = largest - AS_LARGE * fabs(largest);
         for (int i = 2; i >= 0; i--)
             if (open[i] && rest[i][i] >= as_large)
                 place = i;
         const double pivot = rest[place][place];
-        lost[place] = pivot > 0.0 ? -log10(pivot) : LOST_ALL;
+        pivots[place] = pivot;
         open[place] = 0;
-        if (!(lost[place] <= max_lost_digits)) {
+        if (!(pivot >= least_pivot)) {
             removed[place] = 1;
             continue;
         }
-        const double root = sqrt(pivot);
+        const double root = 1.0 / sqrt(pivot);
         double row[3], own[3];
         for (int j = 0; j < 3; j++) {
-            row[j] = rest[place][j];
-            own[j] = accumulated[place][j];
-            half[3 * step + j] = own[j] / root * scale[j];
+            row[j] = rest[place][j] * root;
+            own[j] = accumulated[place][j] * root;
+            half[3 * step + j] = own[j] * scale[j];
         }
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
-                const double multiplier = row[i] / pivot;
-                rest[i][j] -= multiplier * row[j];
-                accumulated[i][j] -= multiplier * own[j];
+                rest[i][j] -= row[i] * row[j];
+                accumulated[i][j] -= row[i] * own[j];
             }
     }
 }
@@ -147,21 +169,34 @@ INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, con
     }
 }
 
-/* Add a photo point without regard to what is eliminated. */
-INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+/* Add a photo point without regard to what is eliminated; width: of the camera's unknowns, in whole lanes. */
+INLINE void add_direct(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, int64_t width)
 {
     const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
     for (int64_t u = 0; u < at->camera_unknowns; u++) {
         double *column = s->matrix + (at->camera + u) * s->stride;
-        add_to(column + at->camera, x_camera[u], x_camera, y_camera[u], y_camera, at->camera_unknowns);
+        add_to(column + at->camera, x_camera[u], x_camera, y_camera[u], y_camera, width);
         add_to(column + at->photo, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
     }
     for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
         add_to(s->matrix + (at->photo + u) * s->stride + at->photo, row[0][u], row[0], row[1][u], row[1], PHOTO_UNKNOWNS);
-    add_to(s->right + at->camera, y[0], x_camera, y[1], y_camera, at->camera_unknowns);
+    add_to(s->right + at->camera, y[0], x_camera, y[1], y_camera, width);
     add_to(s->right + at->photo, y[0], row[0], y[1], row[1], PHOTO_UNKNOWNS);
-    add_squares(s->diagonal + at->camera, x_camera, y_camera, at->camera_unknowns);
+    add_squares(s->diagonal + at->camera, x_camera, y_camera, width);
     add_squares(s->diagonal + at->photo, row[0], row[1], PHOTO_UNKNOWNS);
+}
+
+INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+{
+    /* loops of a length that the compiler knows are faster */
+    if (at->camera_unknowns == 0)
+        add_direct(s, at, row, y, 0);
+    else if (at->camera_unknowns <= 4)
+        add_direct(s, at, row, y, 4);
+    else if (at->camera_unknowns <= 8)
+        add_direct(s, at, row, y, 8);
+    else
+        add_direct(s, at, row, y, at->camera_unknowns);
 }
 
 /* Take a point out: subtract what its three unknowns explain; coupling becomes H times itself. */
@@ -199,6 +234,14 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n)
     }
 }
 
+/* Give a full matrix its other triangle. */
+INLINE void mirror(const Reduced *m)
+{
+    for (int64_t i = 0; i < m->size; i++)
+        for (int64_t j = 0; j < i; j++)
+            m->band[i * m->stride + j] = m->band[j * m->stride + i];
+}
+
 static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room)
 {
     Ahead a;
@@ -233,13 +276,17 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
                 add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
                 add_photo_point(&s, &at, a.row[lane], y);
             }
-            factorise_block(V, n->fixed + 3 * block, n->max_lost_digits, H, n->lost + 3 * block, n->removed + 3 * block);
+            memset(n->removed + 3 * block, 0, 3);
+            if (!factorise_in_order(V, n->fixed + 3 * block, H, n->pivots + 3 * block))
+                factorise_by_size(V, n->fixed + 3 * block, n->least_pivot, H, n->pivots + 3 * block, n->removed + 3 * block);
             const double given[3] = {g[0], g[1], g[2]};
             multiply(H, given, g);
             eliminate_point(&s, local.size, H, g);
         }
         scatter(&s, &local, n);
     }
+    if (n->reduced.stride == n->reduced.size)
+        mirror(&n->reduced);
 }
 
 #endif

@@ -15,9 +15,9 @@ static void residual_loop(const Block *b, double *residual, uint8_t *in_front)
         cameras[lane] = -1;
     for (int64_t row = 0; row < b->count; row += LANES) {
         const int count = b->count - row < LANES ? (int)(b->count - row) : LANES;
-        for (int lane = 0; lane < count; lane++)
-            rows[lane] = (int32_t)(row + lane);
-        linearise(b, rows, count, 0, &ray, cameras, &found);
+        for (int lane = 0; lane < LANES; lane++)
+            rows[lane] = (int32_t)(row + (lane < count ? lane : 0));
+        linearise(b, rows, 0, &ray, cameras, &found);
         for (int lane = 0; lane < count; lane++) {
             const int64_t at = 2 * (row + lane);
             in_front[row + lane] = (uint8_t)found.in_front[lane];
