@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.band import BandMatrix, Symmetric
+from orip.adjustment.band import BandMatrix, Symmetric, scale_matrix
 from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
 from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
@@ -97,9 +97,8 @@ def solve_normals(
 def _factorised(
     matrix: Symmetric, factors: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]
 ) -> Factor | BandFactor:
-    """Return the factor of a matrix with rows and columns multiplied by `factors`."""
+    """Return the factor of a matrix with rows and columns multiplied by `factors`; the matrix is used up."""
+    scale_matrix(matrix, factors)
     if isinstance(matrix, BandMatrix):
-        scaled = matrix.scaled(factors)
-        found = factorise_band(scaled, max_lost_digits, undetermined)
-        return found or factorise(scaled.toarray(), max_lost_digits, undetermined)
-    return factorise(matrix * factors[:, None] * factors, max_lost_digits, undetermined)
+        return factorise_band(matrix, max_lost_digits, undetermined)
+    return factorise(matrix, max_lost_digits, undetermined)

@@ -88,8 +88,9 @@ class BlockProblem:
 
     def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
         """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-        kept = [each.rows.columns != CONSTANT for each in self.observations]
-        indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(self.observations, kept, strict=True)])
+        columns = [each.columns() for each in self.observations]
+        kept = [each != CONSTANT for each in columns]
+        indices = np.concatenate([each[keep] for each, keep in zip(columns, kept, strict=True)])
         counts = np.concatenate([keep.sum(axis=1) for keep in kept])
         return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
@@ -138,7 +139,7 @@ def pose_problem(block: Block) -> BlockProblem:
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
     problem = BlockProblem(unknowns, observations)
     loop = photo_loop(photo_points, unknowns)
-    rest = tuple(each for each in observations if each is not photo_points and len(each.rows.columns))
+    rest = tuple(each for each in observations if each is not photo_points and len(each.rows.error))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
     others = BlockProblem(unknowns, (*staying, *rest))
     if not _couples_points(others):
@@ -154,10 +155,11 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
     touching, touched = ([each] for each in loop.touched())
     first = len(loop.pattern.runs_start)
     for each in others.observations:
-        rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
+        columns = each.columns()
+        rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))
         touching.append(first + rows)
-        touched.append(each.rows.columns[rows, places].astype(np.int64))
-        first += len(each.rows.columns)
+        touched.append(columns[rows, places].astype(np.int64))
+        first += len(columns)
     shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
     row, column = np.concatenate(touching), groups[np.concatenate(touched)]
     arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
@@ -170,7 +172,7 @@ def _couples_points(problem: BlockProblem) -> bool:
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
-        for columns in (each.rows.columns for each in problem.observations)
+        for columns in (each.columns() for each in problem.observations)
     )
 
 
