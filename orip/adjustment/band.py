@@ -131,6 +131,16 @@ def scale_matrix(matrix: Symmetric, factors: FloatArray) -> None:
         matrix *= factors[:, None]
 
 
+def add_to_diagonal(matrix: Symmetric, number: float) -> None:
+    """Add a number to all elements of the diagonal of a matrix."""
+    if isinstance(matrix, BandMatrix):
+        banded = matrix.arrangement.banded
+        matrix.band[:, 0] += number
+        matrix.border[np.arange(len(matrix.border)), banded + np.arange(len(matrix.border))] += number
+    else:
+        matrix[np.arange(len(matrix)), np.arange(len(matrix))] += number
+
+
 def zero_matrix(arrangement: Arrangement) -> BandMatrix:
     """Return a matrix of zeros."""
     size, banded = len(arrangement.places), arrangement.banded

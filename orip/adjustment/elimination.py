@@ -150,7 +150,7 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
 def times_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return H v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
     by_block = vectors.reshape(len(half), 3, *vectors.shape[1:])
-    return np.einsum("bij,bj...->bi...", half, by_block).reshape(vectors.shape)
+    return np.asarray(np.einsum("bij,bj...->bi...", half, by_block).reshape(vectors.shape))
 
 
 def times_transposed_half(half: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.band import BandMatrix, Symmetric, scale_matrix
+from orip.adjustment.band import BandMatrix, Symmetric, add_to_diagonal, scale_matrix
 from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
 from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
@@ -57,7 +57,7 @@ class SolvedNormals:
 
 
 def solve_normals(
-    equations: Equations, weight_factors: FloatArray, layout: Layout, max_lost_digits: float
+    equations: Equations, weight_factors: FloatArray, layout: Layout, max_lost_digits: float, damping: float = 0.0
 ) -> SolvedNormals:
     """Form, reduce and solve the normal equations of one iteration.
 
@@ -68,17 +68,22 @@ def solve_normals(
         Inactive observations get no weight whatever stands here.
     layout : Layout
     max_lost_digits : float
+    damping : float
+        The diagonal is multiplied by 1 + damping.
 
     Returns
     -------
     SolvedNormals
     """
     root = np.sqrt(np.where(equations.active, weight_factors, 0.0))
-    normals = equations.rows.eliminated(root, -equations.residual * root, layout, max_lost_digits)
+    normals = equations.rows.eliminated(root, -equations.residual * root, layout, max_lost_digits, damping)
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
-    factor = _factorised(normals.matrix, 1.0 / scale, max_lost_digits, diagonal <= 0.0)
+    scale_matrix(normals.matrix, 1.0 / scale)
+    if damping:
+        add_to_diagonal(normals.matrix, damping)
+    factor = _factorised(normals.matrix, max_lost_digits, diagonal <= 0.0)
     reduced_right = factor.reduce(normals.right / scale)
     solution = factor.back_substitute(reduced_right) / scale
     rest = normals.block_right - normals.coupling.times(solution)
@@ -94,11 +99,8 @@ def solve_normals(
     )
 
 
-def _factorised(
-    matrix: Symmetric, factors: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]
-) -> Factor | BandFactor:
-    """Return the factor of a matrix with rows and columns multiplied by `factors`; the matrix is used up."""
-    scale_matrix(matrix, factors)
+def _factorised(matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> Factor | BandFactor:
+    """Return the factor of a matrix, which is used up."""
     if isinstance(matrix, BandMatrix):
         return factorise_band(matrix, max_lost_digits, undetermined)
     return factorise(matrix, max_lost_digits, undetermined)

@@ -37,14 +37,15 @@ class SparseRows:
         return self.stored
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
         weighted = scale_rows(self.stored, root_weights)
         reduced_design, block_design = weighted[:, : layout.reduced], weighted[:, layout.reduced :]
         complete = (reduced_design.T @ reduced_design).tocsr()
         fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)
-        factors = factorise_blocks(diagonal_blocks(block_design), fixed_places, max_lost_digits)
+        blocks = diagonal_blocks(block_design) * (1.0 + damping * np.eye(3))
+        factors = factorise_blocks(blocks, fixed_places, max_lost_digits)
         half = block_diagonal(factors.half)
         coupling = (half @ (block_design.T @ reduced_design)).tocsr()
         block_right = half @ (block_design.T @ misclosure)

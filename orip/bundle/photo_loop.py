@@ -152,6 +152,7 @@ class PhotoLoop:
         others: Contributions,
         layout: Layout,
         max_lost_digits: float,
+        damping: float,
     ) -> EliminatedNormals:
         """Return the normal equations of photo points and `others`, points eliminated.
 
@@ -163,7 +164,7 @@ class PhotoLoop:
         others : Contributions
             Its right-hand side of the blocks is used up.
         layout : Layout
-        max_lost_digits : float
+        max_lost_digits, damping : float
         """
         m, b = layout.reduced, layout.blocks
         arrangement = layout.arrangement or _whole(m)
@@ -176,7 +177,8 @@ class PhotoLoop:
         compiled.eliminate(
             *self._observations(state), *self._pattern(arrangement), factor, misclosure,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
-            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, *_measures(matrix),
+            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
+            *_measures(matrix),
         )  # fmt: skip
         return EliminatedNormals(
             matrix,
@@ -211,7 +213,8 @@ class PhotoLoop:
 
     def staying(self) -> NDArray[np.int64]:
         """Return the rows (of 2 n) of photo points of points that are not eliminated."""
-        return np.flatnonzero(np.repeat(~self.eliminated, 2)) if not self.eliminated.all() else np.empty(0, dtype=np.int64)
+        all_go = self.eliminated.all()
+        return np.empty(0, dtype=np.int64) if all_go else np.flatnonzero(np.repeat(~self.eliminated, 2))
 
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""

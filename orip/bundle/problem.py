@@ -14,6 +14,7 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
+from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
 from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
@@ -34,6 +35,7 @@ class BlockProblem:
 
     Parameters
     ----------
+    block : Block
     unknowns : Unknowns
     observations : tuple of Observations
         One of each kind; their rows follow one another.
@@ -45,6 +47,7 @@ class BlockProblem:
         The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
+    block: Block
     unknowns: Unknowns
     observations: tuple[Observations, ...]
     datum: FreeDatum | None = None
@@ -126,6 +129,10 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
+    def with_points_anew(self, state: State) -> State:
+        """Return the state with its points where the rays of the photos meet."""
+        return with_intersected_points(self.block, state, self.unknowns)
+
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps every photo's turn small enough to linearise."""
         return rotation_limit(correction, self.unknowns)
@@ -137,11 +144,11 @@ def pose_problem(block: Block) -> BlockProblem:
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
-    problem = BlockProblem(unknowns, observations)
+    problem = BlockProblem(block, unknowns, observations)
     loop = photo_loop(photo_points, unknowns)
     rest = tuple(each for each in observations if each is not photo_points and len(each.rows.error))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
-    others = BlockProblem(unknowns, (*staying, *rest))
+    others = BlockProblem(block, unknowns, (*staying, *rest))
     if not _couples_points(others):
         problem = _arranged(problem, loop, others)
     return problem if block.definition.datum == "control" else _freed(problem, block)

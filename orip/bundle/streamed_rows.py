@@ -46,7 +46,7 @@ class StreamedRows:
         return self.complete(self.state)
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
         weighted = scale_rows(self.others.stored, root_weights[self.other_rows])
@@ -60,7 +60,7 @@ class StreamedRows:
         )
         photos = slice(0, self.loop.points.xy.size)
         return self.loop.eliminate(
-            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits
+            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits, damping
         )
 
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:

@@ -126,7 +126,9 @@ def test_residuals(block):
 def test_normal_equations_with_eliminated_points(block):
     layout, streamed, stored = both_ways(block)
     root = np.sqrt(weights_of(stored) * stored.active)
-    found, wanted = (each.rows.eliminated(root, -each.residual * root, layout, MAX_LOST) for each in (streamed, stored))
+    found, wanted = (
+        each.rows.eliminated(root, -each.residual * root, layout, MAX_LOST, 0.0) for each in (streamed, stored)
+    )
     scale = np.sqrt(np.where(wanted.diagonal > 0.0, wanted.diagonal, 1.0))
     assert np.allclose(found.diagonal, wanted.diagonal, rtol=RELATIVE)
     assert np.allclose(found.matrix / np.outer(scale, scale), wanted.matrix / np.outer(scale, scale), atol=RELATIVE)
@@ -148,7 +150,7 @@ def test_normal_equations_with_eliminated_points(block):
 def test_solution_and_precision(block):
     layout, streamed, stored = both_ways(block)
     weights = weights_of(stored)
-    found, wanted = (solve_normals(each, weights, layout, MAX_LOST) for each in (streamed, stored))
+    found, wanted = (solve_normals(each, weights, layout, MAX_LOST, 0.0) for each in (streamed, stored))
     assert np.array_equal(found.removed, wanted.removed)
     precise, expected = cofactors(streamed, found), cofactors(stored, wanted)
     deviation = np.sqrt(np.concatenate([np.diag(expected.reduced), np.einsum("bii->bi", expected.blocks).ravel()]))

@@ -170,8 +170,8 @@ static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *argumen
     };
     Call c;
     Normals n;
-    if (!begin(&c, arguments, given, COUNT, 4, COUNT - BLOCK_RIGHT, 1)
-        || !take_reduced(&c.view[BAND], &c.view[BORDER], arguments + COUNT + 1, &n.reduced))
+    if (!begin(&c, arguments, given, COUNT, 5, COUNT - BLOCK_RIGHT, 1)
+        || !take_reduced(&c.view[BAND], &c.view[BORDER], arguments + COUNT + 2, &n.reduced))
         return refused(&c);
     const Py_buffer *v = c.view;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
@@ -185,6 +185,7 @@ static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *argumen
     n.blocks = v[BLOCKS].buf, n.block_right = v[BLOCK_RIGHT].buf, n.diagonal = v[DIAGONAL].buf, n.right = v[RIGHT].buf;
     n.half = v[HALF].buf, n.pivots = v[PIVOTS].buf, n.removed = v[REMOVED].buf;
     n.least_pivot = PyFloat_AsDouble(arguments[COUNT]);
+    n.on_diagonal = PyFloat_AsDouble(arguments[COUNT + 1]);
     if (PyErr_Occurred())
         return refused(&c);
     Py_BEGIN_ALLOW_THREADS

@@ -27,7 +27,8 @@ INLINE double *element_at(const Reduced *m, int64_t one, int64_t other)
 typedef struct {
     const double *factor, *misclosure;
     const uint8_t *fixed;
-    double least_pivot;
+    /* on_diagonal: factor of the diagonals of the blocks */
+    double least_pivot, on_diagonal;
     const double *blocks;
     double *block_right, *diagonal, *right;
     double *half, *pivots;
@@ -276,6 +277,8 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
                 add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
                 add_photo_point(&s, &at, a.row[lane], y);
             }
+            for (int i = 0; i < 3; i++)
+                V[4 * i] *= n->on_diagonal;
             memset(n->removed + 3 * block, 0, 3);
             if (!factorise_in_order(V, n->fixed + 3 * block, H, n->pivots + 3 * block))
                 factorise_by_size(V, n->fixed + 3 * block, n->least_pivot, H, n->pivots + 3 * block, n->removed + 3 * block);
