@@ -186,10 +186,10 @@ def _couples_points(problem: BlockProblem) -> bool:
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: as many unknowns are held while solving as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
-    on_the_ground = np.concatenate(
-        [np.full(len(each.rows.photo), each.rows.kind != "photo") for each in problem.observations]
-    )
-    datum = free_datum(block, state, unknowns, problem.linearise(state), on_the_ground)
+    others = tuple(each for each in problem.observations if not isinstance(each, PhotoPointObservations))
+    on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
+    every = np.ones(len(on_the_ground.residual), dtype=bool)
+    datum = free_datum(block, state, unknowns, on_the_ground, every)
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
     # its cofactors are transformed as a whole: no band
