@@ -237,15 +237,16 @@ def _moved(
         step = acceleration.step(normals)
         factor = problem.step_factor(step)
         moved = _at(problem, problem.update(current.state, factor * step))
-        if control.accepts(current.equations, moved.equations, weights, normals):
+        if control.accepts(current.equations, moved.equations, weights, normals, full=damping == 0.0):
             acceleration.applied(factor * step)
             control.weaken()
             return normals, moved, factor < 1.0 or damping > 0.0
         acceleration.forget()
-        moved = _at(problem, problem.with_points_anew(moved.state))
-        if control.accepts(current.equations, moved.equations, weights, normals):
-            control.weaken()
-            return normals, moved, True
+        if control.is_far(normals):
+            moved = _at(problem, problem.with_points_anew(moved.state))
+            if control.accepts(current.equations, moved.equations, weights, normals, full=False):
+                control.weaken()
+                return normals, moved, True
         control.strengthen()
         del normals, moved
 

@@ -17,8 +17,8 @@ from orip.adjustment.normals import SolvedNormals
 
 FloatArray = NDArray[np.float64]
 
-_NEAR_ENP = 0.0
-_LEAST, _MOST = 1e-4, 1e4
+_NEAR_ENP, _FAR_ENP = 1.0, 0.0
+_FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
 _WORSE = 100.0
 """Times the least mean square so far: a step along a curved valley may raise it for a while."""
@@ -47,8 +47,10 @@ class StepControl:
         self.damping = 0.0
         self.undamped = 0
 
-    def accepts(self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals) -> bool:
-        """Return whether a step is taken.
+    def accepts(
+        self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals, *, full: bool
+    ) -> bool:
+        """Return whether a step is taken; one that is not the full correction must lower the mean square.
 
         Parameters
         ----------
@@ -57,19 +59,27 @@ class StepControl:
             Weight factors of the iteration.
         normals : SolvedNormals
         """
-        near = exponent_of_numerical_precision(normals.reduced_square_sum, self._unknowns) >= _NEAR_ENP
+        near = self._enp(normals) >= _NEAR_ENP
         # constants are met at any price: their equations say nothing of the square sum
         if (near and not self.damping) or self.damping >= _MOST or (before.active & before.exact).any():
             return True
         taken = np.where(before.active, weights, 0.0)
         total = max(float(taken.sum()), 1.0)
-        squares = np.where(after.active, after.residual**2, _OUT_OF_SIGHT * before.residual**2)
+        squares = np.where(after.active, after.residual**2, _OUT_OF_SIGHT * (1.0 + before.residual**2))
         here = float(taken @ before.residual**2) / total
         self._least = min(self._least, here)
-        leads_on = float(taken @ squares) / total <= max(_WORSE * self._least, here)
+        allowed = max(_WORSE * self._least, here) if full else here
+        leads_on = float(taken @ squares) / total <= allowed
         if not leads_on:
             self.undamped = -1
         return leads_on
+
+    def is_far(self, normals: SolvedNormals) -> bool:
+        """Return whether a correction is so large that points may be anywhere."""
+        return self._enp(normals) < _FAR_ENP
+
+    def _enp(self, normals: SolvedNormals) -> float:
+        return exponent_of_numerical_precision(normals.reduced_square_sum, self._unknowns)
 
     def weaken(self) -> None:
         """Damp the next correction less than this one, or not at all."""
@@ -79,4 +89,4 @@ class StepControl:
 
     def strengthen(self) -> None:
         """Damp the next attempt more."""
-        self.damping = max(_STEP * self.damping, _LEAST * _STEP)
+        self.damping = _STEP * self.damping if self.damping else _FIRST

@@ -65,8 +65,10 @@ def test_observations_that_go_out_of_sight_are_no_gain():
     normals = solve_normals(before, np.ones(1), problem.layout, 12.0)
     after = problem.linearise(state * 10.0)
     after.active[:] = False
-    assert control.accepts(before, problem.linearise(state * 0.5), np.ones(1), normals)
+    assert control.accepts(before, problem.linearise(state * 0.5), np.ones(1), normals, full=True)
     control = StepControl(problem.layout)
     worse = equations_of(np.ones((1, 1)), before.residual * 0.1)
-    assert control.accepts(worse, worse, np.ones(1), normals)
-    assert not control.accepts(before, after, np.ones(1), normals)
+    assert control.accepts(worse, worse, np.ones(1), normals, full=True)
+    assert not control.accepts(before, after, np.ones(1), normals, full=True)
+    assert control.accepts(worse, before, np.ones(1), normals, full=True)
+    assert not control.accepts(worse, before, np.ones(1), normals, full=False)
