@@ -96,15 +96,16 @@ class BandMatrix:
         np.add.at(self.band, (j[in_band], (i - j)[in_band]), elements.data[in_band])
         np.add.at(self.border, (i[in_border] - banded, j[in_border]), elements.data[in_border])
 
-    def scaled(self, factors: FloatArray) -> BandMatrix:
-        """Return the matrix with rows and columns multiplied by factors (m,)."""
+    def scale(self, factors: FloatArray) -> None:
+        """Multiply rows and columns by factors (m,)."""
         banded, width = self.arrangement.banded, self.arrangement.width
         ordered = factors[self.arrangement.columns]
         # what stands beyond the last row is no part of the matrix
         padded = np.append(ordered[:banded], np.zeros(width))
-        band = self.band * np.lib.stride_tricks.sliding_window_view(padded, width + 1)
-        band *= ordered[:banded, None]
-        return BandMatrix(self.arrangement, band, self.border * ordered * ordered[banded:, None])
+        self.band[:] *= np.lib.stride_tricks.sliding_window_view(padded, width + 1)
+        self.band[:] *= ordered[:banded, None]
+        self.border[:] *= ordered
+        self.border[:] *= ordered[banded:, None]
 
     def toarray(self) -> FloatArray:
         """Return the full matrix (m, m) in the unknowns' own order."""
@@ -119,6 +120,25 @@ class BandMatrix:
 
 Symmetric = FloatArray | BandMatrix
 """A symmetric matrix (m, m); both kinds have a diagonal() and elements [rows, columns]."""
+
+
+def scale_matrix(matrix: Symmetric, factors: FloatArray) -> None:
+    """Multiply rows and columns of a matrix by factors (m,)."""
+    if isinstance(matrix, BandMatrix):
+        matrix.scale(factors)
+    else:
+        matrix *= factors
+        matrix *= factors[:, None]
+
+
+def add_to_diagonal(matrix: Symmetric, number: float) -> None:
+    """Add a number to all elements of the diagonal of a matrix."""
+    if isinstance(matrix, BandMatrix):
+        banded = matrix.arrangement.banded
+        matrix.band[:, 0] += number
+        matrix.border[np.arange(len(matrix.border)), banded + np.arange(len(matrix.border))] += number
+    else:
+        matrix[np.arange(len(matrix)), np.arange(len(matrix))] += number
 
 
 def zero_matrix(arrangement: Arrangement) -> BandMatrix:

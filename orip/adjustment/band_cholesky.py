@@ -1,9 +1,8 @@
 """Cholesky factorisation of a band with a border, its selected inverse, and the digits that its columns lose.
 
-A column of the band that has lost more than five digits at its turn is deferred into the border. Columns of the border
-come last, so that the digits that each would lose, were it the very last one, can be told from the inverse. Where one
-would lose more than allowed, something is not determined, and the full matrix has to say which: the two factorisations
-name the same unknowns.
+A column of the band that has lost more than five digits at its turn is deferred. What then remains is a small full
+matrix of deferred columns and border, and goes on as such (see `orip.adjustment.cholesky`): deferred columns by largest
+pivot, and then the border. A full matrix of unknowns in the same order names the same ones as not determined.
 """
 
 from __future__ import annotations
@@ -15,17 +14,16 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.band import Arrangement, BandMatrix
-from orip.adjustment.cholesky import DEFERRAL_DIGITS
+from orip.adjustment.cholesky import DEFERRAL_DIGITS, LOST_ALL, Elimination
 
 FloatArray = NDArray[np.float64]
 
-_MOST_DEFERRED = 20
 _PANEL = 64
 
 
 @dataclass(frozen=True, slots=True)
 class BandFactor:
-    """The factor of a matrix that is determined but for columns that no observation touches.
+    """The factor of the columns that are determined.
 
     Parameters
     ----------
@@ -33,14 +31,15 @@ class BandFactor:
     band : array (banded, width + 1)
         L of the band.
     spread : array (banded, k)
-        A^-1 B^T, with the band A and the k rows of the border B.
+        A^-1 B^T, with the band A and the k rows of the border B, without those that are not determined.
     corner : array (k, k)
         L of what remains of the border's own unknowns.
     at_border : array (k,)
-        Places of the border's unknowns; deferred ones have theirs within the band, where they are empty.
+        Places of the border's unknowns in the order of their elimination; deferred ones have theirs within the band,
+        where they are empty.
     lost_digits : array (m,)
     removed : array (m,) of bool
-        Columns that no observation touches.
+        Columns that are not determined.
     """
 
     arrangement: Arrangement
@@ -82,56 +81,47 @@ class BandFactor:
         deferred = np.flatnonzero(self.at_border < banded)
         for row in deferred:
             _put_column(band, int(self.at_border[row]), rows[row, :banded])
-        found = BandMatrix(self.arrangement, band, rows[np.flatnonzero(self.at_border >= banded)])
-        return found.scaled((~self.removed).astype(np.float64))
+        own = np.flatnonzero(self.at_border >= banded)
+        border = np.zeros((size - banded, size))
+        border[self.at_border[own] - banded] = rows[own]
+        found = BandMatrix(self.arrangement, band, border)
+        if self.removed.any():
+            found.scale((~self.removed).astype(np.float64))
+        return found
 
     def _taking_part(self, vectors: FloatArray) -> NDArray[np.bool_]:
         return ~self.removed if vectors.ndim == 1 else ~self.removed[:, None]
 
 
-def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> BandFactor | None:
-    """Factorise a symmetric positive definite band with a border.
+def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> BandFactor:
+    """Factorise a symmetric positive semidefinite band with a border, removing what is not determined.
 
     Parameters
     ----------
     matrix : BandMatrix
-        Scaled so that the diagonal was 1 before any elimination.
+        Scaled so that the diagonal was 1 before any elimination; what it holds is used up.
     max_lost_digits : float
+        A column that loses more is removed.
     undetermined : array (m,) of bool
-        Columns known to have no observation at all.
+        Columns known to have no observation at all; they are removed at once.
 
     Returns
     -------
-    BandFactor or None
-        None: the matrix is not determined, or nearly not.
+    BandFactor
     """
-    arrangement = matrix.arrangement
-    banded = arrangement.banded
-    held = undetermined[arrangement.columns]
-    matrix = matrix.scaled((~undetermined).astype(np.float64))
-    matrix.band[held[:banded], 0] = 1.0
-    at_border = np.arange(banded, len(matrix))
-    border = matrix.border.copy()
-    border[np.arange(len(at_border)), at_border] += held[banded:]
-    while True:
-        lower, info = lapack.dpbtrf(matrix.band.T, lower=1)
-        bad = info - 1 if info > 0 else _first_lossy(np.asarray(lower)[0])
-        if bad is None:
-            break
-        if len(at_border) - (len(matrix) - banded) == _MOST_DEFERRED:
-            return None
-        row = _row_of(matrix.band, bad, len(matrix))
-        row[at_border] = border[:, bad]
-        at_border, border = np.append(at_border, bad), np.vstack([border, row])
-        border[:, bad] = row[at_border]
-        _put_column(matrix.band, bad, np.zeros(banded))
-        matrix.band[bad, 0] = 1.0
-    return _with_border(arrangement, np.asarray(lower).T, border, at_border, undetermined, max_lost_digits)
-
-
-def _first_lossy(pivots: FloatArray) -> int | None:
-    lossy = np.flatnonzero(~(pivots**2 >= 10.0**-DEFERRAL_DIGITS))
-    return int(lossy[0]) if len(lossy) else None
+    banded, size = matrix.arrangement.banded, len(matrix)
+    held = undetermined[matrix.arrangement.columns]
+    if held.any():
+        matrix.scale((~undetermined).astype(np.float64))
+        matrix.band[held[:banded], 0] = 1.0
+    lower, info = lapack.dpbtrf(matrix.band.T, lower=1)
+    band, deferred = np.asarray(lower).T, np.empty(0, dtype=np.int64)
+    if info > 0 or not (band[:, 0] ** 2 >= 10.0**-DEFERRAL_DIGITS).all():
+        band, deferred = _factorised_with_deferral(matrix.band)
+    own = banded + np.flatnonzero(~held[banded:])
+    rows = np.array([_row_of(matrix, int(place)) for place in deferred]).reshape(-1, size)
+    border = np.vstack([matrix.border[own - banded], rows])
+    return _with_border(matrix.arrangement, band, border, np.append(own, deferred), len(own), held, max_lost_digits)
 
 
 def _with_border(
@@ -139,30 +129,77 @@ def _with_border(
     band: FloatArray,
     border: FloatArray,
     at_border: NDArray[np.int64],
-    undetermined: NDArray[np.bool_],
+    own: int,
+    held: NDArray[np.bool_],
     max_lost_digits: float,
-) -> BandFactor | None:
-    banded, size = arrangement.banded, len(undetermined)
+) -> BandFactor:
+    """Return the factor of a band and the rows of its border, `own` ones and deferred ones."""
+    banded, count = arrangement.banded, len(at_border)
     coupled = border[:, :banded].copy()
     # what couples the border's unknowns with each other is no part of the band
-    coupled[:, at_border[at_border < banded]] = 0.0
-    corner = np.tril(border[:, at_border])
-    corner += np.tril(corner, -1).T
-    lost = np.zeros(size)
+    coupled[:, at_border[own:]] = 0.0
     half = _solved(band, coupled.T, "N")
-    lower, info = lapack.dpotrf(corner - half.T @ half, lower=1, clean=1) if len(at_border) else (corner, 0)
-    if info != 0:
-        return None
     spread = _solved(band, half, "T")
-    lost[:banded] = -2.0 * np.log10(band[:, 0])
-    lost[at_border] = -2.0 * np.log10(np.diag(lower))
-    factor = BandFactor(arrangement, band, spread, np.asarray(lower), at_border, lost[arrangement.places], undetermined)
-    inverse = cho_solve((factor.corner, True), np.eye(len(at_border))) if len(at_border) else corner
-    # eliminated last, a column's pivot over 1 + |x|² is its own cofactor over the squares of all in its column
-    squares = np.sum((spread @ inverse) ** 2, axis=0) + np.sum(inverse**2, axis=0)
-    if len(at_border) and np.log10(squares / np.diag(inverse)).max() > max_lost_digits:
-        return None
-    return factor
+    corner = border[:, at_border]
+    # rows of the border end at their diagonal elements, those of deferred columns do not
+    corner[:own] = np.tril(corner[:own])
+    corner[:own, own:] = corner[own:, :own].T
+    corner[:own, :own] += np.tril(corner[:own, :own], -1).T
+    lost = np.where(held, LOST_ALL, 0.0)
+    lost[:banded] += np.where(held[:banded], 0.0, -2.0 * np.log10(band[:, 0]))
+    work = Elimination(corner - half.T @ half, np.zeros((count, count)), [], np.zeros(count), spread)
+    removed = work.eliminate_by_size([*range(own, count)], max_lost_digits, range(own))
+    removed += work.eliminate_by_size(work.eliminate_in_order(np.arange(own)), max_lost_digits)
+    order = np.array(work.order, dtype=np.int64)
+    lost[at_border] = work.lost
+    held = held.copy()
+    held[at_border[removed]] = True
+    return BandFactor(
+        arrangement, band, spread[:, order], work.factor[order, : len(order)], at_border[order],
+        lost[arrangement.places], held[arrangement.places],
+    )  # fmt: skip
+
+
+def _factorised_with_deferral(band: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return L of a band without the columns that lose too many digits, and the places of these (k,).
+
+    Panel by panel; what is to be taken off the places that follow is carried along as a full matrix.
+    """
+    banded, width = len(band), band.shape[1] - 1
+    result = np.zeros_like(band)
+    deferred: list[int] = []
+    carried = np.zeros((0, 0))
+    for start in range(0, banded, _PANEL):
+        count = min(_PANEL, banded - start)
+        rows = count + min(width, banded - start - count)
+        window = np.zeros((rows, rows))
+        window[: len(carried), : len(carried)] = carried
+        panel = _panel(band, start, count, rows) + window[:, :count]
+        for place in _defer_lossy(panel, count):
+            deferred.append(start + place)
+            before = np.arange(max(0, deferred[-1] - width), start)
+            result[before, deferred[-1] - before] = 0.0
+        panel[count:] = solve_triangular(panel[:count], panel[count:].T, lower=True).T
+        carried = window[count:, count:] - panel[count:] @ panel[count:].T
+        _put_panel(result, start, panel)
+    return result, np.array(deferred, dtype=np.int64)
+
+
+def _defer_lossy(panel: FloatArray, count: int) -> list[int]:
+    """Put L into the first rows of a panel, its lossy columns replaced by those of a unit matrix; return these."""
+    deferred: list[int] = []
+    block = np.tril(panel[:count])
+    while True:
+        lower, info = lapack.dpotrf(block, lower=1, clean=1)
+        pivots = np.diag(lower)[: info - 1 if info > 0 else count] ** 2
+        lossy = np.flatnonzero(~(pivots >= 10.0**-DEFERRAL_DIGITS))
+        bad = int(lossy[0]) if len(lossy) else info - 1
+        if bad < 0:
+            panel[:count] = lower
+            return deferred
+        deferred.append(bad)
+        block[bad, :bad] = block[bad:, bad] = panel[:, bad] = 0.0
+        block[bad, bad] = 1.0
 
 
 def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
@@ -173,10 +210,11 @@ def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
     return np.asarray(found).reshape(right.shape)
 
 
-def _row_of(band: FloatArray, place: int, size: int) -> FloatArray:
-    """Return the full row (size,) of a place in a band."""
-    width = band.shape[1] - 1
-    row = np.zeros(size)
+def _row_of(matrix: BandMatrix, place: int) -> FloatArray:
+    """Return the full row (m,) of a place in the band."""
+    band, width = matrix.band, matrix.arrangement.width
+    row = np.zeros(len(matrix))
+    row[len(band) :] = matrix.border[:, place]
     first, last = max(0, place - width), min(len(band), place + width + 1)
     before = np.arange(first, place)
     row[before] = band[before, place - before]

@@ -4,11 +4,12 @@ A column that has lost more than five digits at its turn is deferred: it is not 
 end the deferred columns are eliminated by largest remaining pivot first, and those that lose more digits than allowed
 are removed: row and column do not take part, the correction is zero. Monitoring the reduction of the diagonal is
 Poder's. The deferral is this program's own, and so is judging a deferred column by its movement (see
-`_Elimination.digits_of_movement`): both together make a limit of 12 digits right for 16-digit arithmetic.
+`Elimination.digits_of_movement`): both together make a limit of 12 digits right for 16-digit arithmetic.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,12 +89,12 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[
     count = len(matrix)
     lost = np.where(undetermined, LOST_ALL, 0.0)
     columns = np.flatnonzero(~undetermined)
-    direct = _factorise_regular(matrix[np.ix_(columns, columns)])
+    direct = _factorise_regular(matrix if len(columns) == count else matrix[np.ix_(columns, columns)])
     if direct is not None:
         lost[columns] = -2.0 * np.log10(np.diag(direct))
         return Factor(columns, direct, lost, undetermined.copy())
 
-    work = _Elimination(matrix.copy(), np.full((count, count), 0.0), [], lost)
+    work = Elimination(matrix.copy(), np.full((count, count), 0.0), [], lost, np.zeros((0, count)))
     deferred = work.eliminate_in_order(columns)
     removed = undetermined.copy()
     removed[work.eliminate_by_size(deferred, max_lost_digits)] = True
@@ -105,20 +106,35 @@ def _factorise_regular(matrix: FloatArray) -> FloatArray | None:
     """Return L where no column loses more than the deferral limit: the usual case, at LAPACK's speed."""
     if not len(matrix):
         return matrix
-    lower, info = lapack.dpotrf(matrix, lower=1, clean=1)
+    # symmetric, so that its transpose is the same, in LAPACK's order
+    lower, info = lapack.dpotrf(matrix.T, lower=1, clean=1)
     if info != 0 or np.diag(lower).min() ** 2 < 10.0**-DEFERRAL_DIGITS:
         return None
     return np.asarray(lower)
 
 
 @dataclass(slots=True)
-class _Elimination:
-    """A right-looking elimination in hand: `matrix` is what remains, `factor` holds rows of L by column number."""
+class Elimination:
+    """A right-looking elimination in hand.
+
+    Parameters
+    ----------
+    matrix : array (m, m)
+        What remains.
+    factor : array (m, m)
+        Rows of L by column number.
+    order : list of int
+        Columns that are eliminated.
+    lost : array (m,)
+    spread : array (k, m)
+        How k unknowns that were eliminated before move with each column.
+    """
 
     matrix: FloatArray
     factor: FloatArray
     order: list[int]
     lost: FloatArray
+    spread: FloatArray
 
     def eliminate_in_order(self, columns: IntArray) -> list[int]:
         """Eliminate sound columns panel by panel and return the deferred ones."""
@@ -138,8 +154,11 @@ class _Elimination:
             deferred += left
         return deferred
 
-    def eliminate_by_size(self, columns: list[int], max_lost_digits: float) -> list[int]:
-        """Eliminate by largest remaining pivot first; return the columns that are not determined."""
+    def eliminate_by_size(self, columns: list[int], max_lost_digits: float, later: Sequence[int] = ()) -> list[int]:
+        """Eliminate by largest remaining pivot first; return the columns that are not determined.
+
+        `later` are columns that will be eliminated after these.
+        """
         remaining = list(columns)
         while remaining:
             best = max(remaining, key=lambda column: float(self.matrix[column, column]))
@@ -148,7 +167,7 @@ class _Elimination:
                     self.lost[column] = self.digits_of_movement(column)
                 return remaining
             remaining.remove(best)
-            self._eliminate(best, np.array(remaining, dtype=np.int64))
+            self._eliminate(best, np.array([*remaining, *later], dtype=np.int64))
         return []
 
     def _lost_digits(self, column: int) -> float:
@@ -166,7 +185,8 @@ class _Elimination:
         places = len(order)
         lower = self.factor[order, :places]
         x = solve_triangular(lower, self.factor[column, :places], lower=True, trans="T")
-        return min(self._lost_digits(column) + float(np.log10(1.0 + x @ x)), LOST_ALL)
+        before = self.spread[:, column] - self.spread[:, order] @ x
+        return min(self._lost_digits(column) + float(np.log10(1.0 + x @ x + before @ before)), LOST_ALL)
 
     def _eliminate(self, column: int, targets: IntArray) -> None:
         """Take a column into L and update the remainder of the target columns."""

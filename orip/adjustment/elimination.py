@@ -7,6 +7,7 @@ determines (the depth of a point with one ray) is found by the digits its pivot 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +32,45 @@ class BlockFactors:
     ----------
     half : array (b, 3, 3)
         H with H^T H = inverse of the block; rows of removed coordinates are zero.
-    lost_digits : array (b, 3)
+    pivots : array (b, 3)
+        What was left of each coordinate's diagonal element at its turn, of 1; 1 for fixed coordinates.
     removed : array (b, 3) of bool
     """
 
     half: FloatArray
-    lost_digits: FloatArray
+    pivots: FloatArray
     removed: BoolArray
+
+    @property
+    def lost_digits(self) -> FloatArray:
+        """Return the digits (b, 3) that each coordinate lost; `LOST_ALL` where nothing was left."""
+        left = self.pivots > 0.0
+        return np.where(left, -np.log10(np.where(left, self.pivots, 1.0)), LOST_ALL)
+
+
+class Coupling(Protocol):
+    """H N_pr (3 b, m): the eliminated points' rows of the triangular factor. It need not be stored."""
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return it times vectors (m,) or (m, k)."""
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return its transpose times vectors (3 b,) or (3 b, k)."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCoupling:
+    """Coupling as a sparse matrix (3 b, m)."""
+
+    matrix: csr_array
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return it times vectors (m,) or (m, k)."""
+        return np.asarray(self.matrix @ reduced)
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return its transpose times vectors (3 b,) or (3 b, k)."""
+        return np.asarray(self.matrix.T @ points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +85,7 @@ class EliminatedNormals:
     diagonal : array (m,)
         Of the reduced unknowns in the complete matrix, before any elimination.
     blocks : BlockFactors
-    coupling : sparse array (3 b, m)
-        H N_pr: the eliminated points' rows of the triangular factor.
+    coupling : Coupling
     block_right : array (3 b,)
         H times the blocks' right-hand side.
     """
@@ -62,7 +94,7 @@ class EliminatedNormals:
     right: FloatArray
     diagonal: FloatArray
     blocks: BlockFactors
-    coupling: csr_array | bsr_array
+    coupling: Coupling
     block_right: FloatArray
 
 
@@ -89,7 +121,7 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
     # rows of `half` are L^-1 in the order of elimination, grown beside the remainder
     accumulated = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
     half = np.zeros((count, 3, 3))
-    lost = np.where(empty, LOST_ALL, 0.0)
+    kept = np.where(empty, 0.0, 1.0)
     removed = empty.copy()
     open_places = ~fixed & ~empty
     every = np.arange(count)
@@ -99,10 +131,9 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
         place = (pivots >= largest - _AS_LARGE * np.abs(largest)).argmax(axis=1)
         pivot = pivots[every, place]
         has_turn = open_places.any(axis=1)
-        digits = np.where(pivot > 0.0, -np.log10(np.where(pivot > 0.0, pivot, 1.0)), LOST_ALL)
-        sound = has_turn & (digits <= max_lost_digits)
+        sound = has_turn & (pivot >= 10.0**-max_lost_digits)
         undetermined = has_turn & ~sound
-        lost[every[has_turn], place[has_turn]] = digits[has_turn]
+        kept[every[has_turn], place[has_turn]] = pivot[has_turn]
         removed[every[undetermined], place[undetermined]] = True
         open_places[every[has_turn], place[has_turn]] = False
 
@@ -113,7 +144,18 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
         remainder -= multiplier[:, :, None] * row[:, None, :]
         # the pivot's own row must not be changed by itself: its multiplier is 1
         accumulated -= multiplier[:, :, None] * np.where(sound[:, None], accumulated[every, place], 0.0)[:, None, :]
-    return BlockFactors(half * scale[:, None, :], lost, removed)
+    return BlockFactors(half * scale[:, None, :], kept, removed)
+
+
+def times_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return H v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
+    by_block = vectors.reshape(len(half), 3, *vectors.shape[1:])
+    return np.asarray(np.einsum("bij,bj...->bi...", half, by_block).reshape(vectors.shape))
+
+
+def times_transposed_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return H^T v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
+    return times_half(np.swapaxes(half, 1, 2), vectors)
 
 
 def block_diagonal(blocks: FloatArray) -> bsr_array:

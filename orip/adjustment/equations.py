@@ -7,10 +7,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, Symmetric
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals
+from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -67,11 +67,14 @@ class Rows(Protocol):
         """Return the design matrix (n, m + 3 b). Its rows have the same pattern at every linearisation."""
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
-        """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted."""
+        """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted.
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+        The diagonals of the blocks are multiplied by 1 + damping; that of the reduced system is left to the caller.
+        """
+
+    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
 
 
@@ -116,6 +119,9 @@ class Problem(Protocol[State]):
 
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor (at most 1) that keeps a correction where the linearisation means something."""
+
+    def with_points_anew(self, state: State) -> State:
+        """Return a state whose blocks, each by itself, fit the rest of it; the same one where that is not possible."""
 
     def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return a state in which more observations fit than where weights were reduced in the course of things.

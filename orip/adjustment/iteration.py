@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
@@ -19,6 +19,7 @@ from orip.adjustment.convergence import (
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, State
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
+from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
 
 FloatArray = NDArray[np.float64]
@@ -29,6 +30,9 @@ _GIVING_BACK_ENP = 2.0
 
 _LOOKS = 3
 """Times that points are taken to where more of their observations fit."""
+
+_SAME_PLACE_ENP = 3.0
+"""Corrections a thousandth of their deviations: they change partials by far less than rounding of what is printed."""
 
 _LEAST_LEFT = 0.5
 """Part of the observations; where fewer can still be computed, what is left is not the block."""
@@ -83,7 +87,8 @@ class Adjusted(Generic[State]):
     weight_factors : array (n,)
         Those of the final state; 0 for observations that take no part.
     normals : SolvedNormals
-        Factored at the final state with the final weights.
+        Factored with the final weights at the final state, or, like the rows of its equations, where the last
+        iteration began, if it changed next to nothing.
     passes : tuple of PassRecord
     termination : Termination
     """
@@ -102,7 +107,7 @@ def adjust(
     on_pass: Callable[[PassRecord], None],
     stop_asked: Callable[[], bool],
 ) -> Adjusted[State]:
-    """Iterate from a starting state to the least-squares solution (Gauss-Newton).
+    """Iterate from a starting state to the least-squares solution (Gauss-Newton, damped where that would lead away).
 
     Parameters
     ----------
@@ -123,43 +128,44 @@ def adjust(
     passes: list[PassRecord] = []
     second_look = _SecondLook(problem, settings)
     again: list[int] = []
-    acceleration = Acceleration(layout)
-    termination, last = Termination.MAX_ITERATIONS, settings.max_iterations
+    acceleration, control = Acceleration(layout), StepControl(layout)
+    last = settings.max_iterations
     weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
-    while len(passes) < last:
+    while True:
         iteration = len(passes) + 1
         weights = weighing.factors(current.equations, iteration)
         weights[again] = 1.0
-        normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
-        step, limited = _step(problem, acceleration, normals)
-        state = problem.update(current.state, step)
-        current = Linearised(state, problem.linearise(state))
+        before = current.equations
+        normals, current, limited = _moved(problem, current, weights, settings, acceleration, control)
         passes.append(_record(iteration, current.equations, weights, normals, layout, limited))
         on_pass(passes[-1])
-        enp = passes[-1].enp
-        weighing.after(iteration, enp)
+        weighing.after(iteration, passes[-1].enp)
         next_weights = weighing.factors(current.equations, iteration + 1)
         steady = weights_are_steady(weights, next_weights)
         # equations of constants are shifted after each iteration: their corrections follow from more than the state
         if not steady or (current.equations.active & current.equations.exact).any():
             acceleration.forget()
-        ended = _termination(passes, settings, weighing, steady, stop_asked())
+        ended = _termination(passes, settings, weighing, steady, stop_asked(), control)
         again = []
-        if ended in (None, Termination.CONVERGED) and steady and enp >= _GIVING_BACK_ENP:
+        if ended in (None, Termination.CONVERGED) and steady and passes[-1].enp >= _GIVING_BACK_ENP:
             found = second_look.at(current, next_weights, normals)
             if found is not None:
                 current, again = found
                 last = iteration + settings.max_iterations
                 acceleration.forget()
-                continue
-        if ended is not None:
-            termination = ended
+                ended = None
+        if ended is not None or len(passes) >= last:
             break
         # those of the next iteration need the room
         del normals
-    weights = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
-    normals = solve_normals(current.equations, weights, layout, settings.max_lost_digits)
-    return Adjusted(current, weights, normals, tuple(passes), termination)
+    final = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
+    if passes[-1].enp >= _SAME_PLACE_ENP and np.array_equal(np.where(before.active, weights, 0.0), final):
+        current = Linearised(current.state, replace(current.equations, rows=before.rows))
+    else:
+        # both at once would take too much room
+        del normals, before
+        normals = solve_normals(current.equations, final, layout, settings.max_lost_digits)
+    return Adjusted(current, final, normals, tuple(passes), ended or Termination.MAX_ITERATIONS)
 
 
 class _SecondLook(Generic[State]):
@@ -214,12 +220,39 @@ def _to_give_back(
     return [int(reduced[best])] if with_full_weight[best] <= settings.max_standard_residual else []
 
 
-def _step(problem: Problem[State], acceleration: Acceleration, normals: SolvedNormals) -> tuple[FloatArray, bool]:
-    """Return the correction of an iteration, and whether it had to be shortened."""
-    step = acceleration.step(normals)
-    factor = problem.step_factor(step)
-    acceleration.applied(factor * step)
-    return factor * step, factor < 1.0
+def _moved(
+    problem: Problem[State],
+    current: Linearised[State],
+    weights: FloatArray,
+    settings: IterationSettings,
+    acceleration: Acceleration,
+    control: StepControl,
+) -> tuple[SolvedNormals, Linearised[State], bool]:
+    """Return the normal equations of an iteration, where it led to, and whether its step is not the full one."""
+    while True:
+        damping = control.damping
+        normals = solve_normals(current.equations, weights, problem.layout, settings.max_lost_digits, damping)
+        if damping:
+            acceleration.forget()
+        step = acceleration.step(normals)
+        factor = problem.step_factor(step)
+        moved = _at(problem, problem.update(current.state, factor * step))
+        if control.accepts(current.equations, moved.equations, weights, normals, full=damping == 0.0):
+            acceleration.applied(factor * step)
+            control.weaken()
+            return normals, moved, factor < 1.0 or damping > 0.0
+        acceleration.forget()
+        if control.is_far(normals):
+            moved = _at(problem, problem.with_points_anew(moved.state))
+            if control.accepts(current.equations, moved.equations, weights, normals, full=False):
+                control.weaken()
+                return normals, moved, True
+        control.strengthen()
+        del normals, moved
+
+
+def _at(problem: Problem[State], state: State) -> Linearised[State]:
+    return Linearised(state, problem.linearise(state))
 
 
 def _record(
@@ -244,7 +277,12 @@ def _record(
 
 
 def _termination(
-    passes: list[PassRecord], settings: IterationSettings, weighing: Weighing, steady: bool, stop_asked: bool
+    passes: list[PassRecord],
+    settings: IterationSettings,
+    weighing: Weighing,
+    steady: bool,
+    stop_asked: bool,
+    control: StepControl,
 ) -> Termination | None:
     last = passes[-1]
     if last.active < _LEAST_LEFT * passes[0].active:
@@ -254,7 +292,8 @@ def _termination(
         return Termination.CONVERGED
     if stop_asked:
         return Termination.STOPPED
-    # where reduced weights begin corrections grow once, and that is no divergence
-    if is_diverging([record.enp for record in passes[weighing.began_after :]]):
+    # where reduced weights begin, or damping ends, corrections grow once, and that is no divergence
+    enps = [record.enp for record in passes[weighing.began_after :]]
+    if is_diverging(enps[-1 - control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]]):
         return Termination.DIVERGED
     return None

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
 
-from orip.adjustment.band import BandMatrix, Symmetric
+from orip.adjustment.band import BandMatrix, Symmetric, add_to_diagonal, scale_matrix
 from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
-from orip.adjustment.elimination import BlockFactors, block_diagonal
+from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.equations import Equations, Layout
 
 FloatArray = NDArray[np.float64]
@@ -32,8 +31,7 @@ class SolvedNormals:
     factor : Factor or BandFactor
         Of the reduced system divided by `scale` on both sides.
     blocks : BlockFactors
-    coupling : sparse array (3 b, m)
-        H N_pr: the eliminated points' rows of the triangular factor.
+    coupling : Coupling
     removed : array (m + 3 b,) of bool
         Unknowns that the observations do not determine.
     lost_digits : array (m + 3 b,)
@@ -44,22 +42,22 @@ class SolvedNormals:
     scale: FloatArray
     factor: Factor | BandFactor
     blocks: BlockFactors
-    coupling: csr_array | bsr_array
+    coupling: Coupling
     removed: NDArray[np.bool_]
     lost_digits: FloatArray
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns."""
         size = len(self.scale)
-        half = block_diagonal(self.blocks.half)
-        block_right = half @ right[size:]
-        reduced = (right[:size] - self.coupling.T @ block_right) / self.scale[:, None]
+        block_right = times_half(self.blocks.half, right[size:])
+        reduced = (right[:size] - self.coupling.transposed_times(block_right)) / self.scale[:, None]
         solution = self.factor.back_substitute(self.factor.reduce(reduced)) / self.scale[:, None]
-        return np.vstack([solution, half.T @ (block_right - self.coupling @ solution)])
+        rest = block_right - self.coupling.times(solution)
+        return np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
 
 
 def solve_normals(
-    equations: Equations, weight_factors: FloatArray, layout: Layout, max_lost_digits: float
+    equations: Equations, weight_factors: FloatArray, layout: Layout, max_lost_digits: float, damping: float = 0.0
 ) -> SolvedNormals:
     """Form, reduce and solve the normal equations of one iteration.
 
@@ -70,22 +68,27 @@ def solve_normals(
         Inactive observations get no weight whatever stands here.
     layout : Layout
     max_lost_digits : float
+    damping : float
+        The diagonal is multiplied by 1 + damping.
 
     Returns
     -------
     SolvedNormals
     """
     root = np.sqrt(np.where(equations.active, weight_factors, 0.0))
-    normals = equations.rows.eliminated(root, -equations.residual * root, layout, max_lost_digits)
+    normals = equations.rows.eliminated(root, -equations.residual * root, layout, max_lost_digits, damping)
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
-    factor = _factorised(normals.matrix, 1.0 / scale, max_lost_digits, diagonal <= 0.0)
+    scale_matrix(normals.matrix, 1.0 / scale)
+    if damping:
+        add_to_diagonal(normals.matrix, damping)
+    factor = _factorised(normals.matrix, max_lost_digits, diagonal <= 0.0)
     reduced_right = factor.reduce(normals.right / scale)
     solution = factor.back_substitute(reduced_right) / scale
-    block_solution = block_diagonal(normals.blocks.half).T @ (normals.block_right - normals.coupling @ solution)
+    rest = normals.block_right - normals.coupling.times(solution)
     return SolvedNormals(
-        correction=np.concatenate([solution, block_solution]),
+        correction=np.concatenate([solution, times_transposed_half(normals.blocks.half, rest)]),
         reduced_square_sum=float(reduced_right @ reduced_right + normals.block_right @ normals.block_right),
         scale=scale,
         factor=factor,
@@ -96,12 +99,8 @@ def solve_normals(
     )
 
 
-def _factorised(
-    matrix: Symmetric, factors: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]
-) -> Factor | BandFactor:
-    """Return the factor of a matrix with rows and columns multiplied by `factors`."""
+def _factorised(matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> Factor | BandFactor:
+    """Return the factor of a matrix, which is used up."""
     if isinstance(matrix, BandMatrix):
-        scaled = matrix.scaled(factors)
-        found = factorise_band(scaled, max_lost_digits, undetermined)
-        return found or factorise(scaled.toarray(), max_lost_digits, undetermined)
-    return factorise(matrix * factors[:, None] * factors, max_lost_digits, undetermined)
+        return factorise_band(matrix, max_lost_digits, undetermined)
+    return factorise(matrix, max_lost_digits, undetermined)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.band import BandMatrix, Symmetric
+from orip.adjustment.band import Symmetric, scale_matrix
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 
@@ -66,10 +66,8 @@ def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
     With the points' rows B of the triangular factor and Q the inverse of the reduced system, a point block's cofactor
     is H^T (I + B Q B^T) H, and an observation's a Q a^T follows from its row freed of the point: a_r - a_p H^T B.
     """
-    scaled, factors = normals.factor.inverse(), 1.0 / normals.scale
-    inverse: Symmetric = (
-        scaled.scaled(factors) if isinstance(scaled, BandMatrix) else scaled * factors[:, None] * factors
-    )
+    inverse: Symmetric = normals.factor.inverse()
+    scale_matrix(inverse, 1.0 / normals.scale)
     return Cofactors(inverse, *equations.rows.precision(normals.blocks, normals.coupling, inverse))
 
 

@@ -7,10 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from orip.adjustment.band import Symmetric, band_of
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals, block_diagonal, factorise_blocks
+from orip.adjustment.elimination import (
+    BlockFactors,
+    Coupling,
+    EliminatedNormals,
+    StoredCoupling,
+    block_diagonal,
+    factorise_blocks,
+)
 from orip.adjustment.equations import BlockPrecision, Layout
 
 FloatArray = NDArray[np.float64]
@@ -30,14 +37,15 @@ class SparseRows:
         return self.stored
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
         weighted = scale_rows(self.stored, root_weights)
         reduced_design, block_design = weighted[:, : layout.reduced], weighted[:, layout.reduced :]
         complete = (reduced_design.T @ reduced_design).tocsr()
         fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)
-        factors = factorise_blocks(diagonal_blocks(block_design), fixed_places, max_lost_digits)
+        blocks = diagonal_blocks(block_design) * (1.0 + damping * np.eye(3))
+        factors = factorise_blocks(blocks, fixed_places, max_lost_digits)
         half = block_diagonal(factors.half)
         coupling = (half @ (block_design.T @ reduced_design)).tocsr()
         block_right = half @ (block_design.T @ misclosure)
@@ -47,17 +55,18 @@ class SparseRows:
             right=reduced_design.T @ misclosure - coupling.T @ block_right,
             diagonal=complete.diagonal(),
             blocks=factors,
-            coupling=coupling,
+            coupling=StoredCoupling(coupling),
             block_right=block_right,
         )
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
-        half = factors.half
-        inner = np.eye(3) + _quadratic_blocks(coupling, inverse, len(half))
-        return BlockPrecision(np.swapaxes(half, 1, 2) @ inner @ half, self.leverages(factors, coupling, inverse))
+        assert isinstance(coupling, StoredCoupling), "the normal equations are those of these rows"
+        half, stored = factors.half, coupling.matrix
+        inner = np.eye(3) + _quadratic_blocks(stored, inverse, len(half))
+        return BlockPrecision(np.swapaxes(half, 1, 2) @ inner @ half, self.leverages(factors, stored, inverse))
 
-    def leverages(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> FloatArray:
+    def leverages(self, factors: BlockFactors, coupling: csr_array, inverse: Symmetric) -> FloatArray:
         """Return h = a Q a^T of each row a, from the row freed of its point."""
         reduced = len(inverse)
         in_blocks = self.stored[:, reduced:] @ block_diagonal(np.swapaxes(factors.half, 1, 2))

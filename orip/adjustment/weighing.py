@@ -42,11 +42,11 @@ class Weighing:
 
     def factors(self, equations: Equations, iteration: int) -> FloatArray:
         """Return the weight factors (n,) for an iteration; what must be met exactly has always 1."""
-        judged = equations.active & ~equations.exact
-        size = np.abs(equations.residual[judged])
         factors = np.ones(len(equations.residual))
         if self._start is None:
             return factors
+        judged = equations.active & ~equations.exact
+        size = np.abs(equations.residual[judged])
         begun = self.settled and iteration >= self._start
         factors[judged] = danish_weights(size, self._limit) if begun else settling_weights(size, self._limit)
         return factors

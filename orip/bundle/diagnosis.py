@@ -90,7 +90,7 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     rows = [each.rows for each in problem.observations]
     is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
     active = solved.adjusted.linearised.equations.active[~is_photo]
-    design = BlockProblem(problem.unknowns, on_the_ground).design(state)
+    design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
 
 

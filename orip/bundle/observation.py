@@ -32,8 +32,8 @@ class Rows:
         A-priori error in the same unit, greater than zero.
     used : array (n,) of bool
         False: disregarded, the residual is listed only.
-    columns : array (n, k) of int
-        Unknowns that each equation touches; `CONSTANT` where there is none.
+    columns : array (n, k) of int, or None
+        Unknowns that each equation touches, `CONSTANT` where there is none; None: see `Observations.columns`.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class Rows:
     observed: FloatArray
     error: FloatArray
     used: BoolArray
-    columns: IntArray | NDArray[np.int32]
+    columns: IntArray | None
 
 
 class Linearisation(NamedTuple):
@@ -67,6 +67,11 @@ class Observations(ABC):
 
     rows: Rows
     exact: ClassVar[bool] = False
+
+    def columns(self) -> IntArray | NDArray[np.int32]:
+        """Return the unknowns (n, k) that each equation touches; `CONSTANT` where there is none."""
+        assert self.rows.columns is not None, "a kind that does not keep them computes them"
+        return self.rows.columns
 
     @abstractmethod
     def linearise_with_partials(self, state: State) -> Linearisation:

@@ -1,17 +1,18 @@
 """The compiled loop over all photo points of a block: one pass gives the normal equations, and no matrix is stored.
 
-Points are eliminated one after the other. Where the extension could not be built, and for blocks with additional
-parameters, the stored matrix of `orip.adjustment.sparse_rows` does the same, slower.
+Points are eliminated one after the other, those that the same photos show together. Where the extension could not be
+built the stored matrix of `orip.adjustment.sparse_rows` does the same, slower.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
@@ -19,6 +20,7 @@ from orip.adjustment.equations import BlockPrecision, Layout
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.interior.additional_parameters import PARAMETER_SETS
 
 try:
     from orip.bundle import _observation_loop as compiled
@@ -28,10 +30,11 @@ else:
     _IS_COMPILED = True
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
 
-_RUN_ELEMENTS = 11
+_CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 11, 20
+_MOST_ADDITIONAL, _POLYNOMIALS = 44, 5
 
 
 class Contributions(NamedTuple):
@@ -52,38 +55,59 @@ class Contributions(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
-    """Where the photo points of eliminated points go in the normal equations.
+class Cameras:
+    """What does not change of c cameras.
 
-    A run is the unknowns of a camera or of a photo, in consecutive columns; runs of photos follow those of cameras.
+    Parameters
+    ----------
+    kind : array (c,) of int
+        0: the polynomial is at ideal coordinates, 1: at measured ones; each camera with a set is a kind of its own.
+    products : array (c, 2, 44) of int
+        Of the parameters of a camera's set in dx and dy: number of B_i(y) times 5, plus that of A_j(x).
+    polynomials : array (c, 5, 5)
+        A_j by powers of its argument.
+    factors : array (c, 2, 44)
+    at_measured : array (c,) of bool
+    unknowns : array (c,) of int
+        Their number.
+    elements, columns : arrays (c, 55) of int
+        For each unknown its number among the partials, and its column.
+    """
+
+    kind: IntArray
+    products: IntArray
+    polynomials: FloatArray
+    factors: FloatArray
+    at_measured: BoolArray
+    unknowns: IntArray
+    elements: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """How the photo points of eliminated points go into the normal equations, group by group.
+
+    A group is the points that the same photos show; a run is a camera, or, c added to its number, a photo.
 
     Parameters
     ----------
     order, start : arrays (k,), (b + 1,)
-        Photo points of point after point, and where each point's begin.
-    camera_at, photo_at : arrays (n,)
-        Where the camera's and the photo's unknowns begin among those that the point is coupled with.
-    run_first, run_count : arrays (r,)
-        First column and number of unknowns.
-    run_elements : array (r, 11)
-        Numbers of the unknowns among the 11 camera, 3 + 3 photo and 3 point partials.
-    runs_start, runs : arrays (b + 1,), (l,)
-        Runs that a point is coupled with, by column.
-    coupling_start, coupling_columns : arrays (b + 1,), (c,)
-        The same unknown by unknown.
+        Rows of the photo points of point after point, and where each point's begin.
+    block : array (b,)
+        Number of each of these points among the eliminated ones.
+    group_start : array (g + 1,)
+        Where each group's points begin.
+    runs_start, runs : arrays (g + 1,), (l,)
+        Runs that the points of a group are coupled with.
     """
 
     order: IntArray
     start: IntArray
-    camera_at: IntArray
-    photo_at: IntArray
-    run_first: IntArray
-    run_count: IntArray
-    run_elements: IntArray
+    block: IntArray
+    group_start: IntArray
     runs_start: IntArray
     runs: IntArray
-    coupling_start: IntArray
-    coupling_columns: IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +117,23 @@ class PhotoLoop:
     Parameters
     ----------
     points : PhotoPointObservations
+    photo, point : arrays (n,) of int
+        Those of `points`, in half the room.
+    cameras : Cameras
+    camera_of_photo : array (p,) of int
+    photo_columns : array (p, 6) of int
+        `CONSTANT` where there is no unknown.
     pattern : Pattern
     eliminated : array (n,) of bool
         Photo points of points that are eliminated; the others are for somebody else to add.
     """
 
     points: PhotoPointObservations
+    photo: IntArray
+    point: IntArray
+    cameras: Cameras
+    camera_of_photo: IntArray
+    photo_columns: IntArray
     pattern: Pattern
     eliminated: BoolArray
 
@@ -117,6 +152,7 @@ class PhotoLoop:
         others: Contributions,
         layout: Layout,
         max_lost_digits: float,
+        damping: float,
     ) -> EliminatedNormals:
         """Return the normal equations of photo points and `others`, points eliminated.
 
@@ -126,77 +162,141 @@ class PhotoLoop:
         root_weights, misclosure : arrays (2 n,)
             Root of the weight factors, and weighted residuals with opposite sign; see `Rows.eliminated`.
         others : Contributions
-            Its arrays of blocks are used up.
+            Its right-hand side of the blocks is used up.
         layout : Layout
-        max_lost_digits : float
+        max_lost_digits, damping : float
         """
         m, b = layout.reduced, layout.blocks
         arrangement = layout.arrangement or _whole(m)
+        matrix = others.matrix.toarray() if layout.arrangement is None else band_of(others.matrix, arrangement)
         columns = arrangement.columns
-        matrix = band_of(others.matrix, arrangement)
         diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
-        half, lost = np.empty((b, 3, 3)), np.empty((b, 3))
+        half, pivots = np.empty((b, 3, 3)), np.empty((b, 3))
         removed = np.empty((b, 3), dtype=np.uint8)
-        coupling = np.empty((len(self.pattern.coupling_columns), 3, 1))
+        factor = root_weights / self.points.rows.error
         compiled.eliminate(
-            *self._observations(state), *self._pattern(arrangement), root_weights / self.points.rows.error, misclosure,
+            *self._observations(state), *self._pattern(arrangement), factor, misclosure,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
-            half, lost, removed, coupling, matrix.band, matrix.border,
-            max_lost_digits, arrangement.width, arrangement.banded,
+            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
+            *_measures(matrix),
         )  # fmt: skip
         return EliminatedNormals(
-            matrix.toarray() if layout.arrangement is None else matrix,
+            matrix,
             right[arrangement.places],
             diagonal[arrangement.places],
-            BlockFactors(half, lost, removed.astype(bool)),
-            bsr_array((coupling, self.pattern.coupling_columns, self.pattern.coupling_start), shape=(3 * b, m)),
+            BlockFactors(half, pivots, removed.astype(bool)),
+            StreamedCoupling(self, state, factor, half, m),
             others.block_right,
         )
 
-    def precision(
-        self, state: State, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric
-    ) -> BlockPrecision:
+    def precision(self, coupling: StreamedCoupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
-        blocks, leverage = np.empty_like(factors.half), np.zeros(self.points.xy.size)
-        longest = int(np.diff(self.pattern.coupling_start).max(initial=0))
-        size = len(inverse)
-        if isinstance(inverse, BandMatrix):
-            arrangement, width, stored = inverse.arrangement, inverse.arrangement.width, (inverse.band, inverse.border)
-        else:
-            arrangement, width, stored = _whole(size), size, (inverse, np.empty(0))
+        blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
+        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
         compiled.precision(
-            *self._observations(state), *self._pattern(arrangement), np.ascontiguousarray(factors.half), coupling.data,
-            *map(np.ascontiguousarray, stored), blocks, leverage, np.empty(3 * longest),
-            width, arrangement.banded, size,
+            *self._observations(coupling.state), *self._pattern(arrangement), coupling.factor,
+            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
 
-    def touched(self) -> tuple[IntArray, IntArray]:
-        """Return pairs of a block and the first unknown of a camera or photo that it is coupled with."""
-        pattern = self.pattern
-        block = np.repeat(np.arange(len(pattern.runs_start) - 1), np.diff(pattern.runs_start))
-        is_unknown = pattern.run_count[pattern.runs] > 0
-        return block[is_unknown], pattern.run_first[pattern.runs[is_unknown]]
+    def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
+        """Return (H N_pr)^T points (m,) for a vector (3 b,)."""
+        found = np.zeros(coupling.size)
+        compiled.forward(*self._coupling(coupling), found, np.array(points))
+        return found
+
+    def backward(self, coupling: StreamedCoupling, reduced: FloatArray) -> FloatArray:
+        """Return H N_pr reduced (3 b,) for a vector (m,)."""
+        found = np.empty(3 * len(coupling.half))
+        compiled.backward(*self._coupling(coupling), np.array(reduced), found)
+        return found
+
+    def staying(self) -> NDArray[np.int64]:
+        """Return the rows (of 2 n) of photo points of points that are not eliminated."""
+        all_go = self.eliminated.all()
+        return np.empty(0, dtype=np.int64) if all_go else np.flatnonzero(np.repeat(~self.eliminated, 2))
+
+    def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""
+        columns = [np.where(each == CONSTANT, np.iinfo(np.int32).max, each).min(axis=1, initial=np.iinfo(np.int32).max)
+                   for each in (self.cameras.columns, self.photo_columns)]  # fmt: skip
+        first = np.concatenate(columns)[self.pattern.runs]
+        group = np.repeat(np.arange(len(self.pattern.runs_start) - 1), np.diff(self.pattern.runs_start))
+        is_unknown = first < np.iinfo(np.int32).max
+        return group[is_unknown], first[is_unknown].astype(np.int64)
 
     def _observations(self, state: State) -> tuple[NDArray[np.generic], ...]:
-        points = self.points
+        points, cameras = self.points, self.cameras
+        turned = state.turned_by_angles.any()
         arrays = (
-            state.cameras, state.centres, state.rotations, state.rotation_basis(), state.points, points.camera,
-            points.photo, points.point, points.at_measured, points.xy, points.rows.error,
+            state.cameras, state.additional, state.centres, state.rotations,
+            state.rotation_basis() if turned else np.empty(0), state.points, cameras.kind, cameras.products,
+            cameras.polynomials, cameras.factors, cameras.at_measured, self.camera_of_photo, self.photo, self.point,
+            points.xy, points.rows.error,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(each) for each in arrays)
 
     def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
         p = self.pattern
+        # a column that is constant, the last one of these, has no place
+        places = np.append(arrangement.places, CONSTANT).astype(np.int32)
         return (
-            p.order, p.start, p.camera_at, p.photo_at, arrangement.places[p.run_first], p.run_count, p.run_elements,
-            p.runs_start, p.runs, p.coupling_start,
+            p.order, p.start, p.block, p.group_start, p.runs_start, p.runs, self.cameras.unknowns,
+            self.cameras.elements, places[self.cameras.columns], places[self.photo_columns],
         )  # fmt: skip
+
+    def _coupling(self, coupling: StreamedCoupling) -> tuple[NDArray[np.generic], ...]:
+        return (*self._observations(coupling.state), *self._pattern(_whole(coupling.size)), coupling.factor,
+                coupling.half)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class StreamedCoupling:
+    """H N_pr of eliminated points, which is computed where it is needed, and never stored.
+
+    Parameters
+    ----------
+    loop : PhotoLoop
+    state : State
+    factor : array (2 n,)
+        Roots of the weight factors over the a-priori errors.
+    half : array (b, 3, 3)
+    size : int
+        Number m of reduced unknowns.
+    """
+
+    loop: PhotoLoop
+    state: State
+    factor: FloatArray
+    half: FloatArray
+    size: int
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return H N_pr times vectors (m,) or (m, k)."""
+        return np.apply_along_axis(lambda each: self.loop.backward(self, each), 0, reduced)
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
+        return np.apply_along_axis(lambda each: self.loop.forward(self, each), 0, points)
 
 
 def _whole(size: int) -> Arrangement:
-    """Return the arrangement of a full matrix: a band as wide as it."""
-    return Arrangement(np.arange(size), size, max(size - 1, 0))
+    """Return the arrangement of a full matrix."""
+    return Arrangement(np.arange(size), size, size)
+
+
+def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
+    """Return band and border of a matrix; a full one is a band alone."""
+    found = (matrix.band, matrix.border) if isinstance(matrix, BandMatrix) else (matrix, np.empty(0))
+    return np.ascontiguousarray(found[0]), np.ascontiguousarray(found[1])
+
+
+def _measures(matrix: Symmetric) -> tuple[int, int, int]:
+    """Return how far columns are apart, and the number of banded places and of all."""
+    size = len(matrix)
+    if isinstance(matrix, BandMatrix):
+        return matrix.arrangement.width, matrix.arrangement.banded, size
+    return size, size, size
 
 
 def is_compiled() -> bool:
@@ -204,44 +304,61 @@ def is_compiled() -> bool:
     return _IS_COMPILED
 
 
-def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop | None:
-    """Return the loop over the photo points of a block; None with additional parameters, which it does not know.
+def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop:
+    """Return the loop over the photo points of a block.
 
     Parameters
     ----------
     points : PhotoPointObservations
     unknowns : Unknowns
     """
-    if points.sets:
-        return None
-    layout = unknowns.layout
     block = _blocks_of_points(unknowns)[points.point]
-    eliminated = block >= 0
-    order = np.flatnonzero(eliminated)
-    order = order[np.argsort(block[order], kind="stable")]
-    first, count, elements = _runs(unknowns)
-
-    # each point's distinct runs, by their columns
-    by_column = np.argsort(first, kind="stable")
-    rank = np.empty_like(by_column)
-    rank[by_column] = np.arange(len(by_column))
-    runs_of_rows = np.stack([points.camera, len(unknowns.cameras) + points.photo])[:, order]
-    keys, place = np.unique(block[order] * len(first) + rank[runs_of_rows], return_inverse=True)
-    runs, run_block = by_column[keys % len(first)], keys // len(first)
-    begins = np.concatenate([[0], np.cumsum(count[runs])])
-    runs_start = _starts(run_block, layout.blocks)
-    within = begins[:-1] - begins[runs_start[run_block]]
-    at = np.zeros((2, len(block)), dtype=np.int64)
-    at[:, order] = within[place.reshape(2, -1)]
-    columns = np.repeat(first[runs] - begins[:-1], count[runs]) + np.arange(begins[-1])
-    pattern = Pattern(
-        order, _starts(block[order], layout.blocks), at[0].copy(), at[1].copy(), first, count, elements, runs_start,
-        runs, begins[runs_start], columns,
-    )  # fmt: skip
-    return PhotoLoop(points, pattern, eliminated)
+    camera_of_photo = np.zeros(len(unknowns.photos), dtype=np.int32)
+    camera_of_photo[points.photo] = points.camera
+    return PhotoLoop(
+        points,
+        points.photo.astype(np.int32),
+        points.point.astype(np.int32),
+        _cameras(points, unknowns),
+        camera_of_photo,
+        np.ascontiguousarray(unknowns.photos, dtype=np.int32),
+        _pattern(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras)),
+        block >= 0,
+    )
 
 
-def _blocks_of_points(unknowns: Unknowns) -> IntArray:
+def _pattern(
+    photo: NDArray[np.int64], block: NDArray[np.int64], blocks: int, camera_of_photo: IntArray, cameras: int
+) -> Pattern:
+    """Return the pattern of photo points in photos (n,) of points of block numbers (n,), negative: not eliminated."""
+    order = np.flatnonzero(block >= 0)
+    order = order[np.lexsort((photo[order], block[order]))].astype(np.int32)
+    start = np.searchsorted(block[order], np.arange(blocks + 1))
+    shown = photo[order].astype(np.int32)
+    numbers: dict[bytes, int] = {}
+    group = np.array(
+        [numbers.setdefault(shown[first:last].tobytes(), len(numbers)) for first, last in pairwise(start.tolist())],
+        dtype=np.int64,
+    )
+    by_group = np.argsort(group, kind="stable")
+    counts = np.diff(start)[by_group]
+    ends = np.cumsum(counts)
+    order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
+    group_start = np.searchsorted(group[by_group], np.arange(len(numbers) + 1))
+
+    # all points of a group have the runs of its first one
+    first = np.zeros(blocks, dtype=bool)
+    first[group_start[:-1]] = True
+    shown = photo[order][np.repeat(first, counts)]
+    of_group = np.repeat(np.arange(len(numbers)), counts[first])
+    every = cameras + len(camera_of_photo)
+    keys = np.unique(np.concatenate([every * of_group + camera_of_photo[shown], every * of_group + cameras + shown]))
+    runs_start = np.searchsorted(keys // every, np.arange(len(numbers) + 1))
+    small = (order, np.append(0, ends), by_group, group_start, runs_start, keys % every)
+    return Pattern(*(each.astype(np.int32) for each in small))
+
+
+def _blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
     """Return the number of each point's eliminated block, -1 for points that stay in the reduced system."""
     first = unknowns.points.max(axis=1, initial=CONSTANT) - unknowns.layout.reduced
     block = np.where(first >= 0, first // 3, -1)
@@ -252,17 +369,33 @@ def _blocks_of_points(unknowns: Unknowns) -> IntArray:
     return np.asarray(block)
 
 
-def _runs(unknowns: Unknowns) -> tuple[IntArray, IntArray, IntArray]:
-    """Return first column (r,), number (r,) and elements (r, 11) of the unknowns of all cameras and photos."""
-    table = np.full((len(unknowns.cameras) + len(unknowns.photos), _RUN_ELEMENTS), CONSTANT)
-    table[: len(unknowns.cameras)] = unknowns.cameras
-    table[len(unknowns.cameras) :, :6] = unknowns.photos
-    is_unknown = table != CONSTANT
-    elements = np.argsort(np.where(is_unknown, table, unknowns.layout.size), axis=1, kind="stable")
-    elements[len(unknowns.cameras) :] += _RUN_ELEMENTS
-    first = np.where(is_unknown, table, unknowns.layout.size).min(axis=1)
-    return np.where(is_unknown.any(axis=1), first, 0), is_unknown.sum(axis=1), elements
-
-
-def _starts(sorted_numbers: IntArray, count: int) -> IntArray:
-    return np.searchsorted(sorted_numbers, np.arange(count + 1)).astype(np.int64)
+def _cameras(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
+    count, additional = unknowns.additional.shape
+    at_measured = np.zeros(count, dtype=bool)
+    at_measured[points.camera] = points.at_measured
+    kind = at_measured.astype(np.int32)
+    products = np.zeros((count, 2, _MOST_ADDITIONAL), dtype=np.int32)
+    factors = np.zeros((count, 2, _MOST_ADDITIONAL))
+    polynomials = np.zeros((count, _POLYNOMIALS, _POLYNOMIALS))
+    for camera, name, base in points.sets:
+        kind[camera] = 2 + camera
+        table = PARAMETER_SETS[name].factors
+        degree, parameters = table.shape[-1], table.shape[1]
+        # each parameter has one product at most in dx, and in dy
+        products_of_set = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
+        products[camera, :, :parameters] = products_of_set // degree * _POLYNOMIALS + products_of_set % degree
+        factors[camera, :, :parameters] = table.sum(axis=(2, 3))
+        at = np.linspace(-1.0, 1.0, degree)
+        values = PARAMETER_SETS[name].basis(base * at, np.full(degree, base)).value
+        by_powers = np.linalg.solve(np.vander(at, increasing=True), values) / base ** np.arange(degree)[:, None]
+        polynomials[camera, :degree, :degree] = by_powers.T
+    columns = np.hstack([unknowns.cameras, unknowns.additional])
+    numbers = np.append(np.arange(_CAMERA_PARAMETERS), _FIRST_ADDITIONAL + np.arange(additional))
+    is_unknown = columns != CONSTANT
+    first = np.argsort(~is_unknown, axis=1, kind="stable")
+    room = (count, _CAMERA_PARAMETERS + _MOST_ADDITIONAL)
+    elements, placed = np.zeros(room, dtype=np.int32), np.full(room, CONSTANT, dtype=np.int32)
+    elements[:, : columns.shape[1]] = numbers[first]
+    placed[:, : columns.shape[1]] = np.take_along_axis(columns, first, axis=1)
+    number = is_unknown.sum(axis=1).astype(np.int32)
+    return Cameras(kind, products, polynomials, factors, at_measured, number, elements, placed)

@@ -38,6 +38,7 @@ class PhotoPointObservations(Observations):
         The camera's polynomial is given at measured coordinates.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
+    unknowns : Unknowns
     """
 
     rows: Rows
@@ -47,6 +48,14 @@ class PhotoPointObservations(Observations):
     xy: FloatArray
     at_measured: NDArray[np.bool_]
     sets: tuple[tuple[int, AdditionalSet, float], ...]
+    unknowns: Unknowns
+
+    def columns(self) -> NDArray[np.int32]:
+        """Return the unknowns (2 n, k) that each equation touches; millions of rows are made only when asked for."""
+        tables, places = self.unknowns, (self.camera, self.photo, self.point, self.camera)
+        columns = (tables.cameras, tables.photos, tables.points, tables.additional)
+        of_points = [table.astype(np.int32)[place] for table, place in zip(columns, places, strict=True)]
+        return np.repeat(np.concatenate(of_points, axis=1), 2, axis=0)
 
     def of(self, chosen: NDArray[np.bool_]) -> PhotoPointObservations:
         """Return some of the photo points."""
@@ -60,11 +69,11 @@ class PhotoPointObservations(Observations):
             observed=rows.observed[twice],
             error=rows.error[twice],
             used=rows.used[twice],
-            columns=rows.columns[twice],
+            columns=None,
         )
         return PhotoPointObservations(
             some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
-            self.at_measured[chosen], self.sets,
+            self.at_measured[chosen], self.sets, self.unknowns,
         )  # fmt: skip
 
     def linearise_with_partials(self, state: State) -> Linearisation:
@@ -137,16 +146,6 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     """Return the photo points of a block as observations."""
     points = block.photo_points
     camera = block.photo_camera[points.photo]
-    # millions of rows: half the memory of 64 bits
-    columns = np.concatenate(
-        [
-            unknowns.cameras.astype(np.int32)[camera],
-            unknowns.photos.astype(np.int32)[points.photo],
-            unknowns.points.astype(np.int32)[points.point],
-            unknowns.additional.astype(np.int32)[camera],
-        ],
-        axis=1,
-    )
     sets = tuple(
         (row, each.additional_set, base_of_camera(each))
         for row, each in enumerate(block.cameras)
@@ -160,10 +159,10 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         observed=points.xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),
-        columns=np.repeat(columns, 2, axis=0),
+        columns=None,
     )
     at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
-    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets)
+    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets, unknowns)
 
 
 def _named_twice(names: Sequence[str], places: NDArray[np.int64]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
+from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
 from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
@@ -34,6 +35,7 @@ class BlockProblem:
 
     Parameters
     ----------
+    block : Block
     unknowns : Unknowns
     observations : tuple of Observations
         One of each kind; their rows follow one another.
@@ -45,6 +47,7 @@ class BlockProblem:
         The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
+    block: Block
     unknowns: Unknowns
     observations: tuple[Observations, ...]
     datum: FreeDatum | None = None
@@ -71,6 +74,9 @@ class BlockProblem:
         return self._stored(state).design
 
     def _stored(self, state: State) -> Equations:
+        if not self.observations:
+            nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
+            return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
         indices, indptr, kept = self._pattern()
         data, residual, active, exact = [], [], [], []
         for observations, keep in zip(self.observations, kept, strict=True):
@@ -85,18 +91,18 @@ class BlockProblem:
 
     def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
         """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-        kept = [each.rows.columns != CONSTANT for each in self.observations]
-        indices = np.concatenate([each.rows.columns[keep] for each, keep in zip(self.observations, kept, strict=True)])
+        columns = [each.columns() for each in self.observations]
+        kept = [each != CONSTANT for each in columns]
+        indices = np.concatenate([each[keep] for each, keep in zip(columns, kept, strict=True)])
         counts = np.concatenate([keep.sum(axis=1) for keep in kept])
         return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
     def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
-        stay = np.count_nonzero(~loop.eliminated) * 2
-        rows = np.concatenate(
-            [np.flatnonzero(np.repeat(~loop.eliminated, 2)), len(of_photos) + np.arange(len(rest.residual) - stay)]
-        )
+        staying = loop.staying()
+        stay = len(staying)
+        rows = np.concatenate([staying, len(of_photos) + np.arange(len(rest.residual) - stay)])
         return Equations(
             StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
             np.concatenate([of_photos, rest.residual[stay:]]),
@@ -123,6 +129,10 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
+    def with_points_anew(self, state: State) -> State:
+        """Return the state with its points where the rays of the photos meet."""
+        return with_intersected_points(self.block, state, self.unknowns)
+
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps every photo's turn small enough to linearise."""
         return rotation_limit(correction, self.unknowns)
@@ -134,13 +144,13 @@ def pose_problem(block: Block) -> BlockProblem:
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
-    problem = BlockProblem(unknowns, observations)
-    if (loop := photo_loop(photo_points, unknowns)) is not None:
-        rest = tuple(each for each in observations if each is not photo_points)
-        staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
-        others = BlockProblem(unknowns, (*staying, *rest))
-        if not _couples_points(others):
-            problem = _arranged(problem, loop, others)
+    problem = BlockProblem(block, unknowns, observations)
+    loop = photo_loop(photo_points, unknowns)
+    rest = tuple(each for each in observations if each is not photo_points and len(each.rows.error))
+    staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+    others = BlockProblem(block, unknowns, (*staying, *rest))
+    if not _couples_points(others):
+        problem = _arranged(problem, loop, others)
     return problem if block.definition.datum == "control" else _freed(problem, block)
 
 
@@ -150,12 +160,13 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
     touching, touched = ([each] for each in loop.touched())
-    first = layout.blocks
+    first = len(loop.pattern.runs_start)
     for each in others.observations:
-        rows, places = np.nonzero((each.rows.columns != CONSTANT) & (each.rows.columns < layout.reduced))
+        columns = each.columns()
+        rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))
         touching.append(first + rows)
-        touched.append(each.rows.columns[rows, places].astype(np.int64))
-        first += len(each.rows.columns)
+        touched.append(columns[rows, places].astype(np.int64))
+        first += len(columns)
     shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
     row, column = np.concatenate(touching), groups[np.concatenate(touched)]
     arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
@@ -168,17 +179,17 @@ def _couples_points(problem: BlockProblem) -> bool:
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
-        for columns in (each.rows.columns for each in problem.observations)
+        for columns in (each.columns() for each in problem.observations)
     )
 
 
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: as many unknowns are held while solving as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
-    on_the_ground = np.concatenate(
-        [np.full(len(each.rows.photo), each.rows.kind != "photo") for each in problem.observations]
-    )
-    datum = free_datum(block, state, unknowns, problem.linearise(state), on_the_ground)
+    others = tuple(each for each in problem.observations if not isinstance(each, PhotoPointObservations))
+    on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
+    every = np.ones(len(on_the_ground.residual), dtype=bool)
+    datum = free_datum(block, state, unknowns, on_the_ground, every)
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
     # its cofactors are transformed as a whole: no band

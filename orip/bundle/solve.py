@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,9 @@ from orip.errors import NotSolvableError
 from orip.model.block import Block
 from orip.model.project import BundleDefinition
 from orip.progress import stage
+
+_LARGE = 2000
+"""Unknowns of a full reduced system that several threads factor faster than one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +95,23 @@ def solve_problem(
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
-    with stage("adjusting"):
-        adjusted = adjust(problem, start, settings, on_pass, stop_asked)
+    with _threads_that_pay(problem):
+        with stage("adjusting"):
+            adjusted = adjust(problem, start, settings, on_pass, stop_asked)
+        return _solved(block, problem, adjusted)
+
+
+def _threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
+    """Return a context in which only large full matrices have more than one thread: with others they only wait."""
+    from threadpoolctl import threadpool_limits
+
+    layout = problem.layout
+    full = layout.arrangement is None and layout.reduced >= _LARGE
+    return nullcontext() if full else threadpool_limits(1, user_api="blas")
+
+
+def _solved(block: Block, problem: BlockProblem, adjusted: Adjusted[State]) -> SolvedBlock:
+    """Return an adjusted block with its precision."""
     equations = adjusted.linearised.equations
     if not np.isfinite(adjusted.passes[-1].enp) or not np.isfinite(equations.residual).all():
         message = (

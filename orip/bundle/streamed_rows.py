@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from orip.adjustment.band import Symmetric
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals, block_diagonal
+from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.equations import BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
-from orip.bundle.photo_loop import Contributions, PhotoLoop
+from orip.bundle.photo_loop import Contributions, PhotoLoop, StreamedCoupling
 from orip.bundle.state import State
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +46,7 @@ class StreamedRows:
         return self.complete(self.state)
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
         weighted = scale_rows(self.others.stored, root_weights[self.other_rows])
@@ -60,12 +60,14 @@ class StreamedRows:
         )
         photos = slice(0, self.loop.points.xy.size)
         return self.loop.eliminate(
-            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits
+            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits, damping
         )
 
-    def precision(self, factors: BlockFactors, coupling: csr_array | bsr_array, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
-        found = self.loop.precision(self.state, factors, coupling, inverse)
+        del factors
+        assert isinstance(coupling, StreamedCoupling), "the normal equations are those of these rows"
+        found = self.loop.precision(coupling, inverse)
         photos = self.loop.points.xy.size
         leverage = np.zeros(np.count_nonzero(self.other_rows >= photos) + photos)
         leverage[:photos] = found.leverage

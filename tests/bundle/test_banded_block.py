@@ -54,12 +54,29 @@ def test_band_and_full_matrix_give_the_same_figures(streamed):
     assert np.allclose(normals.solve(right) / roots, full.solve(right) / roots, rtol=1e-6, atol=1e-5)
 
 
-def test_without_control_the_same_unknowns_are_removed():
+def test_without_control_seven_unknowns_of_photos_are_removed():
     block = replace(BLOCK, control_points=())
-    normals, _, _ = solved_normals(block, streamed=True, banded=True)
+    normals, _, unknowns = solved_normals(block, streamed=True, banded=True)
     full, _, _ = solved_normals(block, streamed=False, banded=False)
+    assert isinstance(normals.factor, BandFactor)
     assert np.count_nonzero(full.removed) == 7
+    assert [unknowns.names[each].group for each in np.flatnonzero(normals.removed)] == ["PHOTO"] * 7
+    # the residuals left are the same whatever movements are held
+    assert normals.reduced_square_sum == pytest.approx(full.reduced_square_sum, rel=1e-8)
+
+
+def test_photos_with_too_few_points_lose_the_same_unknowns_in_band_and_full_matrix():
+    points = BLOCK.photo_points
+    used = points.used.copy()
+    weak = [17, 50, 51, 90]
+    for photo, kept in zip(weak, (0, 1, 2, 2), strict=True):
+        used[np.flatnonzero(points.photo == photo)[kept:]] = False
+    block = replace(BLOCK, photo_points=replace(points, used=used))
+    normals, _, unknowns = solved_normals(block, streamed=True, banded=True)
+    full, _, _ = solved_normals(block, streamed=False, banded=False)
+    assert isinstance(normals.factor, BandFactor)
     assert np.array_equal(normals.removed, full.removed)
+    assert normals.removed[unknowns.photos[weak]].sum() == 6 + 4 + 2 + 2
 
 
 def test_results_of_a_block_with_a_band():

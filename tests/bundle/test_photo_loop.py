@@ -13,19 +13,21 @@ import pytest
 from bundle.aerial_block import aerial_block
 from support.synthetic_block import DISTORTED, synthetic_block
 
+from orip.adjustment.elimination import times_half, times_transposed_half
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle import photo_loop, problem
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
 from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS
+from orip.model.camera import CAMERA_PARAMETERS, AdditionalSet
 from orip.model.control import ControlDistance
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
 RELATIVE = 1e-12
 MAX_LOST = 12.0
+FRAME = (36.0, 24.0)
 
 
 def self_calibrated(distortion_at: str) -> Block:
@@ -82,6 +84,17 @@ def behind() -> Block:
     return replace(block, point_start=start)
 
 
+def with_set(name: AdditionalSet, distortion_at: str) -> Block:
+    block = self_calibrated(distortion_at)
+    return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
+
+
+def two_cameras_with_sets() -> Block:
+    block = two_cameras()
+    one, other = (replace(each, frame=FRAME) for each in block.cameras)
+    return replace(block, cameras=(replace(one, additional_set="EBNER"), replace(other, additional_set="GRUEN")))
+
+
 BLOCKS = {
     "ideal": lambda: self_calibrated("ideal"),
     "measured": lambda: self_calibrated("measured"),
@@ -90,6 +103,10 @@ BLOCKS = {
     "constant points": constant_points,
     "tied points": tied_points,
     "behind": behind,
+    "Ebner": lambda: with_set("EBNER", "ideal"),
+    "Gruen": lambda: with_set("GRUEN", "ideal"),
+    "Gruen at measured": lambda: with_set("GRUEN", "measured"),
+    "two cameras with sets": two_cameras_with_sets,
     "free": lambda: replace(
         self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free")
     ),
@@ -126,7 +143,9 @@ def test_residuals(block):
 def test_normal_equations_with_eliminated_points(block):
     layout, streamed, stored = both_ways(block)
     root = np.sqrt(weights_of(stored) * stored.active)
-    found, wanted = (each.rows.eliminated(root, -each.residual * root, layout, MAX_LOST) for each in (streamed, stored))
+    found, wanted = (
+        each.rows.eliminated(root, -each.residual * root, layout, MAX_LOST, 0.0) for each in (streamed, stored)
+    )
     scale = np.sqrt(np.where(wanted.diagonal > 0.0, wanted.diagonal, 1.0))
     assert np.allclose(found.diagonal, wanted.diagonal, rtol=RELATIVE)
     assert np.allclose(found.matrix / np.outer(scale, scale), wanted.matrix / np.outer(scale, scale), atol=RELATIVE)
@@ -148,7 +167,7 @@ def test_normal_equations_with_eliminated_points(block):
 def test_solution_and_precision(block):
     layout, streamed, stored = both_ways(block)
     weights = weights_of(stored)
-    found, wanted = (solve_normals(each, weights, layout, MAX_LOST) for each in (streamed, stored))
+    found, wanted = (solve_normals(each, weights, layout, MAX_LOST, 0.0) for each in (streamed, stored))
     assert np.array_equal(found.removed, wanted.removed)
     precise, expected = cofactors(streamed, found), cofactors(stored, wanted)
     deviation = np.sqrt(np.concatenate([np.diag(expected.reduced), np.einsum("bii->bi", expected.blocks).ravel()]))
@@ -171,6 +190,22 @@ def test_without_the_extension_the_stored_matrix_is_used(monkeypatch):
     stored = solve_block(block, lambda _: None, lambda: False)
     assert compiled.variance.sigma0 == pytest.approx(stored.variance.sigma0, rel=1e-10)
     assert compiled.adjusted.termination is stored.adjusted.termination
+
+
+def test_coupling_of_points_forwards_and_backwards(block):
+    layout, streamed, stored = both_ways(block)
+    weights = weights_of(stored)
+    found, wanted = (solve_normals(each, weights, layout, MAX_LOST) for each in (streamed, stored))
+    random = np.random.default_rng(3)
+    unit = np.where(wanted.scale > 0.0, wanted.scale, 1.0)[:, None]
+    reduced = random.normal(size=(layout.reduced, 2)) / unit
+    # H itself may differ by a rotation where the order of pivots does: H^T H N_pr is compared
+    either = [times_transposed_half(each.blocks.half, each.coupling.times(reduced)) for each in (found, wanted)]
+    lost = 10.0 ** wanted.blocks.lost_digits[~wanted.blocks.removed].max(initial=0.0)
+    assert np.allclose(*either, rtol=RELATIVE * lost * 10.0, atol=RELATIVE * lost * np.abs(either[1]).max())
+    points = random.normal(size=(3 * layout.blocks, 2))
+    either = [each.coupling.transposed_times(times_half(each.blocks.half, points)) / unit for each in (found, wanted)]
+    assert np.allclose(*either, rtol=RELATIVE * lost * 10.0, atol=RELATIVE * lost * np.abs(either[1]).max())
 
 
 def test_arrays_that_do_not_belong_together_are_refused():

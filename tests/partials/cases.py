@@ -369,7 +369,7 @@ def _kinds() -> Iterator[Case]:
             found = observations.linearise_with_partials(state)
             if not len(found.residual):
                 continue
-            columns = observations.rows.columns
+            columns = observations.columns()
             rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
             partials = np.zeros((len(columns), size))
             free = columns != CONSTANT

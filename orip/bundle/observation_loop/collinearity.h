@@ -1,57 +1,82 @@
-/* Collinearity of one photo point: residuals in mm and partials.
+/* Collinearity of photo points, one in each lane: residuals in mm and partials.
  *
- * The formulas and their sources stand in orip/geometry/perspective.py and orip/interior/distortion.py; this is the same
- * for one point at a time, and tests compare the two.
+ * The formulas and their sources stand in orip/geometry/perspective.py, orip/interior/distortion.py and
+ * orip/interior/additional_parameters.py; tests compare the two.
  */
 
 #ifndef ORIP_COLLINEARITY_H
 #define ORIP_COLLINEARITY_H
 
-#include <math.h>
+#include <stdint.h>
 
-enum { CAMERA = 0, COEFFICIENTS = 3, CENTRE = 11, ROTATION = 14, POINT = 17, ELEMENTS = 20 };
+#include "lanes.h"
+
+#define CAMERA_PARAMETERS 11
+#define MOST_ADDITIONAL 44
+#define POLYNOMIALS 5
+
+/* Numbers of the partials. */
+enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 11, ROTATION = 14, POINT = 17, ADDITIONAL = 20, ELEMENTS = 64 };
+
+/* A set of additional parameters: its polynomials in powers of a coordinate, and in dx and dy the product of two of them
+ * (number of B_i(y) times POLYNOMIALS, plus that of A_j(x)) and its factor for each parameter. */
+typedef struct {
+    int64_t count;
+    const double *values, *polynomials, *factors;
+    const int32_t *products;
+} Set;
 
 typedef struct {
-    double value[2], by_xy[2][2], by_coefficients[2][8];
+    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2];
+} Ray;
+
+typedef struct {
+    Lanes residual[2], partials[2][ELEMENTS];
+    int in_front[LANES];
+} Linearised;
+
+typedef struct {
+    Lanes value[2], by_xy[2][2], by_coefficients[2][8];
 } Distorted;
 
 /* k: A1 A3 A5 A7 P1 P2 B1 B2; x, y: mm from the principal point. */
-static inline __attribute__((always_inline)) void distortion(const double *k, double x, double y, Distorted *d)
+INLINE void distortion(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 {
-    const double s = x * x + y * y;
-    const double radial = k[0] + s * (k[1] + s * (k[2] + s * k[3]));
-    const double by_s = k[1] + s * (2.0 * k[2] + s * 3.0 * k[3]);
-    const double p1 = k[4], p2 = k[5], b1 = k[6], b2 = k[7];
-    d->value[0] = x * radial + p1 * (s + 2.0 * x * x) + 2.0 * p2 * x * y + b1 * x + b2 * y;
-    d->value[1] = y * radial + p2 * (s + 2.0 * y * y) + 2.0 * p1 * x * y;
-    d->by_xy[0][0] = radial + 2.0 * x * x * by_s + 6.0 * p1 * x + 2.0 * p2 * y + b1;
-    d->by_xy[0][1] = 2.0 * x * y * by_s + 2.0 * p1 * y + 2.0 * p2 * x + b2;
-    d->by_xy[1][0] = 2.0 * x * y * by_s + 2.0 * p2 * x + 2.0 * p1 * y;
-    d->by_xy[1][1] = radial + 2.0 * y * y * by_s + 6.0 * p2 * y + 2.0 * p1 * x;
-    double power = 1.0;
-    for (int term = 0; term < 4; term++, power *= s) {
-        d->by_coefficients[0][term] = x * power;
-        d->by_coefficients[1][term] = y * power;
+    const Lanes xx = x * x, yy = y * y, xy2 = 2.0 * x * y, s = xx + yy;
+    const Lanes radial = k[0] + s * (k[1] + s * (k[2] + s * k[3]));
+    const Lanes by_s = k[1] + s * (2.0 * k[2] + s * 3.0 * k[3]);
+    const Lanes p1 = k[4], p2 = k[5], b1 = k[6], b2 = k[7], none = ALL(0.0);
+    d->value[0] = x * radial + p1 * (s + 2.0 * xx) + p2 * xy2 + b1 * x + b2 * y;
+    d->value[1] = y * radial + p2 * (s + 2.0 * yy) + p1 * xy2;
+    d->by_xy[0][0] = radial + 2.0 * xx * by_s + 6.0 * p1 * x + 2.0 * p2 * y + b1;
+    d->by_xy[1][0] = xy2 * by_s + 2.0 * p2 * x + 2.0 * p1 * y;
+    d->by_xy[0][1] = d->by_xy[1][0] + b2;
+    d->by_xy[1][1] = radial + 2.0 * yy * by_s + 6.0 * p2 * y + 2.0 * p1 * x;
+    d->by_coefficients[0][0] = x;
+    d->by_coefficients[1][0] = y;
+    for (int term = 1; term < 4; term++) {
+        d->by_coefficients[0][term] = d->by_coefficients[0][term - 1] * s;
+        d->by_coefficients[1][term] = d->by_coefficients[1][term - 1] * s;
     }
-    d->by_coefficients[0][4] = s + 2.0 * x * x;
-    d->by_coefficients[1][4] = d->by_coefficients[0][5] = 2.0 * x * y;
-    d->by_coefficients[1][5] = s + 2.0 * y * y;
+    d->by_coefficients[0][4] = s + 2.0 * xx;
+    d->by_coefficients[1][4] = d->by_coefficients[0][5] = xy2;
+    d->by_coefficients[1][5] = s + 2.0 * yy;
     d->by_coefficients[0][6] = x;
     d->by_coefficients[0][7] = y;
-    d->by_coefficients[1][6] = d->by_coefficients[1][7] = 0.0;
+    d->by_coefficients[1][6] = d->by_coefficients[1][7] = none;
 }
 
 /* Corrected coordinates of measured ones, for a polynomial at "measured" coordinates. */
-static inline __attribute__((always_inline)) void correction(const double *k, double x, double y, Distorted *d)
+INLINE void correction(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 {
-    const double b1 = k[6], b2 = k[7];
-    const double without_affinity[8] = {k[0], k[1], k[2], k[3], k[4], k[5], 0.0, 0.0};
-    const double freed = x - (b1 * x + b2 * y);
+    const Lanes b1 = k[6], b2 = k[7], none = ALL(0.0);
+    const Lanes without_affinity[8] = {k[0], k[1], k[2], k[3], k[4], k[5], none, none};
+    const Lanes freed = x - (b1 * x + b2 * y);
     distortion(without_affinity, freed, y, d);
     d->value[0] = freed - d->value[0];
     d->value[1] = y - d->value[1];
     for (int row = 0; row < 2; row++) {
-        const double by_x = (row == 0) - d->by_xy[row][0], by_y = (row == 1) - d->by_xy[row][1];
+        const Lanes by_x = (row == 0 ? 1.0 : 0.0) - d->by_xy[row][0], by_y = (row == 1 ? 1.0 : 0.0) - d->by_xy[row][1];
         d->by_xy[row][0] = by_x * (1.0 - b1);
         d->by_xy[row][1] = by_y - by_x * b2;
         for (int term = 0; term < 6; term++)
@@ -61,65 +86,113 @@ static inline __attribute__((always_inline)) void correction(const double *k, do
     }
 }
 
-/* Return whether the point is in front of the camera; if not, nothing is written.
- *
- * camera: 11 parameters; rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about
- * the ground axes; partials (2 rows of ELEMENTS): NULL when they are not wanted.
- */
-static inline __attribute__((always_inline)) int photo_point(
-    const double *camera, const double *centre, const double *rotation, const double *basis, const double *ground,
-    const double *measured, int at_measured, double *residual, double (*partials)[ELEMENTS])
+/* Values and derivatives of a set's polynomials at a coordinate. */
+INLINE void polynomials(const double *coefficients, Lanes t, Lanes *value, Lanes *derivative)
 {
-    const double v[3] = {ground[0] - centre[0], ground[1] - centre[1], ground[2] - centre[2]};
-    double u[3];
+    for (int p = 0; p < POLYNOMIALS; p++) {
+        const double *c = coefficients + POLYNOMIALS * p;
+        value[p] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * c[4])));
+        derivative[p] = c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4])));
+    }
+}
+
+/* Add the deformation of a set at a place in the fiducial system to the residuals, and its partials; by_place: partials
+ * of the deformation by the place. */
+INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*by_place)[2])
+{
+    Lanes of_x[POLYNOMIALS], by_x[POLYNOMIALS], of_y[POLYNOMIALS], by_y[POLYNOMIALS];
+    polynomials(set->polynomials, x, of_x, by_x);
+    polynomials(set->polynomials, y, of_y, by_y);
+    for (int row = 0; row < 2; row++) {
+        by_place[row][0] = by_place[row][1] = ALL(0.0);
+        for (int64_t k = 0; k < set->count; k++) {
+            const int32_t product = set->products[row * MOST_ADDITIONAL + k];
+            const int32_t i = product / POLYNOMIALS, j = product % POLYNOMIALS;
+            const double factor = set->factors[row * MOST_ADDITIONAL + k], times = factor * set->values[k];
+            const Lanes by_value = factor * (of_y[i] * of_x[j]);
+            found->residual[row] += set->values[k] * by_value;
+            found->partials[row][ADDITIONAL + k] = by_value;
+            by_place[row][0] += times * (of_y[i] * by_x[j]);
+            by_place[row][1] += times * (by_y[i] * of_x[j]);
+        }
+    }
+}
+
+/* Linearise photo points. Lanes that are not in front of the camera hold no numbers of use.
+ *
+ * rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about the ground axes, used
+ * with `turned`; set: NULL for a camera without one; partials are found if `linear`.
+ */
+INLINE void collinearity(const Ray *ray, int at_measured, const Set *set, int turned, int linear, Linearised *found)
+{
+    const Lanes *camera = ray->camera, *rotation = ray->rotation;
+    const Lanes v[3] = {ray->ground[0] - ray->centre[0], ray->ground[1] - ray->centre[1], ray->ground[2] - ray->centre[2]};
+    Lanes u[3];
     for (int axis = 0; axis < 3; axis++)
         u[axis] = rotation[axis] * v[0] + rotation[3 + axis] * v[1] + rotation[6 + axis] * v[2];
-    /* depth < -1e-6 |u| without the root */
-    if (!(u[2] < 0.0 && u[2] * u[2] > 1e-12 * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2])))
-        return 0;
-    const double inverse = -1.0 / u[2];
-    const double direction[2] = {u[0] * inverse, u[1] * inverse};
-    const double ideal[2] = {camera[0] * direction[0], camera[0] * direction[1]};
+    for (int lane = 0; lane < LANES; lane++) {
+        /* depth < -1e-6 |u| without the root */
+        const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
+        found->in_front[lane] = depth < 0.0 && depth * depth > 1e-12 * (a * a + b * b + depth * depth);
+    }
+    const Lanes inverse = -1.0 / u[2];
+    const Lanes direction[2] = {u[0] * inverse, u[1] * inverse};
+    const Lanes ideal[2] = {camera[0] * direction[0], camera[0] * direction[1]};
 
     Distorted d;
+    for (int row = 0; row < 2; row++)
+        found->residual[row] = ideal[row];
     if (at_measured) {
-        correction(camera + COEFFICIENTS, measured[0] - camera[1], measured[1] - camera[2], &d);
+        correction(camera + COEFFICIENTS, ray->xy[0] - camera[1], ray->xy[1] - camera[2], &d);
         for (int row = 0; row < 2; row++)
-            residual[row] = ideal[row] - d.value[row];
+            found->residual[row] -= d.value[row];
     } else {
         distortion(camera + COEFFICIENTS, ideal[0], ideal[1], &d);
         for (int row = 0; row < 2; row++)
-            residual[row] = camera[1 + row] + ideal[row] + d.value[row] - measured[row];
+            found->residual[row] += camera[1 + row] + d.value[row] - ray->xy[row];
     }
-    if (!partials)
-        return 1;
+    Lanes by_place[2][2] = {{ALL(0.0), ALL(0.0)}, {ALL(0.0), ALL(0.0)}};
+    if (set && at_measured) {
+        deform(set, ray->xy[0], ray->xy[1], found, by_place);
+        for (int row = 0; row < 2; row++)
+            by_place[row][0] = by_place[row][1] = ALL(0.0);
+    } else if (set)
+        deform(set, camera[1] + ideal[0], camera[2] + ideal[1], found, by_place);
+    if (!linear)
+        return;
 
-    const double scale = camera[0] * inverse;
-    const double by_depth[2] = {ideal[0] * inverse, ideal[1] * inverse};
-    double of_ideal[2][3];
+    const Lanes scale = camera[0] * inverse;
+    const Lanes by_depth[2] = {ideal[0] * inverse, ideal[1] * inverse};
+    Lanes of_ideal[2][3];
     for (int axis = 0; axis < 3; axis++) {
         of_ideal[0][axis] = scale * rotation[3 * axis] + by_depth[0] * rotation[3 * axis + 2];
         of_ideal[1][axis] = scale * rotation[3 * axis + 1] + by_depth[1] * rotation[3 * axis + 2];
     }
     for (int row = 0; row < 2; row++) {
-        double *p = partials[row];
-        const double by_x = (row == 0) + (at_measured ? 0.0 : d.by_xy[row][0]);
-        const double by_y = (row == 1) + (at_measured ? 0.0 : d.by_xy[row][1]);
-        p[0] = by_x * direction[0] + by_y * direction[1];
-        p[1] = at_measured ? d.by_xy[row][0] : (row == 0);
-        p[2] = at_measured ? d.by_xy[row][1] : (row == 1);
+        Lanes *p = found->partials[row], by_ideal[2];
+        for (int column = 0; column < 2; column++) {
+            by_ideal[column] = by_place[row][column] + (row == column ? 1.0 : 0.0);
+            p[1 + column] = at_measured ? d.by_xy[row][column] : by_ideal[column];
+            if (!at_measured)
+                by_ideal[column] += d.by_xy[row][column];
+        }
+        p[0] = by_ideal[0] * direction[0] + by_ideal[1] * direction[1];
         for (int term = 0; term < 8; term++)
             p[COEFFICIENTS + term] = at_measured ? -d.by_coefficients[row][term] : d.by_coefficients[row][term];
-        double *g = p + POINT;
+        Lanes *g = p + POINT, *turn = p + ROTATION;
         for (int axis = 0; axis < 3; axis++) {
-            g[axis] = by_x * of_ideal[0][axis] + by_y * of_ideal[1][axis];
-            p[CENTRE + axis] = -g[axis];
+            g[axis] = by_ideal[0] * of_ideal[0][axis] + by_ideal[1] * of_ideal[1][axis];
+            p[PHOTO + axis] = -g[axis];
         }
-        const double turn[3] = {g[1] * v[2] - g[2] * v[1], g[2] * v[0] - g[0] * v[2], g[0] * v[1] - g[1] * v[0]};
-        for (int axis = 0; axis < 3; axis++)
-            p[ROTATION + axis] = turn[0] * basis[axis] + turn[1] * basis[3 + axis] + turn[2] * basis[6 + axis];
+        turn[0] = g[1] * v[2] - g[2] * v[1];
+        turn[1] = g[2] * v[0] - g[0] * v[2];
+        turn[2] = g[0] * v[1] - g[1] * v[0];
+        if (turned) {
+            const Lanes axes[3] = {turn[0], turn[1], turn[2]}, *basis = ray->basis;
+            for (int axis = 0; axis < 3; axis++)
+                turn[axis] = axes[0] * basis[axis] + axes[1] * basis[3 + axis] + axes[2] * basis[6 + axis];
+        }
     }
-    return 1;
 }
 
 #endif

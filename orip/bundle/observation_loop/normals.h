@@ -1,12 +1,13 @@
-/* Normal equations while they are formed: the reduced matrix, and the elimination of a point's three unknowns. */
+/* Normal equations: formed group by group, each point's three unknowns eliminated. */
 
 #ifndef ORIP_NORMALS_H
 #define ORIP_NORMALS_H
 
 #include <math.h>
-#include <stdint.h>
+#include <string.h>
 
-#define LOST_ALL 99.0
+#include "block.h"
+
 #define AS_LARGE 1e-9
 
 /* Lower triangle of a symmetric matrix of `size` unknowns in their places. Of the first `banded` of them element (i, j)
@@ -17,79 +18,57 @@ typedef struct {
     int64_t stride, banded, size;
 } Reduced;
 
-/* The unknowns of a camera or photo: `count` of them in places from `first`; each element's number among the partials. */
-typedef struct {
-    int64_t first, count;
-    const int64_t *elements;
-} Run;
-
-static inline __attribute__((always_inline)) double *at(const Reduced *m, int64_t i, int64_t j)
+INLINE double *element_at(const Reduced *m, int64_t one, int64_t other)
 {
+    const int64_t i = one > other ? one : other, j = one > other ? other : one;
     return i < m->banded ? m->band + j * m->stride + i : m->border + (i - m->banded) * m->size + j;
 }
 
-#define MOST_IN_RUN 11
-#define PHOTO_UNKNOWNS 6
+typedef struct {
+    const double *factor, *misclosure;
+    const uint8_t *fixed;
+    /* on_diagonal: factor of the diagonals of the blocks */
+    double least_pivot, on_diagonal;
+    const double *blocks;
+    double *block_right, *diagonal, *right;
+    double *half, *pivots;
+    uint8_t *removed;
+    Reduced reduced;
+} Normals;
 
-/* Add sign * sum over k of a[i][k] b[j][k] for the unknowns of two runs, with vectors of `width` for each unknown. */
-static inline __attribute__((always_inline)) void add_products(
-    const Reduced *m, int64_t first_i, int64_t count_i, const double *a, int64_t first_j, int64_t count_j,
-    const double *b, int width, double sign)
+#define WELL_DETERMINED 1e-3
+
+/* Factor a symmetric 3 x 3 block in the order of its coordinates; return whether that is as good as any other order.
+ * half: H with H^T H = inverse of the block. */
+INLINE int factorise_in_order(const double *block, const uint8_t *fixed, double *half, double *pivots)
 {
-    if (first_i < first_j) {
-        const int64_t first = first_i, count = count_i;
-        const double *vectors = a;
-        first_i = first_j, count_i = count_j, a = b;
-        first_j = first, count_j = count, b = vectors;
-    }
-    if (!count_i || !count_j)
-        return;
-    if (first_i >= m->banded) {
-        for (int64_t i = 0; i < count_i; i++) {
-            double *row = m->border + (first_i + i - m->banded) * m->size + first_j;
-            for (int64_t j = 0; j < (first_i == first_j ? i + 1 : count_j); j++) {
-                double sum = 0.0;
-                for (int k = 0; k < width; k++)
-                    sum += a[width * i + k] * b[width * j + k];
-                row[j] += sign * sum;
-            }
-        }
-        return;
-    }
-    /* component by component, so that elements that stand beside each other are added at once */
-    double components[3][MOST_IN_RUN];
-    for (int64_t i = 0; i < count_i; i++)
-        for (int k = 0; k < width; k++)
-            components[k][i] = sign * a[width * i + k];
-    for (int64_t j = 0; j < count_j; j++) {
-        double *column = m->band + (first_j + j) * m->stride + first_i;
-        if (first_i != first_j && count_i == PHOTO_UNKNOWNS)
-            for (int64_t i = 0; i < PHOTO_UNKNOWNS; i++) {
-                double sum = components[0][i] * b[width * j];
-                for (int k = 1; k < width; k++)
-                    sum += components[k][i] * b[width * j + k];
-                column[i] += sum;
-            }
-        else
-            for (int64_t i = first_i == first_j ? j : 0; i < count_i; i++) {
-                double sum = components[0][i] * b[width * j];
-                for (int k = 1; k < width; k++)
-                    sum += components[k][i] * b[width * j + k];
-                column[i] += sum;
-            }
-    }
+    if (fixed[0] || fixed[1] || fixed[2] || !(block[0] > 0.0 && block[4] > 0.0 && block[8] > 0.0))
+        return 0;
+    const double a = 1.0 / block[0], l10 = block[3] * a, l20 = block[6] * a;
+    const double d1 = block[4] - l10 * block[3], b = 1.0 / d1, e = block[7] - l20 * block[3], l21 = e * b;
+    const double d2 = block[8] - l20 * block[6] - l21 * e;
+    pivots[0] = 1.0;
+    pivots[1] = d1 / block[4];
+    pivots[2] = d2 / block[8];
+    if (!(pivots[1] > WELL_DETERMINED && pivots[2] > WELL_DETERMINED))
+        return 0;
+    const double roots[3] = {sqrt(a), sqrt(b), sqrt(1.0 / d2)};
+    half[0] = roots[0], half[1] = half[2] = half[5] = 0.0;
+    half[3] = -l10 * roots[1], half[4] = roots[1];
+    half[6] = (l21 * l10 - l20) * roots[2], half[7] = -l21 * roots[2], half[8] = roots[2];
+    return 1;
 }
 
-/* Factor a symmetric 3 x 3 block; see orip/adjustment/elimination.py. half: H with H^T H = inverse of the block. */
-static inline __attribute__((always_inline)) void factorise_block(
-    const double *block, const uint8_t *fixed, double max_lost_digits, double *half, double *lost, uint8_t *removed)
+/* Factor a symmetric 3 x 3 block by largest pivots; see orip/adjustment/elimination.py. */
+static void factorise_by_size(
+    const double *block, const uint8_t *fixed, double least_pivot, double *half, double *pivots, uint8_t *removed)
 {
     double scale[3], rest[3][3], accumulated[3][3];
     int open[3];
     for (int i = 0; i < 3; i++) {
         const double diagonal = block[4 * i];
-        const int empty = !fixed[i] && diagonal <= 0.0;
-        lost[i] = empty ? LOST_ALL : 0.0;
+        const int empty = !fixed[i] && !(diagonal > 0.0);
+        pivots[i] = empty ? 0.0 : 1.0;
         removed[i] = (uint8_t)empty;
         open[i] = !fixed[i] && !empty;
         scale[i] = open[i] ? 1.0 / sqrt(diagonal) : 0.0;
@@ -102,43 +81,215 @@ static inline __attribute__((always_inline)) void factorise_block(
         }
     for (int step = 0; step < 3; step++) {
         int place = -1;
+        double largest = 0.0;
         for (int i = 0; i < 3; i++)
-            if (open[i] && (place < 0 || rest[i][i] > rest[place][place]))
-                place = i;
+            if (open[i] && (place < 0 || rest[i][i] > largest))
+                place = i, largest = rest[i][i];
         if (place < 0)
             break;
         /* of pivots that are as large but for rounding the first is taken */
-        const double as_large = rest[place][place] - AS_LARGE * fabs(rest[place][place]);
+        const double as_large = largest - AS_LARGE * fabs(largest);
         for (int i = 2; i >= 0; i--)
             if (open[i] && rest[i][i] >= as_large)
                 place = i;
         const double pivot = rest[place][place];
-        lost[place] = pivot > 0.0 ? -log10(pivot) : LOST_ALL;
+        pivots[place] = pivot;
         open[place] = 0;
-        if (!(lost[place] <= max_lost_digits)) {
+        if (!(pivot >= least_pivot)) {
             removed[place] = 1;
             continue;
         }
-        const double root = sqrt(pivot);
+        const double root = 1.0 / sqrt(pivot);
         double row[3], own[3];
         for (int j = 0; j < 3; j++) {
-            row[j] = rest[place][j];
-            own[j] = accumulated[place][j];
-            half[3 * step + j] = own[j] / root * scale[j];
+            row[j] = rest[place][j] * root;
+            own[j] = accumulated[place][j] * root;
+            half[3 * step + j] = own[j] * scale[j];
         }
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
-                const double multiplier = row[i] / pivot;
-                rest[i][j] -= multiplier * row[j];
-                accumulated[i][j] -= multiplier * own[j];
+                rest[i][j] -= row[i] * row[j];
+                accumulated[i][j] -= row[i] * own[j];
             }
     }
 }
 
-static inline __attribute__((always_inline)) void multiply(const double *matrix, const double *vector, double *result)
+INLINE void multiply(const double *matrix, const double *vector, double *result)
 {
     for (int i = 0; i < 3; i++)
         result[i] = matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2];
+}
+
+/* Normal equations of a group. matrix: column j from its element j, every column `stride` long; coupling: the three rows
+ * that couple a point with the group's unknowns, each `stride` long. */
+typedef struct {
+    int64_t stride;
+    double *matrix, *right, *diagonal, *coupling;
+} Sums;
+
+/* Numbers that the sums of a group of so many unknowns take; columns are added to by whole lanes. */
+static int64_t stride_of(int64_t size)
+{
+    return PADDED(size) + 2 * LANES;
+}
+
+static int64_t numbers_of_sums(int64_t size)
+{
+    return (size + 5) * stride_of(size);
+}
+
+INLINE void place_sums(double *room, int64_t size, Sums *sums)
+{
+    sums->stride = stride_of(size);
+    sums->right = room;
+    sums->diagonal = room + sums->stride;
+    sums->coupling = room + 2 * sums->stride;
+    sums->matrix = room + 5 * sums->stride;
+}
+
+INLINE void add_to(double *sums, double x, const double *of_x, double y, const double *of_y, int64_t count)
+{
+    for (int64_t k = 0; k < count; k += LANES)
+        AT(sums + k) += x * AT(of_x + k) + y * AT(of_y + k);
+}
+
+INLINE void add_squares(double *sums, const double *of_x, const double *of_y, int64_t count)
+{
+    for (int64_t k = 0; k < count; k += LANES)
+        AT(sums + k) += AT(of_x + k) * AT(of_x + k) + AT(of_y + k) * AT(of_y + k);
+}
+
+/* Add the coupling of a photo point with its ground point, of partials px, py. */
+INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, const double (*row)[ROW], const double *px,
+                         const double *py)
+{
+    for (int i = 0; i < 3; i++) {
+        double *w = coupling + i * stride;
+        add_to(w + at->camera, px[i], row[0] + PHOTO_ROW, py[i], row[1] + PHOTO_ROW, at->camera_unknowns);
+        add_to(w + at->photo, px[i], row[0], py[i], row[1], PHOTO_UNKNOWNS);
+    }
+}
+
+/* Add a photo point without regard to what is eliminated; width: of the camera's unknowns, in whole lanes. */
+INLINE void add_direct(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, int64_t width)
+{
+    const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
+    for (int64_t u = 0; u < at->camera_unknowns; u++) {
+        double *column = s->matrix + (at->camera + u) * s->stride;
+        add_to(column + at->camera, x_camera[u], x_camera, y_camera[u], y_camera, width);
+        add_to(column + at->photo, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
+    }
+    for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
+        add_to(s->matrix + (at->photo + u) * s->stride + at->photo, row[0][u], row[0], row[1][u], row[1], PHOTO_UNKNOWNS);
+    add_to(s->right + at->camera, y[0], x_camera, y[1], y_camera, width);
+    add_to(s->right + at->photo, y[0], row[0], y[1], row[1], PHOTO_UNKNOWNS);
+    add_squares(s->diagonal + at->camera, x_camera, y_camera, width);
+    add_squares(s->diagonal + at->photo, row[0], row[1], PHOTO_UNKNOWNS);
+}
+
+INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+{
+    /* loops of a length that the compiler knows are faster */
+    if (at->camera_unknowns == 0)
+        add_direct(s, at, row, y, 0);
+    else if (at->camera_unknowns <= 4)
+        add_direct(s, at, row, y, 4);
+    else if (at->camera_unknowns <= 8)
+        add_direct(s, at, row, y, 8);
+    else
+        add_direct(s, at, row, y, at->camera_unknowns);
+}
+
+/* Take a point out: subtract what its three unknowns explain; coupling becomes H times itself. */
+INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const double *g)
+{
+    double *w0 = s->coupling, *w1 = w0 + s->stride, *w2 = w1 + s->stride;
+    for (int64_t k = 0; k < size; k += LANES) {
+        const Lanes a = AT(w0 + k), b = AT(w1 + k), c = AT(w2 + k);
+        AT(w0 + k) = H[0] * a + H[1] * b + H[2] * c;
+        AT(w1 + k) = H[3] * a + H[4] * b + H[5] * c;
+        AT(w2 + k) = H[6] * a + H[7] * b + H[8] * c;
+        AT(s->right + k) -= g[0] * AT(w0 + k) + g[1] * AT(w1 + k) + g[2] * AT(w2 + k);
+    }
+    for (int64_t j = 0; j < size; j++) {
+        double *column = s->matrix + j * s->stride;
+        const Lanes a = ALL(w0[j]), b = ALL(w1[j]), c = ALL(w2[j]);
+        for (int64_t i = j / LANES * LANES; i < size; i += LANES)
+            AT(column + i) -= a * AT(w0 + i) + b * AT(w1 + i) + c * AT(w2 + i);
+    }
+}
+
+/* Put a group's sums where they belong. */
+INLINE void scatter(const Sums *s, const Local *local, const Normals *n)
+{
+    for (int64_t j = 0; j < local->size; j++) {
+        const int32_t place = local->place[j];
+        const double *column = s->matrix + j * s->stride;
+        if (place < 0)
+            continue;
+        n->right[place] += s->right[j];
+        n->diagonal[place] += s->diagonal[j];
+        for (int64_t i = j; i < local->size; i++)
+            if (local->place[i] >= 0)
+                *element_at(&n->reduced, place, local->place[i]) += column[i];
+    }
+}
+
+/* Give a full matrix its other triangle. */
+INLINE void mirror(const Reduced *m)
+{
+    for (int64_t i = 0; i < m->size; i++)
+        for (int64_t j = 0; j < i; j++)
+            m->band[i * m->stride + j] = m->band[j * m->stride + i];
+}
+
+static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room)
+{
+    Ahead a;
+    Local local = {.first = numbers, .place = numbers + p->longest};
+    begin_ahead(&a);
+    for (int64_t group = 0; group < p->groups; group++) {
+        Sums s;
+        local_unknowns(b, p, group, &local);
+        place_sums(room, local.size, &s);
+        memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
+        for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
+            const int64_t block = p->block[place];
+            double V[9], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
+            int32_t last[2] = {0, 0};
+            memcpy(V, n->blocks + 9 * block, sizeof V);
+            memset(s.coupling, 0, sizeof(double) * 3 * (size_t)s.stride);
+            for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
+                const int lane = ahead(b, p, n->factor, k, &a);
+                const int32_t row = p->order[k];
+                const double *y = n->misclosure + 2 * row;
+                if (!a.found.in_front[lane] || (n->factor[2 * row] == 0.0 && n->factor[2 * row + 1] == 0.0))
+                    continue;
+                const Places at = places_of(b, p, &local, row, a.cameras[lane], last);
+                double px[3], py[3];
+                for (int i = 0; i < 3; i++)
+                    px[i] = LANE(a.of_point[0][i], lane), py[i] = LANE(a.of_point[1][i], lane);
+                for (int i = 0; i < 3; i++) {
+                    g[i] += px[i] * y[0] + py[i] * y[1];
+                    for (int j = 0; j < 3; j++)
+                        V[3 * i + j] += px[i] * px[j] + py[i] * py[j];
+                }
+                add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
+                add_photo_point(&s, &at, a.row[lane], y);
+            }
+            for (int i = 0; i < 3; i++)
+                V[4 * i] *= n->on_diagonal;
+            memset(n->removed + 3 * block, 0, 3);
+            if (!factorise_in_order(V, n->fixed + 3 * block, H, n->pivots + 3 * block))
+                factorise_by_size(V, n->fixed + 3 * block, n->least_pivot, H, n->pivots + 3 * block, n->removed + 3 * block);
+            const double given[3] = {g[0], g[1], g[2]};
+            multiply(H, given, g);
+            eliminate_point(&s, local.size, H, g);
+        }
+        scatter(&s, &local, n);
+    }
+    if (n->reduced.stride == n->reduced.size)
+        mirror(&n->reduced);
 }
 
 #endif

@@ -1,0 +1,22 @@
+/* The loops over all photo points of a block, compiled for each kind of processor: see loops_plain.c, loops_avx2.c. */
+
+#ifndef ORIP_LOOPS_H
+#define ORIP_LOOPS_H
+
+#include "substitution.h"
+
+typedef struct {
+    void (*residuals)(const Block *b, double *residual, uint8_t *in_front);
+    void (*normals)(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room);
+    void (*precision)(const Block *b, const Pattern *p, const Precision *c, int32_t *numbers, double *room);
+    void (*forward)(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room);
+    void (*backward)(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room);
+} Loops;
+
+extern const Loops plain_loops;
+#if defined(__x86_64__) && defined(__GNUC__)
+#define HAS_AVX2_LOOPS
+extern const Loops avx2_loops;
+#endif
+
+#endif

@@ -1,0 +1,30 @@
+/* Residuals of all photo points. */
+
+#ifndef ORIP_RESIDUALS_H
+#define ORIP_RESIDUALS_H
+
+#include "block.h"
+
+static void residual_loop(const Block *b, double *residual, uint8_t *in_front)
+{
+    Ray ray;
+    Linearised found;
+    int32_t cameras[LANES], rows[LANES];
+    memset(&ray, 0, sizeof ray);
+    for (int lane = 0; lane < LANES; lane++)
+        cameras[lane] = -1;
+    for (int64_t row = 0; row < b->count; row += LANES) {
+        const int count = b->count - row < LANES ? (int)(b->count - row) : LANES;
+        for (int lane = 0; lane < LANES; lane++)
+            rows[lane] = (int32_t)(row + (lane < count ? lane : 0));
+        linearise(b, rows, 0, &ray, cameras, &found);
+        for (int lane = 0; lane < count; lane++) {
+            const int64_t at = 2 * (row + lane);
+            in_front[row + lane] = (uint8_t)found.in_front[lane];
+            for (int c = 0; c < 2; c++)
+                residual[at + c] = found.in_front[lane] ? LANE(found.residual[c], lane) / b->error[at + c] : 0.0;
+        }
+    }
+}
+
+#endif
