@@ -24,8 +24,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from bal import LADYBUG, MINIMUM_COST
-from figures import SAME_COST, Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
+from bal import COST_TOLERANCE, LADYBUG, MINIMUM_COST
+from figures import Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
 from startup import help_cpu, zurich
 
 HERE = Path(__file__).parent
@@ -74,7 +74,7 @@ def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
         subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True)
         colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
         if case == "BAL":
-            until = run(*colmap, "--until", repr(MINIMUM_COST * (1.0 + SAME_COST)))
+            until = run(*colmap, "--until", repr(MINIMUM_COST * (1.0 + COST_TOLERANCE)))
             colmap += ["--iterations", str(until["iterations"])]
         for repetition in range(repetitions):
             runs["orip"].append(run_orip(case))
