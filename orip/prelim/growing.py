@@ -182,7 +182,7 @@ class Growth:
     def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
         """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
-        counts = np.array([int(known[points].sum()) for points in self.index.points])
+        counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
         counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
         counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
@@ -252,6 +252,8 @@ class Growth:
         for oriented, photo in self._models_to_try(placed):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
+                continue
+            if np.count_nonzero(placed.known[model.block.points]) < fewest:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= fewest:
