@@ -20,8 +20,9 @@ FloatArray = NDArray[np.float64]
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
-_WORSE = 100.0
-"""Times the least mean square so far: a step along a curved valley may raise it for a while."""
+_WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
+"""Times the least mean square so far: a step along a curved valley may raise it for a while; less is allowed to one
+after which observations can no longer be computed."""
 _OUT_OF_SIGHT = 4.0
 """Times its former square that an observation counts which can no longer be computed."""
 
@@ -68,7 +69,9 @@ class StepControl:
         squares = np.where(after.active, after.residual**2, _OUT_OF_SIGHT * (1.0 + before.residual**2))
         here = float(taken @ before.residual**2) / total
         self._least = min(self._least, here)
-        allowed = max(_WORSE * self._least, here) if full else here
+        lost = (before.active & ~after.active).any()
+        worse = _WORSE_WITH_LOSS if lost else _WORSE
+        allowed = max(worse * self._least, here) if full else here
         leads_on = float(taken @ squares) / total <= allowed
         if not leads_on:
             self.undamped = -1
