@@ -155,7 +155,12 @@ def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tupl
     s0, factors = _weights(network, here)
     while iteration < sweeps and gain > limit:
         iteration += 1
-        tried = solver.moved(state, here, factors, damping)
+        try:
+            tried = solver.moved(state, here, factors, damping)
+        except np.linalg.LinAlgError:
+            # the damping so far is less than rounding in normal equations that are nearly singular
+            damping *= 10.0
+            continue
         there = solver.residuals(tried)
         before, after = _square_sum(here, factors), _square_sum(there, factors)
         if after <= before:

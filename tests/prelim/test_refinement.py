@@ -10,6 +10,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
+from orip.prelim import refinement
+from orip.prelim.compiled import is_compiled
 from orip.prelim.intersection import intersect
 from orip.prelim.refinement import refine
 
@@ -143,3 +145,21 @@ def test_nothing_to_do():
     found = refine(rays, rotations, centres, np.zeros(len(centres), dtype=bool), ground)
     assert (found.centres == centres).all()
     assert found.iterations == 0
+
+
+def test_a_step_that_cannot_be_solved_is_damped_more(monkeypatch):
+    given, held = start(*block())
+    expected = refine(*given, held_points=held)
+    solver = refinement.CompiledSolver if is_compiled() else refinement.ArraySolver
+    moved, dampings = solver.moved, []
+
+    def failing_at_first(self, state, at, factors, damping):
+        dampings.append(damping)
+        if len(dampings) < 3:
+            raise np.linalg.LinAlgError
+        return moved(self, state, at, factors, damping)
+
+    monkeypatch.setattr(solver, "moved", failing_at_first)
+    found = refine(*given, held_points=held)
+    assert dampings[:3] == pytest.approx([1e-4, 1e-3, 1e-2])
+    assert np.allclose(found.centres, expected.centres, atol=1e-3)
