@@ -155,7 +155,9 @@ def _uri(path: Path, mode: str) -> str:
 
 def _prepare(store: Store) -> None:
     """Set what makes a commit over several files atomic and durable; possible outside a transaction only."""
-    is_present(store)  # before a foreign file is touched
+    # before a foreign file is touched; in one transaction, since another process may be making it at this moment
+    with explained([store.path]), _transaction(store.connection, "BEGIN"):
+        is_present(store)
     with explained([store.path]):
         for setting in ("journal_mode = DELETE", "synchronous = EXTRA", "cache_spill = OFF"):
             # Without spilling, readers wait during the commit only, not for as long as a large store is being filled.
