@@ -9,9 +9,7 @@ from orip.adjustment.weights import danish_weights
 try:
     from orip.prelim import _kernels as kernels
 except ImportError:  # the extension is built where there is a compiler
-    _IS_COMPILED = False
-else:
-    _IS_COMPILED = True
+    kernels = None  # type: ignore[assignment]  # whoever uses it asks is_compiled first
 
 __all__ = ["LEAST_WEIGHT", "is_compiled", "kernels"]
 
@@ -21,4 +19,4 @@ LEAST_WEIGHT = float(danish_weights(np.array([np.inf]), 1.0)[0])
 
 def is_compiled() -> bool:
     """Tell whether the extension is there."""
-    return _IS_COMPILED
+    return kernels is not None

@@ -77,13 +77,13 @@ def pyramid_corners(matter: Matter) -> FloatArray:
     values = solution.photos.values
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
+    frames = {key: _frame(matter, key) for key in parameters}
     directions = np.zeros((len(values), 4, 3))
     for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
         photo = matter.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
-        frame = _frame(matter, key)
-        directions[row] = [(x - dx, y - dy, -c) for x, y in frame]
+        directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
         directions[row] *= _depth(solution, row, seen) / c
     return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
 

@@ -87,22 +87,17 @@ class VectorSheet:
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y stand in successive rows."""
-    rows = np.array(
-        [
-            row
-            for row, (kind, component) in enumerate(zip(residuals.kind, residuals.component, strict=True))
-            if kind == "photo" and component == "x"
-        ],
-        dtype=np.int64,
-    )
+    kind, component = (np.array(each, dtype=np.str_) for each in (residuals.kind, residuals.component))
+    rows = np.flatnonzero((kind == "photo") & (component == "x"))
     pairs = np.stack([rows, rows + 1], axis=1)
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
-    members: dict[str, list[int]] = {}
-    for place, row in enumerate(rows.tolist()):
-        members.setdefault(residuals.photo[row], []).append(place)
+    names, first, place = np.unique(
+        np.array(residuals.photo, dtype=np.str_)[rows], return_index=True, return_inverse=True
+    )
+    members = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place, minlength=len(names)))[:-1])
     return {
         name: PhotoVectors(name, residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine])
-        for name, mine in members.items()
+        for name, mine in ((str(names[row]), members[row]) for row in np.argsort(first))
     }
 
 
