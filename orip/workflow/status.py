@@ -91,10 +91,12 @@ def project_status(folder: Path) -> ProjectStatus:
 
 
 def observation_loop() -> str:
-    """Return which loop over photo points this installation has."""
-    from orip.bundle.photo_loop import is_compiled
+    """Return which loops over photo points this installation has."""
+    from orip.bundle import photo_loop
+    from orip.prelim import compiled
 
-    return "compiled" if is_compiled() else "NumPy (slower: the extension was not built, as no C compiler was found)"
+    both = photo_loop.is_compiled() and compiled.is_compiled()
+    return "compiled" if both else "NumPy (slower: the extension was not built, as no C compiler was found)"
 
 
 def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
