@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from orip.adjustment.iteration import Adjusted, adjust
 from orip.adjustment.precision import Cofactors, cofactors
 from orip.bundle.problem import pose_problem, starting_state
-from orip.bundle.solve import iteration_settings
+from orip.bundle.solve import iteration_settings, threads_that_pay
 from orip.bundle.state import State
 
 
@@ -34,14 +34,15 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
     clock = [_now()]
     problem, state, settings = pose_problem(block), starting_state(block), iteration_settings(block.definition)
     clock.append(_now())
-    adjusted = adjust(problem, state, settings, lambda _: None, lambda: False)
-    clock.append(_now())
-    peak = _peak_mb()
-    equations = adjusted.linearised.equations
-    computed = equations.residual[equations.active]
-    clock.append(_now())
-    precise = cofactors(equations, adjusted.normals)
-    clock.append(_now())
+    with threads_that_pay(problem):
+        adjusted = adjust(problem, state, settings, lambda _: None, lambda: False)
+        clock.append(_now())
+        peak = _peak_mb()
+        equations = adjusted.linearised.equations
+        computed = equations.residual[equations.active]
+        clock.append(_now())
+        precise = cofactors(equations, adjusted.normals)
+        clock.append(_now())
     (setup, minimum, _, precision) = np.diff(np.array(clock), axis=0)
     size = block.photo_points.error[0, 0] / pixel_mm(case)
     return {

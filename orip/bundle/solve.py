@@ -95,13 +95,13 @@ def solve_problem(
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
-    with _threads_that_pay(problem):
+    with threads_that_pay(problem):
         with stage("adjusting"):
             adjusted = adjust(problem, start, settings, on_pass, stop_asked)
         return _solved(block, problem, adjusted)
 
 
-def _threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
+def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
     """Return a context in which only large full matrices have more than one thread: with others they only wait."""
     from threadpoolctl import threadpool_limits
 
