@@ -8,6 +8,7 @@ too large, nor of their distribution.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,13 +44,20 @@ class Fit:
 
     Parameters
     ----------
-    observations : tuple of (kind, photo, point, component), length n
+    columns : four sequences of length n
+        Kind, photo, point and component of the observations.
     standard : array (n,)
         Standard residuals; infinite for what could not be computed, as a point behind its photo.
     """
 
-    observations: tuple[tuple[str, str, str, str], ...]
+    columns: tuple[Sequence[str], Sequence[str], Sequence[str], Sequence[str]]
     standard: FloatArray
+
+    @property
+    def observations(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Return the names of the observations."""
+        # made when asked for: in a large block they take more memory than all figures
+        return tuple(zip(*self.columns, strict=True))
 
     @property
     def scale(self) -> float:
@@ -67,7 +75,7 @@ class Fit:
 def fit_of_solution(solution: Solution) -> Fit:
     """Return how the observations fit a solution."""
     rows = solution.residuals
-    names = tuple(zip(rows.kind, rows.photo, rows.point, rows.component, strict=True))
+    names = (rows.kind, rows.photo, rows.point, rows.component)
     standard = np.where(np.isnan(rows.weight_factor), np.inf, rows.standard_residual)
     return Fit(names, np.where(np.isfinite(standard), standard, np.inf))
 
@@ -75,8 +83,11 @@ def fit_of_solution(solution: Solution) -> Fit:
 def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment."""
     rows = [each.rows for each in solved.problem.observations]
-    names = tuple(
-        (each.kind, *name) for each in rows for name in zip(each.photo, each.point, each.component, strict=True)
+    names = (
+        [each.kind for each in rows for _ in each.photo],
+        [name for each in rows for name in each.photo],
+        [name for each in rows for name in each.point],
+        [name for each in rows for name in each.component],
     )
     equations = solved.adjusted.linearised.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)

@@ -87,12 +87,13 @@ class VectorSheet:
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y stand in successive rows."""
-    kind, component = (np.array(each, dtype=np.str_) for each in (residuals.kind, residuals.component))
+    # arrays of objects: those of texts have a copy of each
+    kind, component = (np.array(each, dtype=object) for each in (residuals.kind, residuals.component))
     rows = np.flatnonzero((kind == "photo") & (component == "x"))
     pairs = np.stack([rows, rows + 1], axis=1)
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
     names, first, place = np.unique(
-        np.array(residuals.photo, dtype=np.str_)[rows], return_index=True, return_inverse=True
+        np.array(residuals.photo, dtype=object)[rows].astype(np.str_), return_index=True, return_inverse=True
     )
     members = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place, minlength=len(names)))[:-1])
     return {
