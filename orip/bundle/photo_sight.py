@@ -12,7 +12,7 @@ from orip.bundle.prediction import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.model.block import Block
+from orip.model.block import Block, PhotoPoints
 from orip.model.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
@@ -21,6 +21,10 @@ IntArray = NDArray[np.int64]
 
 _ERRORS = 5.0
 """Standard errors within which a photo point is where a place is seen."""
+
+
+_PART = 100_000
+"""Photo points whose distortion is removed at a time: partials take several times the memory of the vectors."""
 
 
 class PhotoSight:
@@ -39,7 +43,7 @@ class PhotoSight:
             replace(camera, parameters=tuple(values))
             for camera, values in zip(block.cameras, solution.cameras.values.tolist(), strict=True)
         )
-        self._vectors = image_vectors(replace(block, cameras=cameras))
+        self._vectors = _vectors_in_parts(replace(block, cameras=cameras))
         self._centres = block.ground.to_local(solution.photos.values[:, :3])
         rotations = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
         axes = block.ground.axes_at(solution.photos.values[:, :3])
@@ -80,3 +84,14 @@ class PhotoSight:
         )
         normals = ((np.eye(3) - unit[:, :, None] * unit[:, None, :]) / across[:, None, None] ** 2).sum(axis=0)
         return np.asarray(max(1.0, self.solution.sigma0) * np.sqrt(np.diag(np.linalg.pinv(normals))))
+
+
+def _vectors_in_parts(block: Block) -> FloatArray:
+    """Return the image vectors (n, 3) of a block's photo points, some at a time."""
+    points = block.photo_points
+    count = len(points.photo)
+    parts = [
+        PhotoPoints(points.photo[part], points.point[part], points.xy[part], points.error[part], points.used[part])
+        for part in (slice(first, first + _PART) for first in range(0, count, _PART))
+    ]
+    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=each)) for each in parts)])
