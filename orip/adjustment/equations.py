@@ -57,6 +57,22 @@ class BlockPrecision(NamedTuple):
     leverage: FloatArray
 
 
+class BlockNormals(NamedTuple):
+    """Normal equations of b blocks, each by itself, with the reduced unknowns held.
+
+    Attributes
+    ----------
+    matrices : array (b, 3, 3)
+    right : array (3 b,)
+    square_sums : array (b,)
+        Of the misclosures of the rows that touch a block.
+    """
+
+    matrices: FloatArray
+    right: FloatArray
+    square_sums: FloatArray
+
+
 class Rows(Protocol):
     """The design matrix: partials of n computed observations, divided by their a-priori errors.
 
@@ -73,6 +89,9 @@ class Rows(Protocol):
 
         The diagonals of the blocks are multiplied by 1 + damping; that of the reduced system is left to the caller.
         """
+
+    def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
+        """Return the normal equations of the blocks alone, of rows and misclosures weighted as in `eliminated`."""
 
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
@@ -120,8 +139,8 @@ class Problem(Protocol[State]):
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor (at most 1) that keeps a correction where the linearisation means something."""
 
-    def with_points_anew(self, state: State) -> State:
-        """Return a state whose blocks, each by itself, fit the rest of it; the same one where that is not possible."""
+    def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
+        """Return the state with its blocks moved along their corrections, array (3 b,), as far as makes sense."""
 
     def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return a state in which more observations fit than where weights were reduced in the course of things.

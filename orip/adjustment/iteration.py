@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.acceleration import Acceleration
+from orip.adjustment.block_fit import with_blocks_fitted
 from orip.adjustment.convergence import (
     Termination,
     exponent_of_numerical_precision,
@@ -237,16 +238,15 @@ def _moved(
         step = acceleration.step(normals)
         factor = problem.step_factor(step)
         moved = _at(problem, problem.update(current.state, factor * step))
-        if control.accepts(current.equations, moved.equations, weights, normals, full=damping == 0.0):
+        if not damping and control.accepts(current.equations, moved.equations, weights, normals, full=True):
             acceleration.applied(factor * step)
             control.weaken()
-            return normals, moved, factor < 1.0 or damping > 0.0
+            return normals, moved, factor < 1.0
         acceleration.forget()
-        if control.is_far(normals):
-            moved = _at(problem, problem.with_points_anew(moved.state))
-            if control.accepts(current.equations, moved.equations, weights, normals, full=False):
-                control.weaken()
-                return normals, moved, True
+        moved = with_blocks_fitted(problem, moved, current.equations, weights)
+        if control.accepts(current.equations, moved.equations, weights, normals, full=False):
+            control.weaken()
+            return normals, moved, True
         control.strengthen()
         del normals, moved
 

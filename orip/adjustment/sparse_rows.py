@@ -18,7 +18,7 @@ from orip.adjustment.elimination import (
     block_diagonal,
     factorise_blocks,
 )
-from orip.adjustment.equations import BlockPrecision, Layout
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +59,14 @@ class SparseRows:
             block_right=block_right,
         )
 
+    def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
+        """Return the normal equations of the blocks alone."""
+        block_design = scale_rows(self.stored, root_weights)[:, layout.reduced :]
+        block_of_row = _blocks_of_rows(block_design)
+        touching = block_of_row >= 0
+        sums = np.bincount(block_of_row[touching], misclosure[touching] ** 2, layout.blocks)
+        return BlockNormals(diagonal_blocks(block_design), block_design.T @ misclosure, sums)
+
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         assert isinstance(coupling, StoredCoupling), "the normal equations are those of these rows"
@@ -87,12 +95,19 @@ def diagonal_blocks(block_design: csr_array) -> FloatArray:
     coordinates = block_design.tocoo()
     dense = np.zeros((rows, 3))
     dense[coordinates.row, coordinates.col % 3] = coordinates.data
-    block_of_row = np.full(rows, -1)
-    block_of_row[coordinates.row] = coordinates.col // 3
+    block_of_row = _blocks_of_rows(block_design)
     used = block_of_row >= 0
     result = np.zeros((columns // 3, 3, 3))
     np.add.at(result, block_of_row[used], dense[used][:, :, None] * dense[used][:, None, :])
     return result
+
+
+def _blocks_of_rows(block_design: csr_array) -> NDArray[np.int64]:
+    """Return the block that each row touches, -1 for none."""
+    coordinates = block_design.tocoo()
+    block = np.full(block_design.shape[0], -1)
+    block[coordinates.row] = coordinates.col // 3
+    return block
 
 
 def _groups_by_length(indptr: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:

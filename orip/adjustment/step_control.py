@@ -11,20 +11,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.block_fit import judged_residuals
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.normals import SolvedNormals
 
 FloatArray = NDArray[np.float64]
 
-_NEAR_ENP, _FAR_ENP = 1.0, 0.0
+_NEAR_ENP = 1.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
 _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
 """Times the least mean square so far: a step along a curved valley may raise it for a while; less is allowed to one
 after which observations can no longer be computed."""
-_OUT_OF_SIGHT = 4.0
-"""Times its former square that an observation counts which can no longer be computed."""
 
 
 class StepControl:
@@ -66,20 +65,15 @@ class StepControl:
             return True
         taken = np.where(before.active, weights, 0.0)
         total = max(float(taken.sum()), 1.0)
-        squares = np.where(after.active, after.residual**2, _OUT_OF_SIGHT * (1.0 + before.residual**2))
         here = float(taken @ before.residual**2) / total
         self._least = min(self._least, here)
         lost = (before.active & ~after.active).any()
         worse = _WORSE_WITH_LOSS if lost else _WORSE
         allowed = max(worse * self._least, here) if full else here
-        leads_on = float(taken @ squares) / total <= allowed
+        leads_on = float(taken @ judged_residuals(before, after) ** 2) / total <= allowed
         if not leads_on:
             self.undamped = -1
         return leads_on
-
-    def is_far(self, normals: SolvedNormals) -> bool:
-        """Return whether a correction is so large that points may be anywhere."""
-        return self._enp(normals) < _FAR_ENP
 
     def _enp(self, normals: SolvedNormals) -> float:
         return exponent_of_numerical_precision(normals.reduced_square_sum, self._unknowns)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
-from orip.adjustment.equations import BlockPrecision, Layout
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
@@ -143,6 +143,16 @@ class PhotoLoop:
         in_front = np.empty(len(self.points.xy), dtype=np.uint8)
         compiled.residuals(*self._observations(state), residual, in_front)
         return residual, np.repeat(in_front.astype(bool), 2)
+
+    def block_normals(
+        self, state: State, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
+    ) -> BlockNormals:
+        """Return the normal equations of the points alone; see `Rows.block_normals`. What is in `others` is used up."""
+        found = BlockNormals(*(np.ascontiguousarray(each) for each in others))
+        factor = root_weights / self.points.rows.error
+        pattern = self._pattern(_whole(layout.reduced))
+        compiled.points(*self._observations(state), *pattern, factor, misclosure, *found)
+        return found
 
     def eliminate(
         self,

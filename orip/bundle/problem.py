@@ -14,12 +14,12 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
-from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds import KINDS
 from orip.bundle.observation import Observations
+from orip.bundle.moved_points import with_points_moved
 from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.photo_point import PhotoPointObservations
-from orip.bundle.state import State, rotation_limit
+from orip.bundle.state import State, entries_at, rotation_limit
 from orip.bundle.streamed_rows import StreamedRows
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -114,9 +114,11 @@ class BlockProblem:
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = state.moved(correction, self.unknowns)
-        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(moved)) is not None}
-        return replace(moved, memory=memory)
+        return self._remembering(state.moved(correction, self.unknowns))
+
+    def _remembering(self, state: State) -> State:
+        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(state)) is not None}
+        return replace(state, memory=memory)
 
     def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
@@ -129,9 +131,11 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
-    def with_points_anew(self, state: State) -> State:
-        """Return the state with its points where the rays of the photos meet."""
-        return with_intersected_points(self.block, state, self.unknowns)
+    def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
+        """Return the state with its points moved: linearly in direction and inverse distance."""
+        rays = self.block.photo_points
+        move = entries_at(np.concatenate([np.zeros(self.layout.reduced), correction]), self.unknowns.points)
+        return self._remembering(with_points_moved(state, move, state.centres[rays.photo], rays.point))
 
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps every photo's turn small enough to linearise."""

@@ -67,30 +67,30 @@ class State:
 
     def moved(self, correction: FloatArray, unknowns: Unknowns) -> State:
         """Return the state after a correction of all unknowns (radians for rotations)."""
-        rotation = _take(correction, unknowns.photos[:, 3:])
+        rotation = entries_at(correction, unknowns.photos[:, 3:])
         rotations = rotation_about_axes(rotation) @ self.rotations
         if self.turned_by_angles.any():
             turned = self.turned_by_angles
             rotations[turned] = rotation_from_angles(self.angles()[turned] + rotation[turned])
         return replace(
             self,
-            cameras=self.cameras + _take(correction, unknowns.cameras),
-            additional=self.additional + _take(correction, unknowns.additional),
-            centres=self.centres + _take(correction, unknowns.photos[:, :3]),
+            cameras=self.cameras + entries_at(correction, unknowns.cameras),
+            additional=self.additional + entries_at(correction, unknowns.additional),
+            centres=self.centres + entries_at(correction, unknowns.photos[:, :3]),
             rotations=rotations,
-            points=self.points + _take(correction, unknowns.points),
-            theodolites=self.theodolites + _take(correction, unknowns.theodolites),
+            points=self.points + entries_at(correction, unknowns.points),
+            theodolites=self.theodolites + entries_at(correction, unknowns.theodolites),
         )
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
     """Return the factor that keeps every photo's turn within `LARGEST_ROTATION`."""
-    turns = np.linalg.norm(_take(correction, unknowns.photos[:, 3:]), axis=1)
+    turns = np.linalg.norm(entries_at(correction, unknowns.photos[:, 3:]), axis=1)
     largest = float(turns.max(initial=0.0))
     return min(1.0, LARGEST_ROTATION / largest) if largest > 0.0 else 1.0
 
 
-def _take(vector: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
-    """Return the entries at columns, zero where there is no unknown."""
+def entries_at(vector: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+    """Return the entries of a vector of all unknowns at columns, zero where there is no unknown."""
     padded = np.append(vector, 0.0)
     return np.asarray(padded[np.where(columns == CONSTANT, len(vector), columns)])

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.band import Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
-from orip.adjustment.equations import BlockPrecision, Layout
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
 from orip.bundle.photo_loop import Contributions, PhotoLoop, StreamedCoupling
 from orip.bundle.state import State
@@ -62,6 +62,12 @@ class StreamedRows:
         return self.loop.eliminate(
             self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits, damping
         )
+
+    def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
+        """Return the normal equations of the blocks alone."""
+        others = self.others.block_normals(root_weights[self.other_rows], misclosure[self.other_rows], layout)
+        photos = slice(0, self.loop.points.xy.size)
+        return self.loop.block_normals(self.state, root_weights[photos], misclosure[photos], others, layout)
 
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""

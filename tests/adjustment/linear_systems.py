@@ -98,7 +98,8 @@ class CurvedProblem:
     def update(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
         return state + correction
 
-    def with_points_anew(self, state: np.ndarray) -> np.ndarray:
+    def with_blocks_moved(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
+        del correction
         return state
 
     def reconsidered(self, state: np.ndarray, equations: Equations, limit: float) -> None:

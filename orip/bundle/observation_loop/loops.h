@@ -3,10 +3,12 @@
 #ifndef ORIP_LOOPS_H
 #define ORIP_LOOPS_H
 
+#include "points.h"
 #include "substitution.h"
 
 typedef struct {
     void (*residuals)(const Block *b, double *residual, uint8_t *in_front);
+    void (*points)(const Block *b, const Pattern *p, const PointNormals *n);
     void (*normals)(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room);
     void (*precision)(const Block *b, const Pattern *p, const Precision *c, int32_t *numbers, double *room);
     void (*forward)(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room);

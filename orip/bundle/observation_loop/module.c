@@ -162,6 +162,25 @@ static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *argumen
     Py_RETURN_NONE;
 }
 
+static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { FACTOR = PATTERN_END, MISCLOSURE, BLOCKS, BLOCK_RIGHT, SQUARES, COUNT };
+    Call c;
+    if (!begin(&c, arguments, given, COUNT, 0, COUNT - BLOCKS, 1))
+        return refused(&c);
+    const Py_buffer *v = c.view;
+    const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
+    if (!has_length(&v[FACTOR], rows, 8) || !has_length(&v[MISCLOSURE], rows, 8) || !has_length(&v[BLOCKS], 9 * blocks, 8)
+        || !has_length(&v[BLOCK_RIGHT], 3 * blocks, 8) || !has_length(&v[SQUARES], blocks, 8))
+        return refused(&c);
+    const PointNormals n = {v[FACTOR].buf, v[MISCLOSURE].buf, v[BLOCKS].buf, v[BLOCK_RIGHT].buf, v[SQUARES].buf};
+    Py_BEGIN_ALLOW_THREADS
+    loops->points(&c.block, &c.pattern, &n);
+    Py_END_ALLOW_THREADS
+    finish(&c);
+    Py_RETURN_NONE;
+}
+
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum {
@@ -247,6 +266,7 @@ static PyObject *backward(PyObject *Py_UNUSED(module), PyObject *const *argument
 
 static PyMethodDef methods[] = {
     {"residuals", (PyCFunction)(void (*)(void))residuals, METH_FASTCALL, "Residuals of all photo points."},
+    {"points", (PyCFunction)(void (*)(void))points, METH_FASTCALL, "Normal equations of each point by itself."},
     {"eliminate", (PyCFunction)(void (*)(void))eliminate, METH_FASTCALL, "Normal equations, points eliminated."},
     {"precision", (PyCFunction)(void (*)(void))precision, METH_FASTCALL, "Cofactors of points, leverages."},
     {"forward", (PyCFunction)(void (*)(void))forward, METH_FASTCALL, "Transposed coupling of points times a vector."},
