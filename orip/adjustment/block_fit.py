@@ -1,8 +1,8 @@
-"""Blocks fitted to the reduced unknowns: embedded point iterations (Jeong, Nistér, Steedly, Szeliski and Kweon 2010).
+"""Blocks fitted by themselves after a step: embedded point iterations (Jeong, Nistér, Steedly, Szeliski, Kweon 2010).
 
-The joint correction takes points and photos along straight lines. Where the observations are curved, each point is worse
-off by what the photos did to it, and that is what makes a step fail. With the photos held the points depend on nothing
-but their own observations, so that each has its own small least-squares problem, and its own damping.
+A correction takes blocks and reduced unknowns along one straight line. Where the observations are curved, it is some
+blocks that end far off, and they make the step fail. With the reduced unknowns held a block depends on its own
+observations alone: each has its own small least-squares problem, and its own damping.
 """
 
 from __future__ import annotations

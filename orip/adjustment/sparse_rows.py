@@ -64,7 +64,8 @@ class SparseRows:
         block_design = scale_rows(self.stored, root_weights)[:, layout.reduced :]
         block_of_row = _blocks_of_rows(block_design)
         touching = block_of_row >= 0
-        sums = np.bincount(block_of_row[touching], misclosure[touching] ** 2, layout.blocks)
+        sums = np.zeros(layout.blocks)
+        np.add.at(sums, block_of_row[touching], misclosure[touching] ** 2)
         return BlockNormals(diagonal_blocks(block_design), block_design.T @ misclosure, sums)
 
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:

@@ -1,9 +1,9 @@
 """Points moved along their corrections: linearly in direction and inverse distance, not in their coordinates.
 
-Photo coordinates are nearly linear in the inverse distance of a point from the photos that show it (Montiel, Civera and
-Davison 2006), and far from linear in the distance: a point that should go to infinity never gets there by corrections of
-its coordinates, and one that should come nearer goes through the photos. To first order both are the same, and so is the
-correction, which need not be computed anew.
+Photo coordinates are nearly linear in the inverse distance of a point from the photos that show it (Montiel, Civera,
+Davison 2006), and far from linear in its distance: by corrections of its coordinates a point gets to infinity slowly,
+and one that should come much nearer goes through the photos. Both ways are the same to first order, so that the
+correction is that of the coordinates.
 """
 
 from __future__ import annotations

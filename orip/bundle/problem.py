@@ -15,8 +15,8 @@ from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds import KINDS
-from orip.bundle.observation import Observations
 from orip.bundle.moved_points import with_points_moved
+from orip.bundle.observation import Observations
 from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, entries_at, rotation_limit
