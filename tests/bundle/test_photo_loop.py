@@ -164,6 +164,24 @@ def test_normal_equations_with_eliminated_points(block):
     )  # fmt: skip
 
 
+def test_normal_equations_of_points_alone(block):
+    layout, streamed, stored = both_ways(block)
+    root = np.sqrt(weights_of(stored) * stored.active)
+    misclosure = -streamed.residual * np.where(streamed.active, root, 1.0)
+    found, wanted = (each.rows.block_normals(root, misclosure, layout) for each in (streamed, stored))
+    size = np.sqrt(np.einsum("bii->bi", wanted.matrices))
+    unit = np.where(size > 0.0, size, 1.0)
+    free = ~layout.fixed[layout.reduced :].reshape(-1, 3)
+    both = free[:, :, None] & free[:, None, :]
+    relative = np.where(both, found.matrices - wanted.matrices, 0.0) / (unit[:, :, None] * unit[:, None, :])
+    assert np.abs(relative).max() < RELATIVE
+    right = np.where(free, (found.right - wanted.right).reshape(-1, 3), 0.0) / unit
+    assert np.abs(right).max() < 10.0 * RELATIVE * np.sqrt(wanted.square_sums.max())
+    seen = free.any(axis=1)
+    assert np.allclose(found.square_sums[seen], wanted.square_sums[seen], rtol=RELATIVE)
+    assert wanted.square_sums[seen].all()
+
+
 def test_solution_and_precision(block):
     layout, streamed, stored = both_ways(block)
     weights = weights_of(stored)
