@@ -33,6 +33,9 @@ IntArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
 
 
+_PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
+
+
 class Contributions(NamedTuple):
     """What other observations add to the normal equations before the points are eliminated.
 
@@ -62,7 +65,7 @@ class PhotoLoop:
     cameras : Cameras
     camera_of_photo : array (p,) of int
     photo_columns : array (p, 6) of int
-        `CONSTANT` where there is no unknown.
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, as the columns follow one another; `CONSTANT` where there is no unknown.
     pattern : Pattern
     eliminated : array (n,) of bool
         Photo points of points that are eliminated; the others are for somebody else to add.
@@ -271,7 +274,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop:
         points.point.astype(np.int32),
         cameras_of_loop(points, unknowns),
         camera_of_photo,
-        np.ascontiguousarray(unknowns.photos, dtype=np.int32),
+        np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
         pattern_of_loop(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras)),
         block >= 0,
     )

@@ -36,6 +36,9 @@ typedef struct {
     int64_t groups, blocks, longest;
 } Pattern;
 
+/* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
+static const int photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
+
 /* Unknowns as each photo point has them: those of the photo, padded to whole lanes, and those of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
 #define ROW (PHOTO_ROW + PADDED(MOST_CAMERA_UNKNOWNS))
@@ -154,7 +157,7 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
         for (int i = 0; i < 3; i++)
             a->of_point[c][i] = f * a->found.partials[c][POINT + i];
         for (int u = 0; u < PHOTO_UNKNOWNS; u++) {
-            const Lanes scaled = f * a->found.partials[c][PHOTO + u];
+            const Lanes scaled = f * a->found.partials[c][photo_elements[u]];
             for (int lane = 0; lane < LANES; lane++)
                 a->row[lane][c][u] = LANE(scaled, lane);
         }

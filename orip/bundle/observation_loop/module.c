@@ -128,7 +128,7 @@ static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, int c
     if (!call->sound || !pattern)
         return call->sound;
     const size_t room = (size_t)((call->pattern.longest + 6) * stride_of(call->pattern.longest));
-    call->numbers = PyMem_Malloc(2 * sizeof(int32_t) * (size_t)(call->pattern.longest + 1));
+    call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(call->pattern.longest + 1));
     call->room = PyMem_Malloc(sizeof(double) * room);
     if (!call->numbers || !call->room)
         PyErr_NoMemory();

@@ -219,19 +219,37 @@ INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const 
     }
 }
 
-/* Put a group's sums where they belong. */
-INLINE void scatter(const Sums *s, const Local *local, const Normals *n)
+/* Find for each local unknown how many from it on have places that follow one another. */
+INLINE void find_stretches(const Local *local, int32_t *stretch)
 {
+    for (int64_t i = local->size - 1; i >= 0; i--) {
+        const int goes_on = i + 1 < local->size && local->place[i] >= 0 && local->place[i + 1] == local->place[i] + 1;
+        stretch[i] = goes_on ? stretch[i + 1] + 1 : 1;
+    }
+}
+
+/* Put a group's sums where they belong, stretch by stretch. */
+INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
+{
+    const Reduced *m = &n->reduced;
+    find_stretches(local, stretch);
     for (int64_t j = 0; j < local->size; j++) {
-        const int32_t place = local->place[j];
+        const int64_t own = local->place[j];
         const double *column = s->matrix + j * s->stride;
-        if (place < 0)
+        if (own < 0)
             continue;
-        n->right[place] += s->right[j];
-        n->diagonal[place] += s->diagonal[j];
-        for (int64_t i = j; i < local->size; i++)
-            if (local->place[i] >= 0)
-                *element_at(&n->reduced, place, local->place[i]) += column[i];
+        n->right[own] += s->right[j];
+        n->diagonal[own] += s->diagonal[j];
+        for (int64_t i = j; i < local->size; i += stretch[i]) {
+            const int64_t place = local->place[i], length = stretch[i];
+            if (place >= own && place + length <= m->banded) {
+                double *banded = m->band + own * m->stride + place;
+                for (int64_t k = 0; k < length; k++)
+                    banded[k] += column[i + k];
+            } else
+                for (int64_t k = 0; place >= 0 && k < length; k++)
+                    *element_at(m, own, place + k) += column[i + k];
+        }
     }
 }
 
@@ -286,7 +304,7 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
             multiply(H, given, g);
             eliminate_point(&s, local.size, H, g);
         }
-        scatter(&s, &local, n);
+        scatter(&s, &local, n, numbers + 2 * p->longest);
     }
     if (n->reduced.stride == n->reduced.size)
         mirror(&n->reduced);
