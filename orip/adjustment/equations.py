@@ -139,6 +139,9 @@ class Problem(Protocol[State]):
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor (at most 1) that keeps a correction where the linearisation means something."""
 
+    def with_points_anew(self, state: State) -> State:
+        """Return a state whose blocks, each by itself, fit the rest of it; the same one where that is not possible."""
+
     def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
         """Return the state with its blocks moved along their corrections, array (3 b,), as far as makes sense."""
 

@@ -18,7 +18,7 @@ from orip.adjustment.normals import SolvedNormals
 
 FloatArray = NDArray[np.float64]
 
-_NEAR_ENP = 1.0
+_NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
 _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
@@ -74,6 +74,10 @@ class StepControl:
         if not leads_on:
             self.undamped = -1
         return leads_on
+
+    def is_far(self, normals: SolvedNormals) -> bool:
+        """Return whether a correction is so large that points may be anywhere."""
+        return self._enp(normals) < _FAR_ENP
 
     def _enp(self, normals: SolvedNormals) -> float:
         return exponent_of_numerical_precision(normals.reduced_square_sum, self._unknowns)

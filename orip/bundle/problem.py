@@ -14,6 +14,7 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
+from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds import KINDS
 from orip.bundle.moved_points import with_points_moved
 from orip.bundle.observation import Observations
@@ -130,6 +131,10 @@ class BlockProblem:
                 correction[: len(moves)] += moves
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
+
+    def with_points_anew(self, state: State) -> State:
+        """Return the state with its points where the rays of the photos meet."""
+        return with_intersected_points(self.block, state, self.unknowns)
 
     def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
         """Return the state with its points moved: linearly in direction and inverse distance."""
