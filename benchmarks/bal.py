@@ -30,7 +30,7 @@ RAYS_FROM_BEHIND = 31
 can see them."""
 MINIMUM_COST = 13308.40594
 """Without these rays, which neither orip nor pycolmap counts. Points at infinity let it fall on and on: orip finds that
-nothing determines how far eleven of them are, and leaves them where they are, a ten-millionth above this."""
+nothing determines how far eleven of them are, and leaves them where they are, some 1e-8 above this."""
 COST_TOLERANCE = 0.005 / ALL_RAYS_COST
 """Relative: half the last digit of the published cost."""
 
