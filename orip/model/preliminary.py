@@ -43,6 +43,18 @@ class ImageRays:
     vectors: FloatArray
     error: FloatArray
 
+    def of(self, rows: IntArray | BoolArray) -> ImageRays:
+        """Return some of the rays, or all in another order; photos and points keep their indices."""
+        return ImageRays(
+            self.photos,
+            self.points,
+            self.photo[rows],
+            self.point[rows],
+            self.xy[rows],
+            self.vectors[rows],
+            self.error[rows],
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class SubBlock:

@@ -118,16 +118,17 @@ class _Chain:
     def values(self) -> PreliminaryValues:
         best: _Outcome | None = None
         rank = (False, -np.inf)
-        fitting: list[float] = []
+        ends: list[tuple[frozenset[int], float]] = []
         for number, route in enumerate(self._routes()):
             for outcome in self._outcomes(route):
                 misfit = self._misfit(outcome)
                 found = (outcome.on_ground or bool(outcome.findings), -misfit)
                 if found > rank:
                     best, rank = outcome, found
-                if self._fits(outcome):
-                    fitting.append(misfit)
-            if _is_enough(fitting, first=number == 0):
+                if self._is_complete(outcome):
+                    wrong = np.flatnonzero(misplaced(self.rays, outcome.placed))
+                    ends.append((frozenset(wrong.tolist()), misfit))
+            if _is_enough(ends, first=number == 0):
                 self.at_once = number == 0
                 break
         return self._told(best)
@@ -234,14 +235,8 @@ class _Chain:
         wanted[[index[name] for name in self.control.names if name in index]] = True
         wanted &= ~placed.known
         rows = np.flatnonzero(wanted[self.rays.point])
-        rays = replace(
-            self.rays,
-            photo=self.rays.photo[rows],
-            point=self.rays.point[rows],
-            xy=self.rays.xy[rows],
-            vectors=self.rays.vectors[rows],
-            error=_DOUBTFUL * self.rays.error[rows],
-        )
+        rays = self.rays.of(rows)
+        rays = replace(rays, error=_DOUBTFUL * rays.error)
         found = intersect(placed.rotations, placed.centres, placed.oriented, rays)
         return replace(
             placed,
@@ -279,10 +274,10 @@ class _Chain:
         judged = lengths[~np.isnan(lengths)]
         return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
-    def _fits(self, outcome: _Outcome) -> bool:
-        """Tell whether all photos are where they belong, as far as their points and the control can tell."""
-        complete = bool(outcome.placed.oriented.all()) and not misplaced(self.rays, outcome.placed).any()
-        return complete and (outcome.on_ground or bool(outcome.findings) or not self._control_suffices)
+    def _is_complete(self, outcome: _Outcome) -> bool:
+        """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
+        placed = outcome.on_ground or bool(outcome.findings) or not self._control_suffices
+        return placed and bool(outcome.placed.oriented.all())
 
     @property
     def _control_suffices(self) -> bool:
@@ -376,12 +371,13 @@ class _Chain:
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
-def _is_enough(fitting: list[float], *, first: bool) -> bool:
-    """Tell from the misfits of outcomes in which all photos fit whether nothing better is to be expected.
+def _is_enough(ends: list[tuple[frozenset[int], float]], *, first: bool) -> bool:
+    """Tell from the misplaced photos and the misfits of complete outcomes whether nothing better is to be expected.
 
     That is so if the first way fits as well as it can, or if two ways have ended alike.
     """
-    if not fitting:
+    if not ends:
         return False
-    least, *others = sorted(fitting)
-    return (first and least < _GOOD) or bool(others and others[0] < _AS_GOOD * least)
+    wrong, least = min(ends, key=lambda end: (len(end[0]), end[1]))
+    alike = sum(photos == wrong and misfit < _AS_GOOD * least for photos, misfit in ends)
+    return (first and not wrong and least < _GOOD) or alike > 1

@@ -71,8 +71,9 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
 
 def on_one_line(points: FloatArray) -> bool:
     """Return whether points (n, 2) or (n, 3) lie on one line, or in one place, as far as coordinates can tell."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return len(spread) < 2 or bool(spread[1] <= _ONE_LINE * spread[0])
+    offset = points - points.mean(axis=0)
+    squared_widths = np.linalg.eigvalsh(offset.T @ offset)
+    return bool(squared_widths[-2] <= _ONE_LINE**2 * squared_widths[-1])
 
 
 def hull_area(xy: FloatArray) -> float:

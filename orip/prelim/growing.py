@@ -60,6 +60,11 @@ _REFINED_AT = 1.5
 """Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
 
 
+_Refused = dict[tuple[int, ...], int]
+"""Photos, and pairs of an oriented photo and one that is not, that could not be added, with the known points they had
+then: they are tried again when there are more."""
+
+
 @dataclass(frozen=True, slots=True)
 class Growth:
     """What a system grows with.
@@ -100,7 +105,7 @@ class Growth:
 
     def _grown(self, start: Placed, advance: Callable[[int], None]) -> Placed:
         placed, refined = start, int(start.oriented.sum())
-        refused: dict[int, int] = {}
+        refused: _Refused = {}
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
         while True:
             added = self._with_more_photos(placed, refused)
@@ -132,15 +137,9 @@ class Growth:
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         concerned[points] = True
         rows = np.flatnonzero(concerned[self.rays.point])
-        part = replace(
-            self.rays,
-            points=tuple(self.rays.points[point] for point in points),
-            photo=self.rays.photo[rows],
-            point=np.searchsorted(points, self.rays.point[rows]),
-            xy=self.rays.xy[rows],
-            vectors=self.rays.vectors[rows],
-            error=self.rays.error[rows],
-        )
+        part = self.rays.of(rows)
+        names = tuple(self.rays.points[point] for point in points)
+        part = replace(part, points=names, point=np.searchsorted(points, part.point))
         found = intersect(placed.rotations, placed.centres, placed.oriented, part)
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations
@@ -169,28 +168,28 @@ class Growth:
         coordinates[rows], deviations[rows] = self.held[rows], 0.0
         return replace(placed, coordinates=coordinates, deviations=deviations)
 
-    def _with_more_photos(self, placed: Placed, refused: dict[int, int]) -> Placed | None:
+    def _with_more_photos(self, placed: Placed, refused: _Refused) -> Placed | None:
         """Return the system with the photos that can be added in the safest way there is, None if there is none."""
         return (
             self._resected(placed, _WELL, refused)
-            or self._with_model(placed, _SCALE_CHECKED)
+            or self._with_model(placed, refused)
             or self._resected(placed, _BARELY, refused)
             or (self._with_block(placed) if self.branching else None)
             or (self._by_three_points(placed) if np.isfinite(self.held).any() else None)
         )
 
-    def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
+    def _resected(self, placed: Placed, fewest: int, refused: _Refused) -> Placed | None:
         """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
         counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
-        counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
+        counts[[way[-1] for way, count in refused.items() if len(way) == 1 and count >= counts[way[-1]]]] = 0
         result = None
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
             found = self.resection(placed, int(photo), known)
             if found is None:
-                refused[int(photo)] = int(counts[photo])
+                refused[int(photo),] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
@@ -199,8 +198,8 @@ class Growth:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one."""
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
-        deviation = np.sqrt(np.mean(placed.deviations[points] ** 2, axis=1))
-        error = float(np.median(self.rays.error[rows]))
+        deviation = np.sqrt((placed.deviations[points] ** 2).sum(axis=1) / 3.0)
+        error = float(self.rays.error[rows].mean())
         found = resect(self.rays.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
@@ -244,25 +243,27 @@ class Growth:
         lengths = residual_lengths(self.rays, found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
-    def _with_model(self, placed: Placed, fewest: int) -> Placed | None:
+    def _with_model(self, placed: Placed, refused: _Refused) -> Placed | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.
 
-        At least `fewest` known points must fit: they give the scale.
+        Known points must fit that give the scale, and check it.
         """
         for oriented, photo in self._models_to_try(placed):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
-            if np.count_nonzero(placed.known[model.block.points]) < fewest:
+            known = np.count_nonzero(placed.known[model.block.points])
+            if known < _SCALE_CHECKED or refused.get((oriented, photo), 0) >= known:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
-            if isinstance(joined, Joined) and _fitting_points(joined) >= fewest:
+            if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
                     f"model with photo {model.left} ({len(model.points)} points), joined on by "
                     f"{len(joined.step.points)} known points"
                 )
                 return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+            refused[oriented, photo] = int(known)
         return None
 
     def _with_block(self, placed: Placed) -> Placed | None:

@@ -118,7 +118,7 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
     length = np.linalg.norm(vectors, axis=1)
     bundle = _Bundle(
         centres[photo],
-        (rotations[photo] @ (vectors / length[:, None])[:, :, None])[:, :, 0],
+        np.einsum("nij,nj->ni", rotations[photo], vectors / length[:, None]),
         rays.error[used] / length,
         rays.point[used],
         len(rays.points),

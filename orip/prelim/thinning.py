@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,7 @@ from orip.model.preliminary import ImageRays
 
 BoolArray = NDArray[np.bool_]
 
-_ENOUGH = 80
+_ENOUGH = 50
 """Points of a photo that are kept at least, if it has as many."""
 
 
@@ -47,12 +45,4 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
             have[photos] += 1
             if (have >= wanted).all():
                 break
-    rows = chosen[rays.point]
-    return replace(
-        rays,
-        photo=rays.photo[rows],
-        point=rays.point[rows],
-        xy=rays.xy[rows],
-        vectors=rays.vectors[rows],
-        error=rays.error[rows],
-    )
+    return rays.of(chosen[rays.point])

@@ -18,10 +18,11 @@
 #include "similarity.h"
 
 #define MOST_BUFFERS 16
+#define MOST_NUMBERS 12
 
 typedef struct {
     Py_buffer views[MOST_BUFFERS];
-    double numbers[8];
+    double numbers[MOST_NUMBERS];
     int opened;
 } Arguments;
 
@@ -141,49 +142,36 @@ static PyObject *rank(PyObject *Py_UNUSED(module), PyObject *const *arguments, P
     enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 4, 4, 2))
+    if (!taken(&a, arguments, given, 4, 4, 3))
         return NULL;
-    const int64_t number = a.views[TRIPLES].len / 24;
-    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 36 * number) || !has(&a, CENTRES, 12 * number)
-        || !has(&a, QUANTILES, 4 * number) || !has(&a, SCRATCH, k.count))
+    const int64_t number = a.views[TRIPLES].len / 24, kept = a.views[QUANTILES].len / 8;
+    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * kept) || !has(&a, CENTRES, 3 * kept)
+        || !has(&a, SCRATCH, k.count))
         return refused(&a);
-    rank_triples(&k, a.views[TRIPLES].buf, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+    rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                  a.views[QUANTILES].buf, a.views[SCRATCH].buf);
     return done(&a);
 }
 
-static PyObject *improve(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *settled(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { ROTATIONS = 3, CENTRES, SQUARES, SPACE };
+    enum { ROTATIONS = 3, CENTRES, SQUARES, FACTORS, RESIDUAL, NORMALS, SPACE };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 3, 4, 3))
+    if (!taken(&a, arguments, given, 3, 7, 11))
         return NULL;
-    const int64_t number = a.views[CENTRES].len / 24;
-    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * number) || !has(&a, SQUARES, number * k.count)
-        || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
-        return refused(&a);
-    for (int64_t one = 0; one < number; one++)
-        improve_one(&k, (int64_t)a.numbers[2], (double *)a.views[ROTATIONS].buf + 9 * one,
-                    (double *)a.views[CENTRES].buf + 3 * one, (double *)a.views[SQUARES].buf + one * k.count,
-                    a.views[SPACE].buf);
-    return done(&a);
-}
-
-static PyObject *adjust(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { ROTATION = 3, CENTRE, FACTORS, SPACE };
-    Arguments a;
-    Known k;
-    if (!taken(&a, arguments, given, 3, 4, 8))
-        return NULL;
-    if (!known_from(&a, &k) || !has(&a, ROTATION, 9) || !has(&a, CENTRE, 3) || !has(&a, FACTORS, k.count)
-        || !has(&a, SPACE, NUMBERS_OF_A_POINT * k.count))
-        return refused(&a);
     const double *n = a.numbers;
-    const Danish danish = {n[3], n[4], n[5], n[6], (int64_t)n[7]};
-    adjust_one(&k, &danish, n[2], a.views[ROTATION].buf, a.views[CENTRE].buf, a.views[FACTORS].buf, a.views[SPACE].buf);
-    return done(&a);
+    const int64_t number = a.views[CENTRES].len / 24;
+    const Settling settling = {n[2], n[3], n[4], n[5], (int64_t)n[6], {n[2], n[7], n[8], n[9], (int64_t)n[10]}};
+    if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !has(&a, ROTATIONS, 9 * number)
+        || !has(&a, SQUARES, number * k.count) || !has(&a, FACTORS, number * k.count)
+        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36) || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
+        return refused(&a);
+    const int64_t left = settle(&k, &settling, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+                                a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
+                                a.views[NORMALS].buf, a.views[SPACE].buf);
+    release(&a);
+    return PyLong_FromLongLong(left);
 }
 
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, NETWORK_END };
@@ -226,7 +214,8 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
         || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len))
         return refused(&a);
     n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
-    n.size = a.views[RIGHT].len / 8, n.damping = a.numbers[0];
+    n.size = a.views[RIGHT].len / 8, n.width = n.size ? a.views[BAND].len / a.views[RIGHT].len : 0;
+    n.damping = a.numbers[0];
     n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
     n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
     n.band = a.views[BAND].buf, n.right = a.views[RIGHT].buf;
@@ -410,9 +399,8 @@ static PyObject *rotate_only(PyObject *Py_UNUSED(module), PyObject *const *argum
 static PyMethodDef methods[] = {
     METHOD(meet_first, "First positions of points, and residuals of their rays."),
     METHOD(meet_robustly, "Final positions of points, wrong rays down-weighted."),
-    METHOD(rank, "Orientations of triples, and how well they fit all points."),
-    METHOD(improve, "Least trimmed squares of orientations."),
-    METHOD(adjust, "One orientation with Danish weights."),
+    METHOD(rank, "The orientations of triples that fit all points best."),
+    METHOD(settled, "Orientations improved, and the likeliest adjusted."),
     METHOD(judge, "Essential matrices of samples of points, the best of them."),
     METHOD(front, "Of essential matrices the orientations with the points in front."),
     METHOD(adjust_models, "Relative orientations with Danish weights."),
