@@ -8,7 +8,7 @@ photo, unit the metre at photo scale (millimetres of the photo / 1000).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,8 +247,7 @@ class PhotoStart:
     how: str
 
 
-@dataclass(frozen=True, slots=True)
-class PointStart:
+class PointStart(NamedTuple):
     """Preliminary coordinates of one point: ground units, with sX sY sZ where they were determined more than once."""
 
     name: str

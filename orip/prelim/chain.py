@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +108,9 @@ class _Chain:
         self.block = block
         self.control, self.centres = known_points(block), known_centres(block)
         self.all_rays = image_rays(block)
-        self.rays = thinned(self.all_rays, np.asarray(np.isfinite(self._full_control()).all(axis=1)))
+        known = set(self.control.names)
+        self.rays = thinned(self.all_rays, np.array([name in known for name in block.point_names], dtype=bool))
+        self.row_of = {name: row for row, name in enumerate(self.rays.points)}
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
         self.by_models: Route | None = None
@@ -160,11 +163,10 @@ class _Chain:
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
-        held = np.full((len(self.block.point_names), 3), np.nan)
-        place = self.block.point_index()
+        held = np.full((len(self.rays.points), 3), np.nan)
         for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
-            if np.isfinite(xyz).all() and (wanted is None or name in wanted):
-                held[place[name]] = xyz
+            if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
+                held[self.row_of[name]] = xyz
         return held
 
     def _outcomes(self, route: Route) -> Iterator[_Outcome]:
@@ -230,9 +232,8 @@ class _Chain:
 
         A camera that is not calibrated lets the two rays of a point miss each other.
         """
-        index = self.block.point_index()
         wanted = np.zeros(len(self.rays.points), dtype=bool)
-        wanted[[index[name] for name in self.control.names if name in index]] = True
+        wanted[[self.row_of[name] for name in self.control.names if name in self.row_of]] = True
         wanted &= ~placed.known
         rows = np.flatnonzero(wanted[self.rays.point])
         rays = self.rays.of(rows)
@@ -296,14 +297,8 @@ class _Chain:
             return PreliminaryValues(
                 steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), (), ()
             )
-        placed = self._where_rays_meet(best.placed)
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
-        known = np.flatnonzero(placed.known if best.on_ground else np.zeros(len(placed.known), dtype=bool))
-        places = zip(placed.coordinates[known].tolist(), placed.deviations[known].tolist(), strict=True)
-        points = [
-            PointStart(self.rays.points[row], (x, y, z), (sx, sy, sz))
-            for row, ((x, y, z), (sx, sy, sz)) in zip(known, places, strict=True)
-        ]
+        points = self._points(best.placed) if best.on_ground else []
         return PreliminaryValues(
             steps.relative,
             steps.bridges,
@@ -315,15 +310,20 @@ class _Chain:
             best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
         )
 
-    def _where_rays_meet(self, placed: Placed) -> Placed:
-        """Return the system with control points, too, where their rays meet: control may be wrong."""
-        free = replace(self._growth(), rays=self.all_rays).intersected(placed)
-        known = free.known[:, None]
-        return replace(
-            placed,
-            coordinates=np.where(known, free.coordinates, placed.coordinates),
-            deviations=np.where(known, free.deviations, placed.deviations),
-        )
+    def _points(self, placed: Placed) -> list[PointStart]:
+        """Return where the rays of all points meet, control points too, which may be wrong; else where they are."""
+        found = intersect(placed.rotations, placed.centres, placed.oriented, self.all_rays)
+        coordinates, deviations = found.coordinates, found.deviations
+        place = self.block.point_index()
+        rows = np.array([place[name] for name in self.rays.points], dtype=np.int64)
+        alone = placed.known & np.isnan(coordinates[rows, 0])
+        coordinates[rows[alone]], deviations[rows[alone]] = placed.coordinates[alone], placed.deviations[alone]
+        known = np.isfinite(coordinates[:, 0])
+        names = compress(self.all_rays.points, known)
+        places = zip(coordinates[known].tolist(), deviations[known].tolist(), strict=True)
+        return [
+            PointStart(name, (x, y, z), (a, b, c)) for name, ((x, y, z), (a, b, c)) in zip(names, places, strict=True)
+        ]
 
     def _photo(self, best: _Outcome, photo: int) -> PhotoStart:
         name, placed = self.rays.photos[photo], best.placed

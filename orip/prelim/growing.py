@@ -93,6 +93,11 @@ class Growth:
     models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
     branching: bool = True
 
+    @property
+    def held_points(self) -> BoolArray:
+        """Return which points do not change, array (number of points,)."""
+        return np.isfinite(self.held[:, 0])
+
     def grown(self, start: Placed) -> Placed:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
@@ -116,7 +121,7 @@ class Growth:
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
             # what is taken to the ground next grows, and is adjusted, once more
-            last = added is None and bool(np.isfinite(self.held).any())
+            last = added is None and bool(self.held_points.any())
             placed, refined = self.refined(placed, 0.0 if last else ROUGH), count
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
@@ -147,21 +152,20 @@ class Growth:
 
     def refined(self, placed: Placed, enough: float) -> Placed:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
-        held: BoolArray = np.asarray(np.isfinite(self.held).all(axis=1))
         found = refine(
             self.rays,
             placed.rotations,
             placed.centres,
             placed.oriented,
             placed.coordinates,
-            held_points=held,
+            held_points=self.held_points,
             enough=enough,
         )
         moved = replace(placed, rotations=found.rotations, centres=found.centres)
         return self.intersected(moved)
 
     def _with_held(self, placed: Placed) -> Placed:
-        rows = np.isfinite(self.held).all(axis=1)
+        rows = self.held_points
         if not rows.any():
             return placed
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
@@ -175,7 +179,7 @@ class Growth:
             or self._with_model(placed, refused)
             or self._resected(placed, _BARELY, refused)
             or (self._with_block(placed) if self.branching else None)
-            or (self._by_three_points(placed) if np.isfinite(self.held).any() else None)
+            or (self._by_three_points(placed) if self.held_points.any() else None)
         )
 
     def _resected(self, placed: Placed, fewest: int, refused: _Refused) -> Placed | None:

@@ -136,7 +136,7 @@ def by_pairs(growth: Growth, choice: int) -> Route:
 
 def photos_with_control(growth: Growth) -> BoolArray:
     """Return which photos see enough control points for a resection that a wrong one does not spoil."""
-    known: BoolArray = np.asarray(np.isfinite(growth.held).all(axis=1))
+    known = growth.held_points
     return np.array([int(known[points].sum()) >= _KNOWN_POINTS for points in growth.index.points], dtype=np.bool_)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import compress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,10 +17,10 @@ _ENOUGH = 50
 
 
 def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
-    """Return the rays of so many points that each photo has enough of them; photos and points keep their indices.
+    """Return the rays of so many points that each photo has enough of them; points that are left out have no index.
 
-    Points with most rays come first, since they hold the block together; among equals they are taken in the order of
-    their names' places, as evenly as they were measured.
+    Of each photo those points are taken that most other photos show, since they hold the block together; among equals
+    as a fixed shuffle has them, as neighbours in a list of names are often neighbours on the ground.
 
     Parameters
     ----------
@@ -29,20 +32,12 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
     if len(per_photo) == 0 or np.median(per_photo) <= 2 * _ENOUGH:
         return rays
     number = np.bincount(rays.point, minlength=len(rays.points))
-    # a fixed shuffle: neighbours in a list of names are often neighbours on the ground
-    order = np.random.default_rng(0).permutation(len(rays.points))
-    order = order[np.argsort(-number[order], kind="stable")]
-    by_point = np.argsort(rays.point, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(number)])
-    have = np.bincount(rays.photo[kept[rays.point]], minlength=len(rays.photos))
-    chosen = kept.copy()
-    shared = np.bincount(rays.photo[(number > 1)[rays.point]], minlength=len(rays.photos))
-    wanted = np.minimum(shared, _ENOUGH)
-    for point in order[(number > 1)[order] & ~kept[order]]:
-        photos = rays.photo[by_point[starts[point] : starts[point + 1]]]
-        if (have[photos] < _ENOUGH).any():
-            chosen[point] = True
-            have[photos] += 1
-            if (have >= wanted).all():
-                break
-    return rays.of(chosen[rays.point])
+    shuffle = np.random.default_rng(0).permutation(len(rays.points))
+    order = np.lexsort((shuffle[rays.point], -number[rays.point], rays.photo))
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order)) - np.repeat(np.cumsum(per_photo) - per_photo, per_photo)
+    chosen = kept & (number > 0)
+    chosen[rays.point[(rank < _ENOUGH) & (number[rays.point] > 1)]] = True
+    part = rays.of(chosen[rays.point])
+    place = np.cumsum(chosen) - 1
+    return replace(part, points=tuple(compress(rays.points, chosen)), point=place[part.point])
