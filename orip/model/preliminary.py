@@ -8,7 +8,7 @@ photo, unit the metre at photo scale (millimetres of the photo / 1000).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -247,12 +247,29 @@ class PhotoStart:
     how: str
 
 
-class PointStart(NamedTuple):
-    """Preliminary coordinates of one point: ground units, with sX sY sZ where they were determined more than once."""
+@dataclass(frozen=True, slots=True)
+class PointStarts:
+    """Preliminary coordinates of q points.
 
-    name: str
-    coordinates: tuple[float, float, float]
-    deviations: tuple[float, float, float] | None
+    Parameters
+    ----------
+    names : tuple of str
+    coordinates : array (q, 3)
+        Ground units.
+    deviations : array (q, 3)
+        sX sY sZ; NaN where they are not known.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    deviations: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.names)
+
+
+NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,7 +284,7 @@ class PreliminaryValues:
     failures : tuple of NotOriented
         Models and joints that failed.
     photos : tuple of PhotoStart
-    points : tuple of PointStart
+    points : PointStarts
     findings : tuple of str
         What the user should know of the block as a whole: reflected or swapped control, units, blunders; in sentences.
     """
@@ -278,5 +295,5 @@ class PreliminaryValues:
     absolute: SimilarityStep | None
     failures: tuple[NotOriented, ...]
     photos: tuple[PhotoStart, ...]
-    points: tuple[PointStart, ...]
+    points: PointStarts
     findings: tuple[str, ...]

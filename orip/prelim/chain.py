@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 from orip.model.preliminary import (
+    NO_POINTS,
     NotOriented,
     PhotoStart,
-    PointStart,
+    PointStarts,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
@@ -295,10 +296,10 @@ class _Chain:
             reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
             photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
             return PreliminaryValues(
-                steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), (), ()
+                steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), NO_POINTS, ()
             )
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
-        points = self._points(best.placed) if best.on_ground else []
+        points = self._points(best.placed) if best.on_ground else NO_POINTS
         return PreliminaryValues(
             steps.relative,
             steps.bridges,
@@ -306,11 +307,11 @@ class _Chain:
             best.absolute,
             steps.failures,
             tuple(photos),
-            tuple(points),
+            points,
             best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
         )
 
-    def _points(self, placed: Placed) -> list[PointStart]:
+    def _points(self, placed: Placed) -> PointStarts:
         """Return where the rays of all points meet, control points too, which may be wrong; else where they are."""
         found = intersect(placed.rotations, placed.centres, placed.oriented, self.all_rays)
         coordinates, deviations = found.coordinates, found.deviations
@@ -319,11 +320,7 @@ class _Chain:
         alone = placed.known & np.isnan(coordinates[rows, 0])
         coordinates[rows[alone]], deviations[rows[alone]] = placed.coordinates[alone], placed.deviations[alone]
         known = np.isfinite(coordinates[:, 0])
-        names = compress(self.all_rays.points, known)
-        places = zip(coordinates[known].tolist(), deviations[known].tolist(), strict=True)
-        return [
-            PointStart(name, (x, y, z), (a, b, c)) for name, ((x, y, z), (a, b, c)) in zip(names, places, strict=True)
-        ]
+        return PointStarts(tuple(compress(self.all_rays.points, known)), coordinates[known], deviations[known])
 
     def _photo(self, best: _Outcome, photo: int) -> PhotoStart:
         name, placed = self.rays.photos[photo], best.placed
@@ -374,10 +371,12 @@ class _Chain:
 def _is_enough(ends: list[tuple[frozenset[int], float]], *, first: bool) -> bool:
     """Tell from the misplaced photos and the misfits of complete outcomes whether nothing better is to be expected.
 
-    That is so if the first way fits as well as it can, or if two ways have ended alike.
+    That is so if the first way fits as well as it can, or if two ways have ended alike: without misplaced photos, or
+    with the same ones in a block that fits well but for them.
     """
     if not ends:
         return False
     wrong, least = min(ends, key=lambda end: (len(end[0]), end[1]))
     alike = sum(photos == wrong and misfit < _AS_GOOD * least for photos, misfit in ends)
-    return (first and not wrong and least < _GOOD) or alike > 1
+    fits = least < _GOOD
+    return (first and fits and not wrong) or (alike > 1 and (fits or not wrong))

@@ -284,8 +284,12 @@ class Growth:
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
             block = grower.grown(placed_block(self.rays, model.block, how))
             joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
-            if isinstance(joined, Joined) and _fitting_points(joined) >= 1:
-                return _with_photos_of(placed, joined, block)
+            if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
+                continue
+            # what the sub-block began with may have turned out to be in the wrong place there
+            more = _with_photos_of(placed, joined, block)
+            if more is not placed:
+                return more
         return None
 
     def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:

@@ -17,7 +17,7 @@ from orip.geometry.similarity import Similarity, fit_similarity
 from orip.model.preliminary import SubBlock
 from orip.prelim.absolute_orientation import KnownPositions, control_of_block
 from orip.prelim.joining import Names
-from orip.prelim.similarity_adjustment import CommonPoints, adjusted, start_from_triples
+from orip.prelim.similarity_adjustment import TRIPLES, CommonPoints, adjusted, start_from_triples
 
 FloatArray = NDArray[np.float64]
 
@@ -164,7 +164,7 @@ def _fit(common: CommonPoints) -> _Fit | None:
             plain = fit_similarity(common.source, common.target)
             squares = ((plain.apply(common.source) - common.target) ** 2).sum(axis=1)
             return _Fit(plain, float(np.sqrt(squares.mean())))
-        found = adjusted(common, start_from_triples(common))
+        found = adjusted(common, start_from_triples(common, TRIPLES[:1]))
     except ValueError:
         return None
     return _Fit(found.similarity, float(np.median(found.lengths)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -263,16 +264,17 @@ def _scale(bundle: _Bundle, residual: FloatArray) -> float:
     """Return the robust scale of the residuals: a quantile, freed of the part that the points take up."""
     finite = np.isfinite(residual)
     number = np.bincount(bundle.point[finite], minlength=bundle.points)
-    tested = finite & (number[bundle.point] > 2)
-    tested = tested if np.count_nonzero(tested) > 10 else finite
-    if not tested.any():
-        return 1.0
-    rays = np.count_nonzero(tested)
-    points = np.count_nonzero(np.bincount(bundle.point[tested], minlength=1))
-    redundancy = (2 * rays - 3 * points) / (2 * rays)
+    several = number > 2
+    tested = finite & several[bundle.point]
+    rays, points = int(number[several].sum()), int(np.count_nonzero(several))
+    if rays <= 10:
+        tested, rays, points = finite, int(number.sum()), int(np.count_nonzero(number))
+    redundancy = (2 * rays - 3 * points) / (2 * rays) if rays else 0.0
     if redundancy <= 0.0:
         return 1.0
-    return max(1.0, float(np.quantile(residual[tested], _QUANTILE) / _LENGTH_AT_QUANTILE / np.sqrt(redundancy)))
+    place = int(_QUANTILE * (rays - 1))
+    length = float(np.partition(residual[tested], place)[place])
+    return max(1.0, length / float(_LENGTH_AT_QUANTILE) / math.sqrt(redundancy))
 
 
 def _judged(

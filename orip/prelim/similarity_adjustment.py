@@ -7,6 +7,7 @@ beyond three times of it is weighted down.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ ALL_UNKNOWNS = np.arange(UNKNOWNS)
 NO_ROTATION = np.arange(4)
 """Scale and shift: the rotation is held."""
 
-_TRIPLES = 40, 500
+TRIPLES = 40, 500
 """Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
 triple of eight is good; 500 miss it never."""
 
@@ -156,13 +157,15 @@ class SimilarityAdjustment:
         return float(full.max()) if full.size else 0.0
 
 
-def start_from_triples(common: CommonPoints) -> Similarity:
+def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> Similarity:
     """Return the similarity of the three points that most others agree with.
 
     Parameters
     ----------
     common : CommonPoints
         Three full points at least.
+    tried : sequence of int
+        Numbers of triples, each of which is tried if nothing fits with those before.
 
     Returns
     -------
@@ -174,12 +177,12 @@ def start_from_triples(common: CommonPoints) -> Similarity:
         When all triples lie on lines.
     """
     full = np.flatnonzero(common.full)
-    for number in _TRIPLES:
+    for number in tried:
         triples = full[subsets(len(full), 3, number, 0)]
         starts = fit_similarities(common.source[triples], common.target[triples])
         if len(starts.scale):
             costs, most = _compared(common, starts)
-            if most <= _FITTING or number == _TRIPLES[-1]:
+            if most <= _FITTING or number == tried[-1]:
                 return starts.one(int(costs.argmin()))
     message = "the common points lie on one line"
     raise ValueError(message)

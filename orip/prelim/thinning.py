@@ -11,16 +11,24 @@ from numpy.typing import NDArray
 from orip.model.preliminary import ImageRays
 
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
-_ENOUGH = 50
+_ENOUGH = 30
 """Points of a photo that are kept at least, if it has as many."""
+
+_HOLDING = 4
+"""Points that are kept at least of those that hold two photos together."""
+
+_MANY = 45
+"""Points in the middle one of the photos from which on some are left out."""
 
 
 def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
     """Return the rays of so many points that each photo has enough of them; points that are left out have no index.
 
-    Of each photo those points are taken that most other photos show, since they hold the block together; among equals
-    as a fixed shuffle has them, as neighbours in a list of names are often neighbours on the ground.
+    Of each photo, and of each two photos that are neighbours in the list of those that show a point, those points are
+    taken that most other photos show, since they hold the block together; among equals as a fixed shuffle has them, as
+    neighbours in a list of names are often neighbours on the ground.
 
     Parameters
     ----------
@@ -29,15 +37,28 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
         Points that are kept in any case: those that are known on the ground.
     """
     per_photo = np.bincount(rays.photo, minlength=len(rays.photos))
-    if len(per_photo) == 0 or np.median(per_photo) <= 2 * _ENOUGH:
+    if len(per_photo) == 0 or np.median(per_photo) <= _MANY:
         return rays
+    rays = rays.of(np.lexsort((rays.photo, rays.point)))
     number = np.bincount(rays.point, minlength=len(rays.points))
     shuffle = np.random.default_rng(0).permutation(len(rays.points))
-    order = np.lexsort((shuffle[rays.point], -number[rays.point], rays.photo))
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order)) - np.repeat(np.cumsum(per_photo) - per_photo, per_photo)
+    worth = np.empty(len(shuffle), dtype=np.int64)
+    worth[np.lexsort((shuffle, -number))] = np.arange(len(shuffle))
     chosen = kept & (number > 0)
-    chosen[rays.point[(rank < _ENOUGH) & (number[rays.point] > 1)]] = True
+    shared = np.flatnonzero(number[rays.point] > 1)
+    chosen[_first_of_each(rays.photo[shared], rays.point[shared], worth, _ENOUGH)] = True
+    of_joint = np.flatnonzero(rays.point[1:] == rays.point[:-1])
+    joint = rays.photo[of_joint] * len(rays.photos) + rays.photo[of_joint + 1]
+    chosen[_first_of_each(joint, rays.point[of_joint], worth, _HOLDING)] = True
     part = rays.of(chosen[rays.point])
     place = np.cumsum(chosen) - 1
     return replace(part, points=tuple(compress(rays.points, chosen)), point=place[part.point])
+
+
+def _first_of_each(group: IntArray, point: IntArray, worth: IntArray, most: int) -> IntArray:
+    """Return so many points of each group, those first that have the least place in `worth` (number of points,)."""
+    order = np.lexsort((worth[point], group))
+    ordered = group[order]
+    first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])) if len(order) else order
+    rank = np.arange(len(order)) - np.repeat(first, np.diff(np.append(first, len(order))))
+    return point[order[rank < most]]
