@@ -43,6 +43,9 @@ from orip.prelim.weak_joints import weak_joints
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+_ENOUGH, _ENOUGH_LISTED = 30, 80
+"""Points of a photo that orient it; and where models are listed, point by point."""
+
 _STARTING_PAIRS = 5
 """First pairs that are tried one after the other."""
 
@@ -110,7 +113,8 @@ class _Chain:
         self.control, self.centres = known_points(block), known_centres(block)
         self.all_rays = image_rays(block)
         known = set(self.control.names)
-        self.rays = thinned(self.all_rays, np.array([name in known for name in block.point_names], dtype=bool))
+        kept = np.array([name in known for name in block.point_names], dtype=bool)
+        self.rays = thinned(self.all_rays, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
         self.row_of = {name: row for row, name in enumerate(self.rays.points)}
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)

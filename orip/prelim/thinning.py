@@ -13,17 +13,14 @@ from orip.model.preliminary import ImageRays
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-_ENOUGH = 30
-"""Points of a photo that are kept at least, if it has as many."""
-
 _HOLDING = 4
 """Points that are kept at least of those that hold two photos together."""
 
-_MANY = 45
-"""Points in the middle one of the photos from which on some are left out."""
+_MANY = 1.5
+"""Times the points that are enough: photos with fewer, in the middle, keep all of them."""
 
 
-def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
+def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
     """Return the rays of so many points that each photo has enough of them; points that are left out have no index.
 
     Of each photo, and of each two photos that are neighbours in the list of those that show a point, those points are
@@ -35,9 +32,11 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
     rays : ImageRays
     kept : array (number of points,) of bool
         Points that are kept in any case: those that are known on the ground.
+    enough : int
+        Points of a photo that are kept at least, if it has as many.
     """
     per_photo = np.bincount(rays.photo, minlength=len(rays.photos))
-    if len(per_photo) == 0 or np.median(per_photo) <= _MANY:
+    if len(per_photo) == 0 or np.median(per_photo) <= _MANY * enough:
         return rays
     rays = rays.of(np.lexsort((rays.photo, rays.point)))
     number = np.bincount(rays.point, minlength=len(rays.points))
@@ -46,7 +45,7 @@ def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
     worth[np.lexsort((shuffle, -number))] = np.arange(len(shuffle))
     chosen = kept & (number > 0)
     shared = np.flatnonzero(number[rays.point] > 1)
-    chosen[_first_of_each(rays.photo[shared], rays.point[shared], worth, _ENOUGH)] = True
+    chosen[_first_of_each(rays.photo[shared], rays.point[shared], worth, enough)] = True
     of_joint = np.flatnonzero(rays.point[1:] == rays.point[:-1])
     joint = rays.photo[of_joint] * len(rays.photos) + rays.photo[of_joint + 1]
     chosen[_first_of_each(joint, rays.point[of_joint], worth, _HOLDING)] = True

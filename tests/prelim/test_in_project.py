@@ -93,7 +93,7 @@ def test_the_block_as_it_is_shown(made: AerialBlock, block: Block, photos: list[
     true = Rotation.from_euler("XYZ", made.orientations[:, 3:], degrees=True).as_matrix()
     np.testing.assert_allclose(shown.rotations, true, atol=1e-9)
     np.testing.assert_allclose(shown.coordinates, made.points, atol=1e-5)
-    empty = PreliminaryValues((), (), (), None, (), (), (), ())
+    empty = PreliminaryValues((), (), (), None, (), (), NO_POINTS, ())
     assert len(block_in_project(empty, rays, block.ground).photos) == 0
 
 
