@@ -29,6 +29,9 @@ _MANY = 8
 _KEPT = 0.5
 """Weight factor from which on a ray counts for the angle and for lying in front."""
 
+_NUMBERS_OF_A_RAY = 9
+"""Room of the compiled loop: origin, direction, error, residual and one more."""
+
 _ABSOLUTE_ITERATIONS = 10
 _DANISH_ITERATIONS = 4
 
@@ -113,6 +116,30 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
     help, or if it is not clear which, weights follow the Danish method (Krarup, Juhl and Kubik 1980), begun with least
     absolute residuals.
     """
+    return (_point_by_point if is_compiled() else _all_at_once)(rotations, centres, oriented, rays)
+
+
+def _point_by_point(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
+    """Do what `_all_at_once` does in the compiled loop."""
+    count, points = len(rays.photo), len(rays.points)
+    ordered = bool((rays.point[1:] >= rays.point[:-1]).all())
+    order = slice(None) if ordered else np.argsort(rays.point, kind="stable")
+    start = np.zeros(points + 1, dtype=np.int64)
+    np.cumsum(np.bincount(rays.point, minlength=points), out=start[1:])
+    coordinates, deviations, angles = np.empty((points, 3)), np.empty((points, 3)), np.empty(points)
+    factors, factors_in_order = np.empty(count), np.empty(count)
+    of_rays = map(np.ascontiguousarray, (rays.vectors[order], rays.error[order], rotations, centres, oriented))
+    s0 = kernels.intersect(
+        np.ascontiguousarray(rays.photo[order]), start, *of_rays, coordinates, deviations, factors_in_order, angles,
+        np.empty((_NUMBERS_OF_A_RAY, count)), np.empty(count + points + 1, dtype=np.int64),
+        _QUANTILE, _LENGTH_AT_QUANTILE, SMALLEST_ANGLE, _LIMIT, LEAST_WEIGHT, _KEPT, _MANY, _ABSOLUTE_ITERATIONS,
+        _DANISH_ITERATIONS,
+    )  # fmt: skip
+    factors[order] = factors_in_order
+    return Intersected(coordinates, deviations, factors, angles, s0)
+
+
+def _all_at_once(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
     used = oriented[rays.photo]
     photo = rays.photo[used]
     vectors = rays.vectors[used]
@@ -133,33 +160,6 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
 
 def _robust(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Return coordinates, deviations, weight factors of the rays, angles, s0."""
-    return _point_by_point(bundle) if is_compiled() else _all_at_once(bundle)
-
-
-def _point_by_point(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Do what `_all_at_once` does in the compiled loop."""
-    order = np.argsort(bundle.point, kind="stable")
-    sorted_rays = bundle.of(order)
-    start = np.concatenate([[0], np.cumsum(np.bincount(bundle.point, minlength=bundle.points))])
-    rays = (*sorted_rays[:3], start)
-    count = len(order)
-    points, residual, scratch = np.empty((bundle.points, 3)), np.empty(count), np.empty(count)
-    kernels.meet_first(*rays, points, residual, scratch)
-    s0 = _scale(sorted_rays, residual)
-    factors, variances, angles = np.empty(count), np.empty((bundle.points, 3)), np.empty(bundle.points)
-    kernels.meet_robustly(
-        *rays, points, factors, variances, angles, scratch,
-        s0, _LIMIT * s0, _LIMIT, LEAST_WEIGHT, _KEPT, _MANY, _ABSOLUTE_ITERATIONS, _DANISH_ITERATIONS,
-    )  # fmt: skip
-    number = np.bincount(sorted_rays.point[factors >= _KEPT], minlength=bundle.points)
-    determined = (number >= 2) & (angles >= SMALLEST_ANGLE) & np.isfinite(points).all(axis=1)
-    in_order = np.empty(count)
-    in_order[order] = np.where(determined[sorted_rays.point], factors, 0.0)
-    deviations = np.where(determined[:, None], s0 * np.sqrt(variances), np.nan)
-    return np.where(determined[:, None], points, np.nan), deviations, in_order, angles, s0
-
-
-def _all_at_once(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     ones = np.ones(len(bundle.point))
     # the first position gives the distances that turn lengths into angles
     points, _ = _solve(bundle, ones)

@@ -158,21 +158,21 @@ def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | 
 
 def _deviations(best: Adjusted) -> FloatArray:
     """Return standard deviations (6,) of rotation and centre, infinite where the points leave them open."""
-    scale = np.sqrt(np.diag(best.normals))
+    scale = np.sqrt(best.normals.diagonal())
     if not scale.all():
         return np.full(6, np.inf)
-    values, axes = np.linalg.eigh(best.normals / np.outer(scale, scale))
+    values, axes = np.linalg.eigh(best.normals / (scale[:, None] * scale))
     # below this ratio an eigenvalue is rounding
     if values[0] < 1e-13 * values[-1]:
         return np.full(6, np.inf)
-    return np.asarray(best.s0 * np.sqrt(np.sum(axes**2 / values, axis=1)) / scale)
+    return np.asarray(best.s0 * np.sqrt((axes**2 / values).sum(axis=1)) / scale)
 
 
 def _result(
     best: Adjusted, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
 ) -> Resected:
     """Return the orientation in the ground system."""
-    count = len(best.weight_factors)
+    count, redundancy = len(best.weight_factors), best.redundancy
     down_weighted = int(np.count_nonzero(best.weight_factors < 1.0))
     return Resected(
         rotation=best.at.rotations[0],
@@ -182,10 +182,10 @@ def _result(
         residuals=np.where(np.isfinite(best.squares)[:, None], best.residual, np.nan),
         weight_factor=best.weight_factors,
         s0=best.s0,
-        redundancy=best.redundancy,
+        redundancy=redundancy,
         alternatives=Orientations(others.rotations, centroid + spread * others.centres),
         how=f"space resection from {count} points" + (f", {down_weighted} down-weighted" if down_weighted else ""),
-        remarks=_remarks(count, best.redundancy, len(others.centres)),
+        remarks=_remarks(count, redundancy, len(others.centres)),
     )
 
 

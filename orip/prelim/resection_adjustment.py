@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class Orientations(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class KnownPoints:
     """n known points of a photo, in units of their own spread, from their centroid: all ground systems are alike then.
 
@@ -94,7 +95,7 @@ class KnownPoints:
         share = 1.0 + (left_out * math.log(left_out) / (1.0 - left_out) if left_out > 0.0 else 0.0)
         return count / max(count - 3, 1) / (2.0 * least * share)
 
-    @property
+    @cached_property
     def least(self) -> int:
         """Return the number of points that have to fit."""
         return max(len(self) - int(_BLUNDERS * len(self)), min(len(self), 4))
@@ -182,7 +183,7 @@ class Adjusted(NamedTuple):
     @property
     def s0(self) -> float:
         """Return the standard error of unit weight; 1 without redundancy."""
-        return float(np.sqrt(_variance(self.squares, self.weight_factors)))
+        return math.sqrt(_variance(self.squares, self.weight_factors))
 
 
 def improved(known: KnownPoints, start: Orientations) -> tuple[Orientations, FloatArray]:
