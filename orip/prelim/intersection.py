@@ -272,8 +272,7 @@ def _scale(bundle: _Bundle, residual: FloatArray) -> float:
     redundancy = (2 * rays - 3 * points) / (2 * rays) if rays else 0.0
     if redundancy <= 0.0:
         return 1.0
-    place = int(_QUANTILE * (rays - 1))
-    length = float(np.partition(residual[tested], place)[place])
+    length = float(np.quantile(residual[tested], _QUANTILE))
     return max(1.0, length / float(_LENGTH_AT_QUANTILE) / math.sqrt(redundancy))
 
 

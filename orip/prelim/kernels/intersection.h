@@ -265,8 +265,7 @@ static double scale_of(const Bundle *b, int64_t points, const Intersecting *how)
     const double redundancy = rays ? (double)(2 * rays - 3 * places) / (double)(2 * rays) : 0.0;
     if (redundancy <= 0.0)
         return 1.0;
-    const double length = select_smallest(b->scratch, rays, (int64_t)(how->quantile * (double)(rays - 1)));
-    return fmax(1.0, length / how->length / sqrt(redundancy));
+    return fmax(1.0, quantile_of(b->scratch, rays, how->quantile) / how->length / sqrt(redundancy));
 }
 
 /* Intersect all points; what is not determined is NaN, and its rays have no weight. Returns the scale. */
