@@ -60,9 +60,15 @@ _REFINED_AT = 1.5
 """Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
 
 
-_Refused = dict[tuple[int, ...], int]
-"""Photos, and pairs of an oriented photo and one that is not, that could not be added, with the known points they had
-then: they are tried again when there are more."""
+@dataclass(frozen=True, slots=True)
+class _Refused:
+    """What could not be added, with the known points that it had then: it is tried again when there are more.
+
+    Photos, and models of an oriented photo and one that is not.
+    """
+
+    photos: dict[int, int] = field(default_factory=dict)
+    models: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +116,7 @@ class Growth:
 
     def _grown(self, start: Placed, advance: Callable[[int], None]) -> Placed:
         placed, refined = start, int(start.oriented.sum())
-        refused: _Refused = {}
+        refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
         while True:
             added = self._with_more_photos(placed, refused)
@@ -126,7 +132,7 @@ class Growth:
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
-                refused.clear()
+                refused = _Refused()
                 placed = self.intersected(placed.without_photos(wrong))
             elif added is None:
                 return placed
@@ -188,12 +194,12 @@ class Growth:
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
         counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
-        counts[[way[-1] for way, count in refused.items() if len(way) == 1 and count >= counts[way[-1]]]] = 0
+        counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
         result = None
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
             found = self.resection(placed, int(photo), known)
             if found is None:
-                refused[int(photo),] = int(counts[photo])
+                refused.photos[int(photo)] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
@@ -257,7 +263,7 @@ class Growth:
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
             known = np.count_nonzero(placed.known[model.block.points])
-            if known < _SCALE_CHECKED or refused.get((oriented, photo), 0) >= known:
+            if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
@@ -267,7 +273,7 @@ class Growth:
                     f"{len(joined.step.points)} known points"
                 )
                 return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
-            refused[oriented, photo] = int(known)
+            refused.models[oriented, photo] = int(known)
         return None
 
     def _with_block(self, placed: Placed) -> Placed | None:
