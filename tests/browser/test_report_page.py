@@ -102,6 +102,20 @@ def rays_drawn(browser):
     )
 
 
+def test_the_block_fits_on_paper(browser, shown):
+    shown("small_frame_block")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        sides = browser.execute_script(
+            "return ['.gl-container canvas', '.main-svg'].map("
+            "each => document.querySelector('#view ' + each).getBoundingClientRect().width)"
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert max(sides) <= 184 / 25.4 * 96, "the width of A4 within the margins, in pixels"
+    assert min(sides) > 100 / 25.4 * 96
+
+
 def test_tables_are_sorted_by_a_click(browser, opened):
     opened("zurich_city_hall")
     sort(browser, "points", "X.sd")
@@ -141,5 +155,9 @@ def test_it_prints_all_rows_of_its_tables(browser, opened):
         )
         assert hidden == 0
         assert not browser.find_element("css selector", "nav").is_displayed()
+        buttons = browser.execute_script(
+            "return [...document.querySelectorAll('thead button')].map(each => getComputedStyle(each).display)"
+        )
+        assert set(buttons) == {"contents"}, "a head with boxes of buttons is not repeated on the next page"
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
