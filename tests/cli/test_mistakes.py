@@ -289,3 +289,19 @@ def test_an_internal_error_is_a_sentence_and_a_document(project: Path, monkeypat
     said = orip(project, "status", "--json")
     assert said.code == said.document["exit_code"] == 1
     assert "this is a fault of orip, please report it" in said.err
+
+
+def test_control_that_nothing_uses_is_named(project: Path) -> None:
+    (project / "FIRST.LEN").write_text("D1 1 Z9 XYZ 100.0 0.02\nD2 Y8 Z9 XYZ 100.0 0.02\n")
+    (project / "FIRST.ELE").write_text("MIDDLE PHOTO X0 1100.0 0.1\nC36 CAMERA C 36.0 0.1\n")
+    (project / "FIRST.DIR").write_text("S1 2 Z9 40.0 0.003\n")
+    said = orip(project, "run")
+    assert said.code == 0
+    for words in (
+        "distance D1: is not used: Z9 is not measured, nor given coordinates; correct the name",
+        "distance D2: is not used: Y8 and Z9 are not measured",
+        "element PHOTO MIDDLE X0: is not used: the bundle has no photo MIDDLE; correct the name",
+        "element CAMERA C36 C: is not used: the bundle has no camera C36",
+        "direction S1 2 Z9: is not used: Z9 is not measured",
+    ):
+        assert f"warning: {words}" in said.err
