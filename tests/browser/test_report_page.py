@@ -78,6 +78,21 @@ def test_the_page_is_shown_without_an_error_and_from_nowhere_else(browser, shown
     assert [each for each in requests if '"url":"http' in each] == []
 
 
+def test_no_button_takes_a_project_elsewhere(browser, shown):
+    shown("small_frame_block")
+    buttons = browser.execute_script(
+        "return [...document.querySelectorAll('.modebar-btn')].map(each => each.dataset.title)"
+    )
+    assert "Download plot as a PNG" in buttons
+    assert not [each for each in buttons if "share" in each.lower() or "cloud" in each.lower()]
+    assert browser.execute_script("return [view._context.showSendToCloud, view._context.plotlyServerURL]") == [
+        False,
+        "",
+    ]
+    links = browser.execute_script("return [...document.links].map(each => each.getAttribute('href'))")
+    assert [each for each in links if not each.startswith("#")] == []
+
+
 def test_the_block_is_drawn_with_photos_points_and_rays_on_demand(browser, shown):
     result = shown("small_frame_block")
     traces = browser.execute_script(
