@@ -160,6 +160,20 @@ def test_the_page_fits_a_telephone_and_the_dark(browser, shown):
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+def test_long_names_do_not_widen_the_page(browser, tmp_path):
+    page = sample("small_frame_block").page
+    assert page.count("1213") > 5
+    path = tmp_path / "long.html"
+    path.write_text(page.replace("1213", "P" * 300), encoding="utf-8")
+    browser.get(path.as_uri())
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 1280
+    covered = browser.execute_script(
+        "return [...document.querySelectorAll('.words')].filter(each => each.scrollWidth > each.clientWidth)"
+        ".map(each => each.textContent)"
+    )
+    assert covered == [], "words that run over the next column"
+
+
 def test_it_prints_all_rows_of_its_tables(browser, opened):
     opened("small_frame_block")
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
