@@ -46,6 +46,9 @@ BoolArray = NDArray[np.bool_]
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points of a photo that orient it; and where models are listed, point by point."""
 
+_TO_THE_END = 1e-9
+"""Relative gain in the weighted square sum after which a system does not change its shape any more."""
+
 _STARTING_PAIRS = 5
 """First pairs that are tried one after the other."""
 
@@ -181,6 +184,9 @@ class _Chain:
             yield _Outcome(route, route.systems[0], True, None, "")
             return
         first, *others = route.systems
+        if not np.isfinite(self._full_control()).any():
+            # no point will hold it on the ground, where it would go on to change its shape
+            first = self._growth().refined(first, _TO_THE_END)
         if self.block.definition.datum == "free" and not (self.control.names or self.centres.names):
             placed, finding = in_own_system(first, self.rays, self.block.distances)
             yield _Outcome(route, placed, True, None, "", (finding,))

@@ -104,17 +104,23 @@ class Growth:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
 
-    def grown(self, start: Placed) -> Placed:
+    def grown(self, start: Placed, enough: float = 0.0) -> Placed:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
         Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
+
+        Parameters
+        ----------
+        start : Placed
+        enough : float
+            At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
         if not self.branching:
-            return self._grown(start, lambda _photos: None)
+            return self._grown(start, enough, lambda _photos: None)
         with stage("orienting photos", len(self.rays.photos)) as advance:
-            return self._grown(start, advance)
+            return self._grown(start, enough, advance)
 
-    def _grown(self, start: Placed, advance: Callable[[int], None]) -> Placed:
+    def _grown(self, start: Placed, enough: float, advance: Callable[[int], None]) -> Placed:
         placed, refined = start, int(start.oriented.sum())
         refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
@@ -126,9 +132,7 @@ class Growth:
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            # what is taken to the ground next grows, and is adjusted, once more
-            last = added is None and bool(self.held_points.any())
-            placed, refined = self.refined(placed, 0.0 if last else ROUGH), count
+            placed, refined = self.refined(placed, enough if added is None else ROUGH), count
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
@@ -288,7 +292,7 @@ class Growth:
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~placed.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            block = grower.grown(placed_block(self.rays, model.block, how))
+            block = grower.grown(placed_block(self.rays, model.block, how), ROUGH)
             joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
