@@ -15,6 +15,7 @@ version = release
 extensions = ["myst_parser", "program_reference", "offline_mathematics"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
+smartquotes = False  # what a program says and what a user types have straight ones
 exclude_patterns = ["extensions"]
 nitpicky = True
 suppress_warnings = ["misc.highlighting_failure"]  # a console block may show anything

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 from orip.errors import ProjectWarning
 from orip.model.block import Block
-from orip.model.control import Control, PreliminaryPoint
+from orip.model.control import Control, ControlElement, PreliminaryPoint
 from orip.model.names import look_alikes
 
 
@@ -24,19 +24,22 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for each in preliminary
         if each.name not in points
     ]
-    unplaced = "is not used: one of its points is neither measured nor given coordinates"
     warnings += [
-        ProjectWarning("unused-control", f"distance {each.name}", unplaced)
+        ProjectWarning("unused-control", f"distance {each.name}", _unplaced(points, each.start, each.end))
         for each in control.distances
         if each not in block.distances
     ]
     warnings += [
-        ProjectWarning("unused-control", f"direction {each.set} {each.station} {each.target}", unplaced)
+        ProjectWarning(
+            "unused-control",
+            f"direction {each.set} {each.station} {each.target}",
+            _unplaced(points, each.station, each.target),
+        )
         for each in control.directions
         if each not in block.directions
     ]
     warnings += [
-        ProjectWarning("unused-control", f"element {each.group} {each.name} {each.kind}", "is not part of the bundle")
+        ProjectWarning("unused-control", f"element {each.group} {each.name} {each.kind}", _unknown(each))
         for each in control.elements
         if each not in block.elements
     ]
@@ -44,3 +47,15 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         warnings.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
     return warnings
+
+
+def _unplaced(points: Container[str], *names: str) -> str:
+    missing = [name for name in names if name not in points]
+    which = " and ".join(missing) or "one of its points"
+    verb = "are not" if len(missing) > 1 else "is not"
+    return f"is not used: {which} {verb} measured, nor given coordinates; correct the name, or measure it"
+
+
+def _unknown(element: ControlElement) -> str:
+    what = {"THEODOLITE": "set of directions"}.get(element.group, element.group.lower())
+    return f"is not used: the bundle has no {what} {element.name}; correct the name"

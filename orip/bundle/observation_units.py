@@ -19,6 +19,7 @@ _FACTORS = {
     1.0 / _FOOT: "metres, and the control in feet",
     1e-3: "millimetres, and the control in metres",
     1e-2: "centimetres, and the control in metres",
+    1e2: "metres, and the control in centimetres",
     1e3: "metres, and the control in millimetres",
 }
 _LENGTH_ALIKE = 0.01

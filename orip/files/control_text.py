@@ -94,7 +94,7 @@ def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> P
 
 def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
     form = "name X Y Z aX aY aZ, and x if the point is rejected"
-    if not reader.has_fields((7, 8), form):
+    if not reader.has_fields((7, 8), form) or reader.is_heading(range(1, 7)):
         found.complaints += reader.complaints
         return
     name = reader.name(0)
@@ -145,7 +145,7 @@ def parse_elements(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlE
 
 
 def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> None:
-    if not reader.has_fields((5,), "name GROUP KIND value a"):
+    if not reader.has_fields((5,), "name GROUP KIND value a") or reader.is_heading((3, 4)):
         found.complaints += reader.complaints
         return
     name = reader.name(0)
@@ -174,7 +174,7 @@ def parse_distances(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Control
 
 
 def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> None:
-    if not reader.has_fields((6,), "name from to CODE distance a"):
+    if not reader.has_fields((6,), "name from to CODE distance a") or reader.is_heading((4, 5)):
         found.complaints += reader.complaints
         return
     name, start, end = reader.name(0), reader.name(1), reader.name(2)
@@ -226,7 +226,8 @@ def _moved_sets(directions: Sequence[ControlDirection], shown: str) -> Iterator[
 
 
 def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -> None:
-    if not reader.has_fields((5, 7), "set station target direction a, and zenith a if it was measured"):
+    form = "set station target direction a, and zenith a if it was measured"
+    if not reader.has_fields((5, 7), form) or reader.is_heading((3, 4)):
         found.complaints += reader.complaints
         return
     name, station, target = reader.name(0), reader.name(1), reader.name(2)

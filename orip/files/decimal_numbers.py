@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 from orip.files.shown_text import shown_token
@@ -13,6 +12,8 @@ _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _D_EXPONENT = str.maketrans("dD", "ee")
 _MINUS_SIGNS = str.maketrans("−–—", "---")
 _LONGEST_GUESS = 40
+_LARGEST = 1e30
+"""Nothing that is measured is larger, and of larger numbers the squares of squares would overflow."""
 
 
 def parse_number(token: str) -> float:
@@ -25,7 +26,7 @@ def parse_number(token: str) -> float:
     """
     if _NUMBER.fullmatch(token):
         value = float(token.translate(_D_EXPONENT))
-        if math.isfinite(value):
+        if abs(value) <= _LARGEST:
             return value
         message = f"'{shown_token(token)}' is too large for a number; check its exponent"
         raise ValueError(message)
@@ -34,7 +35,7 @@ def parse_number(token: str) -> float:
 
 def is_number(token: str) -> bool:
     """Tell whether a token is a finite decimal number."""
-    return _NUMBER.fullmatch(token) is not None and math.isfinite(float(token.translate(_D_EXPONENT)))
+    return _NUMBER.fullmatch(token) is not None and abs(float(token.translate(_D_EXPONENT))) <= _LARGEST
 
 
 def parse_photo_error(token: str) -> tuple[float, bool]:

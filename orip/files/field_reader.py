@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from orip.errors import Complaint
@@ -61,9 +61,22 @@ class FieldReader:
             message = f"'{self.shown_text(extra)}' is one field too many; the line is: {form}"
             self.complain(message, extra)
         else:
-            message = f"a field is missing, {self.count} found; the line is: {form}"
+            message = f"a field is missing, {self.count} found{self.part_by_blanks()}; the line is: {form}"
             self.complaints.append(Complaint(message, self._shown, self.number, self._line.end_column))
         return False
+
+    def part_by_blanks(self) -> str:
+        """Return what to do where fields seem to be parted by commas or semicolons; "" where they are not."""
+        written = " ".join(field.text for field in self._line.fields)
+        mark = next((mark for mark in ",;" if mark in written), None)
+        return "" if mark is None else f"; part fields by blanks or tabs, not by '{mark}'"
+
+    def is_heading(self, numbers: Iterable[int]) -> bool:
+        """Tell whether all fields that are to be numbers begin with a letter, and complain of a heading."""
+        if not all(self.text(index)[0].isalpha() for index in numbers):
+            return False
+        self.complain("this line has no numbers; begin a heading with ! or remove it")
+        return True
 
     def name(self, index: int) -> str:
         """Return a field that is a name."""

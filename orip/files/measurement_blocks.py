@@ -128,7 +128,7 @@ def _has_form(reader: FieldReader, block: Block, body: int, *, is_disregarded: b
     form = LINE_FORMS[block.kind]
     has_given = body == 6 and reader.text(3) == "="
     if body < 3 or (body == 3 and reader.text(2) == "-"):
-        reader.complain(f"a coordinate is missing; a line of {block.title} is: {form}")
+        reader.complain(f"a coordinate is missing{reader.part_by_blanks()}; a line of {block.title} is: {form}")
     elif is_disregarded and block.kind in {"FIDUCIALS", "TICKS"}:
         reader.complain("a digitised mark is taken as it is; remove the '-', or the whole line", reader.count - 1)
     elif body == 3 or (body == 5 and block.kind == "POINTS") or (has_given and block.kind in {"TEMPLATE", "PHOTO"}):

@@ -168,12 +168,13 @@ def check_precision(source: ProjectSource, references: References) -> Iterator[F
     without = [photo.table.name for photo in source.photos if not _has_pixels(photo.table, references)]
     if not without:
         return
-    more = f" and {len(without) - 1} more" if len(without) > 1 else ""
+    first = f"photo '{without[0]}'"
+    which = f"{first} has" if len(without) == 1 else f"{first} and {len(without) - 1} more have"
     for bundle in source.bundles:
         if bundle.table.measurement_precision.unit == "px":
             message = (
-                f"bundle '{bundle.table.name}' has its measurement_precision in pixels, but photo '{without[0]}'{more} "
-                "has neither scan nor a camera with a sensor; write it in mm or give those photos a scan"
+                f"bundle '{bundle.table.name}' has its measurement_precision in pixels, but {which} "
+                "neither scan nor a camera with a sensor; write it in mm or give those photos a scan"
             )
             yield (*bundle.place, "measurement_precision"), message
 

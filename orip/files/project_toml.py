@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,11 +18,9 @@ from orip.files.stages import plan_stages
 from orip.files.text_lines import decode_lines, read_bytes
 from orip.files.toml_faults import Fault
 from orip.files.toml_lines import TomlLines
+from orip.files.toml_syntax import syntax_complaint
 from orip.model.names import record_key
 from orip.model.project import ProjectDefinition
-
-_SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-_DECIMAL_COMMA = re.compile(r"[0-9],[0-9]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,21 +77,7 @@ def _toml_document(text: str, shown: str) -> dict[str, Any] | Complaint:
     except RecursionError:
         return Complaint("the text is nested too deeply; a project file needs three levels at most", shown)
     except ValueError as fault:  # TOMLDecodeError is one; so is a whole number of thousands of digits
-        return _syntax_complaint(str(fault), text, shown)
-
-
-def _syntax_complaint(fault: str, text: str, shown: str) -> Complaint:
-    place = _SYNTAX_PLACE.search(fault)
-    reason = fault[: place.start()] if place else fault
-    message = printable(f"this is not TOML: {reason}; correct the text there")
-    if place is None:
-        return Complaint(message, shown)
-    if place.group(1) is None:
-        return Complaint(f"this is not TOML: {reason} at the end of the text", shown, text.count("\n") + 1)
-    line, column = int(place.group(1)), int(place.group(2))
-    if _DECIMAL_COMMA.match(text.split("\n")[line - 1][max(column - 2, 0) :]):
-        message = "this is not TOML: a number has a decimal comma; write a decimal point"
-    return Complaint(message, shown, line, column)
+        return syntax_complaint(str(fault), text, shown)
 
 
 def _check(source: ProjectSource, lines: TomlLines) -> Iterator[Fault]:

@@ -14,6 +14,8 @@ from orip.files.shown_text import shown_token
 from orip.model.names import COMMENT_MARKS, name_fault
 
 _FIELD = re.compile(r"\S+")
+_ZERO = b"\0"
+_DOS_END = b"\x1a"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,12 @@ def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return Parsed([], (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
+    if _ZERO in data:
+        message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
+        return Parsed([], (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
+    if data.rstrip().endswith(_DOS_END):
+        message = "the file ends in a character of DOS (Ctrl-Z, 0x1A); remove it"
+        return Parsed([], (Complaint(message, shown, len(data.splitlines())),))
     raw_lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
     try:
         # One decoding of all lines is several times faster; splitlines of bytes parts at \n, \r and \r\n only.

@@ -53,7 +53,8 @@ def homography(plane: FloatArray, image: FloatArray) -> FloatArray:
     p, q = _homogeneous(plane) @ to_plane.T, _homogeneous(image) @ to_image.T
     zero = np.zeros_like(p)
     design = np.vstack([np.hstack([p, zero, -q[:, :1] * p]), np.hstack([zero, p, -q[:, 1:2] * p])])
-    _, values, rows = np.linalg.svd(design)
+    # the triangle has the same singular values and right vectors, and no more than nine rows
+    _, values, rows = np.linalg.svd(np.linalg.qr(design, mode="r"))
     if values[7] < 1e-9 * values[0]:
         message = "the points do not determine the homography: all but one of them lie on one line"
         raise ValueError(message)

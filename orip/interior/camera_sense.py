@@ -26,10 +26,10 @@ def camera_warnings(camera: Camera) -> Iterator[ProjectWarning]:
     if size is not None:
         diagonal = float(np.hypot(*size))
         angle = float(np.degrees(2.0 * np.arctan(0.5 * diagonal / c)))
-        if not _SHORTEST < c / diagonal < _LONGEST:
+        if not _makes_sense(c, diagonal):
             text = (
-                f"C = {c:g} mm on a frame of {size[0]:g} x {size[1]:g} mm would be an angle of view of {angle:.2g}°; "
-                f"C is in mm{_in_pixels(camera)}"
+                f"C = {c:g} mm on a frame of {size[0]:g} x {size[1]:g} mm would be an angle of view of "
+                f"{_shown(angle)}°; C is in mm{_meant(camera, diagonal)}"
             )
             yield ProjectWarning("senseless-camera", where, text)
     sensor = camera.sensor
@@ -47,6 +47,10 @@ def camera_warnings(camera: Camera) -> Iterator[ProjectWarning]:
         yield ProjectWarning("senseless-camera", where, text)
 
 
+def _makes_sense(c: float, diagonal: float) -> bool:
+    return _SHORTEST < c / diagonal < _LONGEST
+
+
 def _frame(camera: Camera) -> tuple[float, float] | None:
     """Return the size of what the camera images, mm; None where it is not known."""
     if camera.sensor is not None:
@@ -57,8 +61,14 @@ def _frame(camera: Camera) -> tuple[float, float] | None:
     return camera.frame
 
 
-def _in_pixels(camera: Camera) -> str:
-    if camera.sensor is None:
-        return ""
-    c = camera.parameters[0] * camera.sensor.width / camera.sensor.columns
-    return f" (if it is in pixels: C = {c:.4g} mm)"
+def _shown(angle: float) -> str:
+    return f"{angle:.0f}" if angle >= 10.0 else f"{angle:.2g}"
+
+
+def _meant(camera: Camera, diagonal: float) -> str:
+    """Return what C would be in the other units that it is written in by mistake, where that makes sense."""
+    c, sensor = camera.parameters[0], camera.sensor
+    units = [("metres", 1e3), ("inches", 25.4), *([("pixels", sensor.width / sensor.columns)] if sensor else [])]
+    found = (f"if it is in {unit}: C = {c * size:.4g} mm" for unit, size in units if _makes_sense(c * size, diagonal))
+    listed = ", ".join(found)
+    return f" ({listed})" if listed else ""

@@ -21,10 +21,12 @@ def image_vectors(block: Block) -> FloatArray:
     """
     points = block.photo_points
     camera = block.photo_camera[points.photo]
-    parameters = np.array([each.parameters for each in block.cameras])[camera]
-    at_measured = np.array([each.distortion_at == "measured" for each in block.cameras])[camera]
-    reduced = points.xy - parameters[:, 1:3]
-    ideal = np.empty_like(reduced)
-    ideal[at_measured] = correction_with_partials(reduced[at_measured], parameters[at_measured, 3:]).value
-    ideal[~at_measured] = remove_distortion(reduced[~at_measured], parameters[~at_measured, 3:])
-    return np.column_stack([ideal, -parameters[:, 0]])
+    parameters = np.array([each.parameters for each in block.cameras])
+    distorting = parameters[:, 3:].any(axis=1)
+    at_measured = np.array([each.distortion_at == "measured" for each in block.cameras])
+    vectors = np.column_stack([points.xy - parameters[camera, 1:3], -parameters[camera, 0]])
+    rows = np.flatnonzero((distorting & at_measured)[camera])
+    vectors[rows, :2] = correction_with_partials(vectors[rows, :2], parameters[camera[rows], 3:]).value
+    rows = np.flatnonzero((distorting & ~at_measured)[camera])
+    vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:])
+    return vectors

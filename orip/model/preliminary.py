@@ -43,6 +43,18 @@ class ImageRays:
     vectors: FloatArray
     error: FloatArray
 
+    def of(self, rows: IntArray | BoolArray) -> ImageRays:
+        """Return some of the rays, or all in another order; photos and points keep their indices."""
+        return ImageRays(
+            self.photos,
+            self.points,
+            self.photo[rows],
+            self.point[rows],
+            self.xy[rows],
+            self.vectors[rows],
+            self.error[rows],
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class SubBlock:
@@ -236,12 +248,28 @@ class PhotoStart:
 
 
 @dataclass(frozen=True, slots=True)
-class PointStart:
-    """Preliminary coordinates of one point: ground units, with sX sY sZ where they were determined more than once."""
+class PointStarts:
+    """Preliminary coordinates of q points.
 
-    name: str
-    coordinates: tuple[float, float, float]
-    deviations: tuple[float, float, float] | None
+    Parameters
+    ----------
+    names : tuple of str
+    coordinates : array (q, 3)
+        Ground units.
+    deviations : array (q, 3)
+        sX sY sZ; NaN where they are not known.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    deviations: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.names)
+
+
+NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +284,7 @@ class PreliminaryValues:
     failures : tuple of NotOriented
         Models and joints that failed.
     photos : tuple of PhotoStart
-    points : tuple of PointStart
+    points : PointStarts
     findings : tuple of str
         What the user should know of the block as a whole: reflected or swapped control, units, blunders; in sentences.
     """
@@ -267,5 +295,5 @@ class PreliminaryValues:
     absolute: SimilarityStep | None
     failures: tuple[NotOriented, ...]
     photos: tuple[PhotoStart, ...]
-    points: tuple[PointStart, ...]
+    points: PointStarts
     findings: tuple[str, ...]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,10 @@ from numpy.typing import NDArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 from orip.model.preliminary import (
+    NO_POINTS,
     NotOriented,
     PhotoStart,
-    PointStart,
+    PointStarts,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
@@ -40,6 +42,12 @@ from orip.prelim.weak_joints import weak_joints
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+_ENOUGH, _ENOUGH_LISTED = 30, 80
+"""Points of a photo that orient it; and where models are listed, point by point."""
+
+_TO_THE_END = 1e-9
+"""Relative gain in the weighted square sum after which a system does not change its shape any more."""
 
 _STARTING_PAIRS = 5
 """First pairs that are tried one after the other."""
@@ -107,7 +115,10 @@ class _Chain:
         self.block = block
         self.control, self.centres = known_points(block), known_centres(block)
         self.all_rays = image_rays(block)
-        self.rays = thinned(self.all_rays, np.asarray(np.isfinite(self._full_control()).all(axis=1)))
+        known = set(self.control.names)
+        kept = np.array([name in known for name in block.point_names], dtype=bool)
+        self.rays = thinned(self.all_rays, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
+        self.row_of = {name: row for row, name in enumerate(self.rays.points)}
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
         self.by_models: Route | None = None
@@ -118,16 +129,17 @@ class _Chain:
     def values(self) -> PreliminaryValues:
         best: _Outcome | None = None
         rank = (False, -np.inf)
-        fitting: list[float] = []
+        ends: list[tuple[frozenset[int], float]] = []
         for number, route in enumerate(self._routes()):
             for outcome in self._outcomes(route):
                 misfit = self._misfit(outcome)
                 found = (outcome.on_ground or bool(outcome.findings), -misfit)
                 if found > rank:
                     best, rank = outcome, found
-                if self._fits(outcome):
-                    fitting.append(misfit)
-            if _is_enough(fitting, first=number == 0):
+                if self._is_complete(outcome):
+                    wrong = np.flatnonzero(misplaced(self.rays, outcome.placed))
+                    ends.append((frozenset(wrong.tolist()), misfit))
+            if _is_enough(ends, first=number == 0):
                 self.at_once = number == 0
                 break
         return self._told(best)
@@ -159,11 +171,10 @@ class _Chain:
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
-        held = np.full((len(self.block.point_names), 3), np.nan)
-        place = self.block.point_index()
+        held = np.full((len(self.rays.points), 3), np.nan)
         for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
-            if np.isfinite(xyz).all() and (wanted is None or name in wanted):
-                held[place[name]] = xyz
+            if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
+                held[self.row_of[name]] = xyz
         return held
 
     def _outcomes(self, route: Route) -> Iterator[_Outcome]:
@@ -173,6 +184,9 @@ class _Chain:
             yield _Outcome(route, route.systems[0], True, None, "")
             return
         first, *others = route.systems
+        if not np.isfinite(self._full_control()).any():
+            # no point will hold it on the ground, where it would go on to change its shape
+            first = self._growth().refined(first, _TO_THE_END)
         if self.block.definition.datum == "free" and not (self.control.names or self.centres.names):
             placed, finding = in_own_system(first, self.rays, self.block.distances)
             yield _Outcome(route, placed, True, None, "", (finding,))
@@ -229,19 +243,12 @@ class _Chain:
 
         A camera that is not calibrated lets the two rays of a point miss each other.
         """
-        index = self.block.point_index()
         wanted = np.zeros(len(self.rays.points), dtype=bool)
-        wanted[[index[name] for name in self.control.names if name in index]] = True
+        wanted[[self.row_of[name] for name in self.control.names if name in self.row_of]] = True
         wanted &= ~placed.known
         rows = np.flatnonzero(wanted[self.rays.point])
-        rays = replace(
-            self.rays,
-            photo=self.rays.photo[rows],
-            point=self.rays.point[rows],
-            xy=self.rays.xy[rows],
-            vectors=self.rays.vectors[rows],
-            error=_DOUBTFUL * self.rays.error[rows],
-        )
+        rays = self.rays.of(rows)
+        rays = replace(rays, error=_DOUBTFUL * rays.error)
         found = intersect(placed.rotations, placed.centres, placed.oriented, rays)
         return replace(
             placed,
@@ -279,10 +286,10 @@ class _Chain:
         judged = lengths[~np.isnan(lengths)]
         return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
-    def _fits(self, outcome: _Outcome) -> bool:
-        """Tell whether all photos are where they belong, as far as their points and the control can tell."""
-        complete = bool(outcome.placed.oriented.all()) and not misplaced(self.rays, outcome.placed).any()
-        return complete and (outcome.on_ground or bool(outcome.findings) or not self._control_suffices)
+    def _is_complete(self, outcome: _Outcome) -> bool:
+        """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
+        placed = outcome.on_ground or bool(outcome.findings) or not self._control_suffices
+        return placed and bool(outcome.placed.oriented.all())
 
     @property
     def _control_suffices(self) -> bool:
@@ -299,16 +306,10 @@ class _Chain:
             reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
             photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
             return PreliminaryValues(
-                steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), (), ()
+                steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), NO_POINTS, ()
             )
-        placed = self._where_rays_meet(best.placed)
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
-        known = np.flatnonzero(placed.known if best.on_ground else np.zeros(len(placed.known), dtype=bool))
-        places = zip(placed.coordinates[known].tolist(), placed.deviations[known].tolist(), strict=True)
-        points = [
-            PointStart(self.rays.points[row], (x, y, z), (sx, sy, sz))
-            for row, ((x, y, z), (sx, sy, sz)) in zip(known, places, strict=True)
-        ]
+        points = self._points(best.placed) if best.on_ground else NO_POINTS
         return PreliminaryValues(
             steps.relative,
             steps.bridges,
@@ -316,19 +317,20 @@ class _Chain:
             best.absolute,
             steps.failures,
             tuple(photos),
-            tuple(points),
+            points,
             best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
         )
 
-    def _where_rays_meet(self, placed: Placed) -> Placed:
-        """Return the system with control points, too, where their rays meet: control may be wrong."""
-        free = replace(self._growth(), rays=self.all_rays).intersected(placed)
-        known = free.known[:, None]
-        return replace(
-            placed,
-            coordinates=np.where(known, free.coordinates, placed.coordinates),
-            deviations=np.where(known, free.deviations, placed.deviations),
-        )
+    def _points(self, placed: Placed) -> PointStarts:
+        """Return where the rays of all points meet, control points too, which may be wrong; else where they are."""
+        found = intersect(placed.rotations, placed.centres, placed.oriented, self.all_rays)
+        coordinates, deviations = found.coordinates, found.deviations
+        place = self.block.point_index()
+        rows = np.array([place[name] for name in self.rays.points], dtype=np.int64)
+        alone = placed.known & np.isnan(coordinates[rows, 0])
+        coordinates[rows[alone]], deviations[rows[alone]] = placed.coordinates[alone], placed.deviations[alone]
+        known = np.isfinite(coordinates[:, 0])
+        return PointStarts(tuple(compress(self.all_rays.points, known)), coordinates[known], deviations[known])
 
     def _photo(self, best: _Outcome, photo: int) -> PhotoStart:
         name, placed = self.rays.photos[photo], best.placed
@@ -376,12 +378,15 @@ class _Chain:
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
-def _is_enough(fitting: list[float], *, first: bool) -> bool:
-    """Tell from the misfits of outcomes in which all photos fit whether nothing better is to be expected.
+def _is_enough(ends: list[tuple[frozenset[int], float]], *, first: bool) -> bool:
+    """Tell from the misplaced photos and the misfits of complete outcomes whether nothing better is to be expected.
 
-    That is so if the first way fits as well as it can, or if two ways have ended alike.
+    That is so if the first way fits as well as it can, or if two ways have ended alike: without misplaced photos, or
+    with the same ones in a block that fits well but for them.
     """
-    if not fitting:
+    if not ends:
         return False
-    least, *others = sorted(fitting)
-    return (first and least < _GOOD) or bool(others and others[0] < _AS_GOOD * least)
+    wrong, least = min(ends, key=lambda end: (len(end[0]), end[1]))
+    alike = sum(photos == wrong and misfit < _AS_GOOD * least for photos, misfit in ends)
+    fits = least < _GOOD
+    return (first and fits and not wrong) or (alike > 1 and (fits or not wrong))

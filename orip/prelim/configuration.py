@@ -66,13 +66,17 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
     area = _area(xy[[xy[:, 0].argmin(), xy[:, 1].argmin(), xy[:, 0].argmax(), xy[:, 1].argmax()]])
     if area <= SMALLEST_AREA * image:
         area = hull_area(xy)
-    return Configuration(area / image if image > 0.0 else 0.0, on_one_line(xy))
+    share = area / image if image > 0.0 else 0.0
+    return Configuration(share, share < SMALLEST_AREA and on_one_line(xy))
 
 
 def on_one_line(points: FloatArray) -> bool:
     """Return whether points (n, 2) or (n, 3) lie on one line, or in one place, as far as coordinates can tell."""
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return len(spread) < 2 or bool(spread[1] <= _ONE_LINE * spread[0])
+    offset = points - points.sum(axis=0) / len(points)
+    moments = offset.T @ offset
+    # sum and sum of squares of the squared extents along the axes: twice the product of length and width is left
+    total = float(np.trace(moments)) ** 2
+    return bool(total - np.vdot(moments, moments) <= 2.0 * _ONE_LINE**2 * total)
 
 
 def hull_area(xy: FloatArray) -> float:

@@ -61,6 +61,17 @@ _REFINED_AT = 1.5
 
 
 @dataclass(frozen=True, slots=True)
+class _Refused:
+    """What could not be added, with the known points that it had then: it is tried again when there are more.
+
+    Photos, and models of an oriented photo and one that is not.
+    """
+
+    photos: dict[int, int] = field(default_factory=dict)
+    models: dict[tuple[int, int], int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Growth:
     """What a system grows with.
 
@@ -88,19 +99,30 @@ class Growth:
     models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
     branching: bool = True
 
-    def grown(self, start: Placed) -> Placed:
+    @property
+    def held_points(self) -> BoolArray:
+        """Return which points do not change, array (number of points,)."""
+        return np.isfinite(self.held[:, 0])
+
+    def grown(self, start: Placed, enough: float = 0.0) -> Placed:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
         Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
+
+        Parameters
+        ----------
+        start : Placed
+        enough : float
+            At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
         if not self.branching:
-            return self._grown(start, lambda _photos: None)
+            return self._grown(start, enough, lambda _photos: None)
         with stage("orienting photos", len(self.rays.photos)) as advance:
-            return self._grown(start, advance)
+            return self._grown(start, enough, advance)
 
-    def _grown(self, start: Placed, advance: Callable[[int], None]) -> Placed:
+    def _grown(self, start: Placed, enough: float, advance: Callable[[int], None]) -> Placed:
         placed, refined = start, int(start.oriented.sum())
-        refused: dict[int, int] = {}
+        refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
         while True:
             added = self._with_more_photos(placed, refused)
@@ -110,13 +132,11 @@ class Growth:
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            # what is taken to the ground next grows, and is adjusted, once more
-            last = added is None and bool(np.isfinite(self.held).any())
-            placed, refined = self.refined(placed, 0.0 if last else ROUGH), count
+            placed, refined = self.refined(placed, enough if added is None else ROUGH), count
             wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
-                refused.clear()
+                refused = _Refused()
                 placed = self.intersected(placed.without_photos(wrong))
             elif added is None:
                 return placed
@@ -132,15 +152,9 @@ class Growth:
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         concerned[points] = True
         rows = np.flatnonzero(concerned[self.rays.point])
-        part = replace(
-            self.rays,
-            points=tuple(self.rays.points[point] for point in points),
-            photo=self.rays.photo[rows],
-            point=np.searchsorted(points, self.rays.point[rows]),
-            xy=self.rays.xy[rows],
-            vectors=self.rays.vectors[rows],
-            error=self.rays.error[rows],
-        )
+        part = self.rays.of(rows)
+        names = tuple(self.rays.points[point] for point in points)
+        part = replace(part, points=names, point=np.searchsorted(points, part.point))
         found = intersect(placed.rotations, placed.centres, placed.oriented, part)
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations
@@ -148,49 +162,48 @@ class Growth:
 
     def refined(self, placed: Placed, enough: float) -> Placed:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
-        held: BoolArray = np.asarray(np.isfinite(self.held).all(axis=1))
         found = refine(
             self.rays,
             placed.rotations,
             placed.centres,
             placed.oriented,
             placed.coordinates,
-            held_points=held,
+            held_points=self.held_points,
             enough=enough,
         )
         moved = replace(placed, rotations=found.rotations, centres=found.centres)
         return self.intersected(moved)
 
     def _with_held(self, placed: Placed) -> Placed:
-        rows = np.isfinite(self.held).all(axis=1)
+        rows = self.held_points
         if not rows.any():
             return placed
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
         coordinates[rows], deviations[rows] = self.held[rows], 0.0
         return replace(placed, coordinates=coordinates, deviations=deviations)
 
-    def _with_more_photos(self, placed: Placed, refused: dict[int, int]) -> Placed | None:
+    def _with_more_photos(self, placed: Placed, refused: _Refused) -> Placed | None:
         """Return the system with the photos that can be added in the safest way there is, None if there is none."""
         return (
             self._resected(placed, _WELL, refused)
-            or self._with_model(placed, _SCALE_CHECKED)
+            or self._with_model(placed, refused)
             or self._resected(placed, _BARELY, refused)
             or (self._with_block(placed) if self.branching else None)
-            or (self._by_three_points(placed) if np.isfinite(self.held).any() else None)
+            or (self._by_three_points(placed) if self.held_points.any() else None)
         )
 
-    def _resected(self, placed: Placed, fewest: int, refused: dict[int, int]) -> Placed | None:
+    def _resected(self, placed: Placed, fewest: int, refused: _Refused) -> Placed | None:
         """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
         counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
-        counts[[photo for photo, count in refused.items() if count >= counts[photo]]] = 0
+        counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
         result = None
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
             found = self.resection(placed, int(photo), known)
             if found is None:
-                refused[int(photo)] = int(counts[photo])
+                refused.photos[int(photo)] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
@@ -199,8 +212,8 @@ class Growth:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one."""
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
-        deviation = np.sqrt(np.mean(placed.deviations[points] ** 2, axis=1))
-        error = float(np.median(self.rays.error[rows]))
+        deviation = np.sqrt((placed.deviations[points] ** 2).sum(axis=1) / 3.0)
+        error = float(self.rays.error[rows].mean())
         found = resect(self.rays.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
@@ -244,25 +257,27 @@ class Growth:
         lengths = residual_lengths(self.rays, found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
-    def _with_model(self, placed: Placed, fewest: int) -> Placed | None:
+    def _with_model(self, placed: Placed, refused: _Refused) -> Placed | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.
 
-        At least `fewest` known points must fit: they give the scale.
+        Known points must fit that give the scale, and check it.
         """
         for oriented, photo in self._models_to_try(placed):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
-            if np.count_nonzero(placed.known[model.block.points]) < fewest:
+            known = np.count_nonzero(placed.known[model.block.points])
+            if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
             joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
-            if isinstance(joined, Joined) and _fitting_points(joined) >= fewest:
+            if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
                     f"model with photo {model.left} ({len(model.points)} points), joined on by "
                     f"{len(joined.step.points)} known points"
                 )
                 return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+            refused.models[oriented, photo] = int(known)
         return None
 
     def _with_block(self, placed: Placed) -> Placed | None:
@@ -277,10 +292,14 @@ class Growth:
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~placed.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            block = grower.grown(placed_block(self.rays, model.block, how))
+            block = grower.grown(placed_block(self.rays, model.block, how), ROUGH)
             joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
-            if isinstance(joined, Joined) and _fitting_points(joined) >= 1:
-                return _with_photos_of(placed, joined, block)
+            if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
+                continue
+            # what the sub-block began with may have turned out to be in the wrong place there
+            more = _with_photos_of(placed, joined, block)
+            if more is not placed:
+                return more
         return None
 
     def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:

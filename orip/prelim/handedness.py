@@ -17,7 +17,7 @@ from orip.geometry.similarity import Similarity, fit_similarity
 from orip.model.preliminary import SubBlock
 from orip.prelim.absolute_orientation import KnownPositions, control_of_block
 from orip.prelim.joining import Names
-from orip.prelim.similarity_adjustment import CommonPoints, adjusted, start_from_triples
+from orip.prelim.similarity_adjustment import TRIPLES, CommonPoints, adjusted, start_from_triples
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +33,9 @@ _NEAR = 0.1
 
 _TOO_FEW = 5
 """Points of which three always fit, and a robust fit would call the others wrong."""
+
+_ENOUGH = 60
+"""Control points that are looked at: what was mixed up was mixed up in all of them, but for a few."""
 
 _METRES_PER_DEGREE = 111_195.0
 """On a sphere of the radius 6371 km; within a block its flattening is of no account."""
@@ -102,14 +105,16 @@ def handedness(
         Sentences; none where nothing is wrong or nothing explains it.
     """
     _, common = control_of_block(block, names, control)
-    common = _full(common)
+    common = _some(common)
     if len(common.source) < 3:
         return ()
-    if findings := _geographic(common):
-        return findings
     given = _fit(common)
+    if given is None:
+        return ()
+    if findings := _geographic(common, given):
+        return findings
     mirrored = _fit(replace(common, source=-common.source))
-    if given is None or mirrored is None:
+    if mirrored is None:
         return ()
     mirrored = _Fit(replace(mirrored.similarity, rotation=-mirrored.similarity.rotation), mirrored.misfit)
     expected = _EXPECTED * float(np.median(common.errors(given.similarity)))
@@ -123,10 +128,9 @@ def handedness(
     return ()
 
 
-def _geographic(common: CommonPoints) -> tuple[str, ...]:
+def _geographic(common: CommonPoints, given: _Fit) -> tuple[str, ...]:
     """Say so when X and Y are longitude and latitude in degrees: taken as such they fit, and as lengths they do not."""
     x, y, _ = common.target.T
-    given = _fit(common)
     for longitude, latitude, order in ((0, 1, "X, Y"), (1, 0, "Y, X")):
         in_range = (
             np.abs(common.target[:, longitude]).max() <= 180.0 and np.abs(common.target[:, latitude]).max() <= 90.0
@@ -136,10 +140,8 @@ def _geographic(common: CommonPoints) -> tuple[str, ...]:
         metres = _METRES_PER_DEGREE * np.array([np.cos(np.radians(common.target[:, latitude].mean())), 1.0])
         target = np.column_stack([common.target[:, [longitude, latitude]] * metres, common.target[:, 2]])
         fit = _fit(replace(common, target=target))
-        if fit is None or given is None:
-            continue
         # both misfits in units of the block
-        if fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
+        if fit is not None and fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
             sentence = (
                 f"the control fits when {order} are longitude and latitude in degrees, and orip wants X, Y and Z in "
                 "one unit of length: convert them to projected coordinates (a national grid or UTM: easting, "
@@ -149,15 +151,10 @@ def _geographic(common: CommonPoints) -> tuple[str, ...]:
     return ()
 
 
-def _full(common: CommonPoints) -> CommonPoints:
-    full = common.full
-    return CommonPoints(
-        common.source[full],
-        common.target[full],
-        common.source_deviation[full],
-        common.target_deviation[full],
-        common.trusted[full],
-    )
+def _some(common: CommonPoints) -> CommonPoints:
+    """Return points that are known in full, no more than are enough, from the first to the last."""
+    full = np.flatnonzero(common.full)
+    return common.of(full[np.unique(np.linspace(0, len(full) - 1, min(len(full), _ENOUGH)).astype(np.int64))])
 
 
 def _fit(common: CommonPoints) -> _Fit | None:
@@ -167,7 +164,7 @@ def _fit(common: CommonPoints) -> _Fit | None:
             plain = fit_similarity(common.source, common.target)
             squares = ((plain.apply(common.source) - common.target) ** 2).sum(axis=1)
             return _Fit(plain, float(np.sqrt(squares.mean())))
-        found = adjusted(common, start_from_triples(common))
+        found = adjusted(common, start_from_triples(common, TRIPLES[:1]))
     except ValueError:
         return None
     return _Fit(found.similarity, float(np.median(found.lengths)))

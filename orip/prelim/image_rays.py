@@ -10,13 +10,14 @@ from orip.model.preliminary import ImageRays
 
 
 def image_rays(block: Block) -> ImageRays:
-    """Return the rays of a block; indices of photos and points are the block's.
+    """Return the rays of a block, point by point; indices of photos and points are the block's.
 
     Points of which a coordinate is disregarded, or whose distortion cannot be removed, give no ray.
     """
     points = block.photo_points
     vectors = image_vectors(block)
-    rows = points.used.all(axis=1) & np.isfinite(vectors).all(axis=1)
+    rows = np.flatnonzero(points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    rows = rows[np.argsort(points.point[rows], kind="stable")]
     return ImageRays(
         photos=tuple(photo.name for photo in block.photos),
         points=block.point_names,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orip.geometry.rotation import angles_from_rotation
 from orip.model.control import PreliminaryPoint
 from orip.model.ground import GroundSystem, PlainGround
-from orip.model.preliminary import ImageRays, PhotoStart, PointStart, PreliminaryValues, SubBlock
+from orip.model.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]
@@ -38,12 +38,15 @@ def orientations_in_project(photos: Sequence[PhotoStart], ground: GroundSystem) 
     return result
 
 
-def points_in_project(points: Sequence[PointStart], ground: GroundSystem) -> list[PreliminaryPoint]:
+def points_in_project(points: PointStarts, ground: GroundSystem) -> list[PreliminaryPoint]:
     """Return points as a .PRE file has them; deviations are those along the axes of the frame."""
-    xyz = ground.to_project(np.array([point.coordinates for point in points], dtype=np.float64).reshape(-1, 3))
+    xyz = ground.to_project(points.coordinates).tolist()
+    deviations = [
+        None if np.isnan(sx) else (sx, sy, sz) for sx, sy, sz in zip(*points.deviations.T.tolist(), strict=True)
+    ]
     return [
-        PreliminaryPoint(point.name, (float(x), float(y), float(z)), point.deviations)
-        for point, (x, y, z) in zip(points, xyz, strict=True)
+        PreliminaryPoint(name, (x, y, z), deviation)
+        for name, (x, y, z), deviation in zip(points.names, xyz, deviations, strict=True)
     ]
 
 
@@ -71,7 +74,7 @@ def block_in_project(values: PreliminaryValues, rays: ImageRays, ground: GroundS
         np.array(photos, dtype=np.int64),
         ground.axes_at(centres) @ np.array([values.photos[row].rotation for row in photos]).reshape(-1, 3, 3),
         centres,
-        np.array([place[point.name] for point in values.points], dtype=np.int64),
-        ground.to_project(np.array([point.coordinates for point in values.points]).reshape(-1, 3)),
-        np.array([point.deviations or (np.nan,) * 3 for point in values.points]).reshape(-1, 3),
+        np.array([place[name] for name in values.points.names], dtype=np.int64),
+        ground.to_project(values.points.coordinates),
+        values.points.deviations,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +28,9 @@ _MANY = 8
 
 _KEPT = 0.5
 """Weight factor from which on a ray counts for the angle and for lying in front."""
+
+_NUMBERS_OF_A_RAY = 9
+"""Room of the compiled loop: origin, direction, error, residual and one more."""
 
 _ABSOLUTE_ITERATIONS = 10
 _DANISH_ITERATIONS = 4
@@ -112,13 +116,37 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
     help, or if it is not clear which, weights follow the Danish method (Krarup, Juhl and Kubik 1980), begun with least
     absolute residuals.
     """
+    return (_point_by_point if is_compiled() else _all_at_once)(rotations, centres, oriented, rays)
+
+
+def _point_by_point(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
+    """Do what `_all_at_once` does in the compiled loop."""
+    count, points = len(rays.photo), len(rays.points)
+    ordered = bool((rays.point[1:] >= rays.point[:-1]).all())
+    order = slice(None) if ordered else np.argsort(rays.point, kind="stable")
+    start = np.zeros(points + 1, dtype=np.int64)
+    np.cumsum(np.bincount(rays.point, minlength=points), out=start[1:])
+    coordinates, deviations, angles = np.empty((points, 3)), np.empty((points, 3)), np.empty(points)
+    factors, factors_in_order = np.empty(count), np.empty(count)
+    of_rays = map(np.ascontiguousarray, (rays.vectors[order], rays.error[order], rotations, centres, oriented))
+    s0 = kernels.intersect(
+        np.ascontiguousarray(rays.photo[order]), start, *of_rays, coordinates, deviations, factors_in_order, angles,
+        np.empty((_NUMBERS_OF_A_RAY, count)), np.empty(count + points + 1, dtype=np.int64),
+        _QUANTILE, _LENGTH_AT_QUANTILE, SMALLEST_ANGLE, _LIMIT, LEAST_WEIGHT, _KEPT, _MANY, _ABSOLUTE_ITERATIONS,
+        _DANISH_ITERATIONS,
+    )  # fmt: skip
+    factors[order] = factors_in_order
+    return Intersected(coordinates, deviations, factors, angles, s0)
+
+
+def _all_at_once(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
     used = oriented[rays.photo]
     photo = rays.photo[used]
     vectors = rays.vectors[used]
     length = np.linalg.norm(vectors, axis=1)
     bundle = _Bundle(
         centres[photo],
-        (rotations[photo] @ (vectors / length[:, None])[:, :, None])[:, :, 0],
+        np.einsum("nij,nj->ni", rotations[photo], vectors / length[:, None]),
         rays.error[used] / length,
         rays.point[used],
         len(rays.points),
@@ -132,33 +160,6 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
 
 def _robust(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Return coordinates, deviations, weight factors of the rays, angles, s0."""
-    return _point_by_point(bundle) if is_compiled() else _all_at_once(bundle)
-
-
-def _point_by_point(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Do what `_all_at_once` does in the compiled loop."""
-    order = np.argsort(bundle.point, kind="stable")
-    sorted_rays = bundle.of(order)
-    start = np.concatenate([[0], np.cumsum(np.bincount(bundle.point, minlength=bundle.points))])
-    rays = (*sorted_rays[:3], start)
-    count = len(order)
-    points, residual, scratch = np.empty((bundle.points, 3)), np.empty(count), np.empty(count)
-    kernels.meet_first(*rays, points, residual, scratch)
-    s0 = _scale(sorted_rays, residual)
-    factors, variances, angles = np.empty(count), np.empty((bundle.points, 3)), np.empty(bundle.points)
-    kernels.meet_robustly(
-        *rays, points, factors, variances, angles, scratch,
-        s0, _LIMIT * s0, _LIMIT, LEAST_WEIGHT, _KEPT, _MANY, _ABSOLUTE_ITERATIONS, _DANISH_ITERATIONS,
-    )  # fmt: skip
-    number = np.bincount(sorted_rays.point[factors >= _KEPT], minlength=bundle.points)
-    determined = (number >= 2) & (angles >= SMALLEST_ANGLE) & np.isfinite(points).all(axis=1)
-    in_order = np.empty(count)
-    in_order[order] = np.where(determined[sorted_rays.point], factors, 0.0)
-    deviations = np.where(determined[:, None], s0 * np.sqrt(variances), np.nan)
-    return np.where(determined[:, None], points, np.nan), deviations, in_order, angles, s0
-
-
-def _all_at_once(bundle: _Bundle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     ones = np.ones(len(bundle.point))
     # the first position gives the distances that turn lengths into angles
     points, _ = _solve(bundle, ones)
@@ -263,16 +264,16 @@ def _scale(bundle: _Bundle, residual: FloatArray) -> float:
     """Return the robust scale of the residuals: a quantile, freed of the part that the points take up."""
     finite = np.isfinite(residual)
     number = np.bincount(bundle.point[finite], minlength=bundle.points)
-    tested = finite & (number[bundle.point] > 2)
-    tested = tested if np.count_nonzero(tested) > 10 else finite
-    if not tested.any():
-        return 1.0
-    rays = np.count_nonzero(tested)
-    points = np.count_nonzero(np.bincount(bundle.point[tested], minlength=1))
-    redundancy = (2 * rays - 3 * points) / (2 * rays)
+    several = number > 2
+    tested = finite & several[bundle.point]
+    rays, points = int(number[several].sum()), int(np.count_nonzero(several))
+    if rays <= 10:
+        tested, rays, points = finite, int(number.sum()), int(np.count_nonzero(number))
+    redundancy = (2 * rays - 3 * points) / (2 * rays) if rays else 0.0
     if redundancy <= 0.0:
         return 1.0
-    return max(1.0, float(np.quantile(residual[tested], _QUANTILE) / _LENGTH_AT_QUANTILE / np.sqrt(redundancy)))
+    length = float(np.quantile(residual[tested], _QUANTILE))
+    return max(1.0, length / float(_LENGTH_AT_QUANTILE) / math.sqrt(redundancy))
 
 
 def _judged(

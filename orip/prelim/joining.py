@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -99,17 +100,20 @@ class _Joint:
 
     def __init__(self, source: SubBlock, target: SubBlock, names: Names, step: Step) -> None:
         self.source, self.target, self.names, self.step = source, target, names, step
-        _, at_source, at_target = np.intersect1d(source.points, target.points, return_indices=True)
-        self.points = [names.points[k] for k in source.points[at_source]]
-        self.at_source = at_source
-        _, self.photo_source, self.photo_target = np.intersect1d(source.photos, target.photos, return_indices=True)
+        self.at_source, self.at_target = _common(source.points, target.points)
+        self.photo_source, self.photo_target = _common(source.photos, target.photos)
+        self.points = [names.points[k] for k in source.points[self.at_source]]
         self.photos = [names.photos[k] for k in source.photos[self.photo_source]]
-        centres = len(self.photos)
-        self.common = CommonPoints(
-            np.vstack([source.coordinates[at_source], source.centres[self.photo_source]]),
-            np.vstack([target.coordinates[at_target], target.centres[self.photo_target]]),
-            _with_centres(steady_deviations(source)[at_source], centres),
-            _with_centres(steady_deviations(target)[at_target], centres),
+
+    @cached_property
+    def common(self) -> CommonPoints:
+        """The common points, and below them the projection centres."""
+        source, target, centres = self.source, self.target, len(self.photos)
+        return CommonPoints(
+            np.vstack([source.coordinates[self.at_source], source.centres[self.photo_source]]),
+            np.vstack([target.coordinates[self.at_target], target.centres[self.photo_target]]),
+            _with_centres(steady_deviations(source)[self.at_source], centres),
+            _with_centres(steady_deviations(target)[self.at_target], centres),
             np.arange(len(self.points) + centres) >= len(self.points),
         )
 
@@ -204,6 +208,12 @@ class _Joint:
 
     def _failed(self, reason: str) -> NotOriented:
         return NotOriented(self.source.name, self.target.name, reason)
+
+
+def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
+    """Return where the indices that occur in both are in each; none occurs twice in one."""
+    _, at_source, at_target = np.intersect1d(source, target, assume_unique=True, return_indices=True)
+    return at_source, at_target
 
 
 def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:

@@ -28,7 +28,7 @@ def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
     photo is not oriented, or alone in seeing its point.
     """
     offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
-    u = (offset[:, None, :] @ placed.rotations[rays.photo])[:, 0]
+    u = np.einsum("ni,nij->nj", offset, placed.rotations[rays.photo])
     with np.errstate(divide="ignore", invalid="ignore"):
         image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
         length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error

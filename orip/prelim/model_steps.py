@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
@@ -23,7 +23,16 @@ def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:
 
 def orient_model(rays: ImageRays, model: StereoModel, index: PhotoIndex) -> RelativeOrientation | NotOriented:
     """Orient one model relatively; a photo that has no photo points is the reason why not."""
-    places = {record_key(name): place for place, name in enumerate(rays.photos)}
+    return _oriented(rays, _places(rays), model, index)
+
+
+def _places(rays: ImageRays) -> dict[str, int]:
+    return {record_key(name): place for place, name in enumerate(rays.photos)}
+
+
+def _oriented(
+    rays: ImageRays, places: Mapping[str, int], model: StereoModel, index: PhotoIndex
+) -> RelativeOrientation | NotOriented:
     missing = [name for name in (model.left, model.right) if record_key(name) not in places]
     if missing:
         return NotOriented(model.name, "", f"photo {' and photo '.join(missing)} has no photo points")
@@ -50,7 +59,8 @@ def orient_models(
     rays: ImageRays, models: Sequence[StereoModel], index: PhotoIndex
 ) -> tuple[list[RelativeOrientation], list[NotOriented]]:
     """Orient all models relatively, in driving order."""
-    found = [orient_model(rays, model, index) for model in in_driving_order(models)]
+    places = _places(rays)
+    found = [_oriented(rays, places, model, index) for model in in_driving_order(models)]
     oriented = [each for each in found if isinstance(each, RelativeOrientation)]
     return oriented, [each for each in found if isinstance(each, NotOriented)]
 

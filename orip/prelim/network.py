@@ -155,12 +155,12 @@ class CompiledSolver:
         points, size = len(network.point_free), 6 * len(order)
         weights = np.where(at.in_front, factors, 0.0)
         inverse, point_right, right = np.empty((points, 3, 3)), np.empty((points, 3)), np.zeros(size)
-        band = np.zeros((self._width, size))
+        band = np.zeros((size, self._width))
         kernels.normals(
             *self._arrays(state), place, network.point_free, weights,
             np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right, damping,
         )  # fmt: skip
-        solution = _solved(band, right)
+        solution = _solved(band.T, right)
         by_points = np.empty((points, 3))
         kernels.corrections(
             network.photo, self._start, place, self._coupling, inverse, point_right, solution, by_points
@@ -264,12 +264,22 @@ def _solve_band(blocks: FloatArray, coupling: csr_array, right: FloatArray) -> F
 
 
 def _solved(band: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a band matrix, the diagonals (width, size) of its lower half."""
-    from scipy.linalg import solveh_banded
+    """Solve a band matrix, the diagonals (width, size) of its lower half; it is used up if its columns are contiguous.
+
+    Raises
+    ------
+    LinAlgError
+        If it is not positive definite.
+    """
+    from scipy.linalg.lapack import dpbsv
 
     if not len(right):
         return right
-    return np.asarray(solveh_banded(band, right, lower=True, overwrite_ab=True, check_finite=False))
+    _, solution, leading = dpbsv(band, right, lower=True, overwrite_ab=True)
+    if leading:
+        message = f"the normal equations are not positive definite at row {leading}"
+        raise np.linalg.LinAlgError(message)
+    return np.asarray(solution)
 
 
 def _step(state: State, by_photos: FloatArray, by_points: FloatArray) -> State:

@@ -40,12 +40,12 @@ class Placed:
     @property
     def oriented(self) -> BoolArray:
         """Return which photos are placed, array (number of photos,)."""
-        return np.asarray(np.isfinite(self.centres).all(axis=1))
+        return np.isfinite(self.centres[:, 0])
 
     @property
     def known(self) -> BoolArray:
         """Return which points are placed, array (number of points,)."""
-        return np.asarray(np.isfinite(self.coordinates).all(axis=1))
+        return np.isfinite(self.coordinates[:, 0])
 
     def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> Placed:
         """Return the system with one more photo."""

@@ -7,6 +7,7 @@ deviations come of it: that is what the bundle adjustment is for.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,15 @@ BoolArray = NDArray[np.bool_]
 _LIMIT = 3.5
 """3.5: of residuals with two components one good one in 460 is longer."""
 
-ROUGH = 1e-3
+ROUGH = 1e-2
 """Relative gain in the weighted square sum below which a system is good enough to grow further."""
 
 _ENOUGH = 0.5
 """Gain in the weighted square sum, over the variance of unit weight, below which nothing is off by much more than its
 standard deviation: photos that hang together with the others by few points hardly show in the whole sum."""
+
+_UPHILL, _UPHILL_STEPS = 10.0, 2
+"""Times the weighted square sum up to which steps uphill are taken, and how many of them one after the other."""
 
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
@@ -147,38 +151,59 @@ def _network(
     return network, rows
 
 
+class _Stand(NamedTuple):
+    """Where the iterations stand: residuals, their robust scale, and weight factors (m,)."""
+
+    state: State
+    residuals: Residuals
+    s0: float
+    factors: FloatArray
+
+    def cost(self, at: Residuals) -> float:
+        """Return the weighted square sum of residuals with these weights.
+
+        A ray that has come to lie behind its photo counts as a large residual.
+        """
+        return float(self.factors @ np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6))
+
+
+def _stand(network: Network, state: State, residuals: Residuals) -> _Stand:
+    length = residuals.length
+    s0 = network.scale(length)
+    return _Stand(state, residuals, s0, danish_weights(length / max(s0, 1.0), _LIMIT))
+
+
 def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tuple[State, FloatArray, float, int]:
-    damping = 1e-4
+    """Return the state, weight factors (m,), s0 and the number of iterations.
+
+    Along a bent valley a whole step often leads uphill and the next one far down: two are taken on trust. If that
+    was for nothing it begins anew from where it was best, with more damping, and uphill no more.
+    """
     solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
-    here = solver.residuals(state)
-    iteration, gain, limit = 0, np.inf, 0.0
-    s0, factors = _weights(network, here)
+    best = here = _stand(network, state, solver.residuals(state))
+    iteration, gain, limit, damping = 0, np.inf, 0.0, 1e-4
+    trust, refused = _UPHILL_STEPS, False
     while iteration < sweeps and gain > limit:
         iteration += 1
         try:
-            tried = solver.moved(state, here, factors, damping)
+            tried = solver.moved(here.state, here.residuals, here.factors, damping)
         except np.linalg.LinAlgError:
             # the damping so far is less than rounding in normal equations that are nearly singular
-            damping *= 10.0
+            here, damping = best, damping * 10.0
             continue
         there = solver.residuals(tried)
-        before, after = _square_sum(here, factors), _square_sum(there, factors)
+        before, after = best.cost(best.residuals), best.cost(there)
         if after <= before:
-            gain, limit = before - after, enough * before or _ENOUGH * max(s0, 1.0) ** 2
-            state, here, damping = tried, there, max(damping * 0.1, _LEAST_DAMPING)
-            s0, factors = _weights(network, here)
+            limit = enough * before or _ENOUGH * max(best.s0, 1.0) ** 2
+            damping = max(damping * (1.0 if refused else 0.1), _LEAST_DAMPING)
+            trust, refused = (trust if trust < 0 else _UPHILL_STEPS), False
+            best = here = _stand(network, tried, there)
+            # what new weights take back is no gain
+            gain = min(before - after, abs(before - best.cost(there)))
+        elif trust > 0 and after <= _UPHILL * before:
+            trust -= 1
+            here = _stand(network, tried, there)
         else:
-            damping *= 10.0
-    return state, np.where(here.in_front, factors, 0.0), s0, iteration
-
-
-def _weights(network: Network, at: Residuals) -> tuple[float, FloatArray]:
-    length = at.length
-    s0 = network.scale(length)
-    return s0, danish_weights(length / max(s0, 1.0), _LIMIT)
-
-
-def _square_sum(at: Residuals, factors: FloatArray) -> float:
-    """Return the weighted sum of squares; a ray that has come to lie behind its photo counts as a large residual."""
-    squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6)
-    return float(factors @ squares)
+            trust = -1 if here is not best else trust
+            here, damping, refused = best, damping * 10.0, True
+    return best.state, np.where(best.residuals.in_front, best.factors, 0.0), best.s0, iteration

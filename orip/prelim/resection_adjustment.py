@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +13,6 @@ from numpy.typing import NDArray
 from orip.adjustment.weights import danish_weights
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes
-from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -20,21 +21,18 @@ IntArray = NDArray[np.int64]
 _BLUNDERS = 0.35
 """Largest part of the points that may be blunders."""
 
-_IMPROVEMENTS = 3
+IMPROVEMENTS = 3
 """Steps of trimmed least squares: enough to tell good starts from bad ones."""
 
-_ITERATIONS = 30
-_STEADY = 1e-6
+ITERATIONS = 30
+STEADY = 1e-6
 """Last correction, radians and parts of the points' spread: what follows it is of the order of its square."""
 
-_SAME_SCALE = 1.04
+SAME_SCALE = 1.04
 """Ratio of two estimates of the variance that give the same limit for blunders."""
 
-_LIMIT = 3.5
+LIMIT = 3.5
 """3.5: of residuals with two components one good one in 460 is longer."""
-
-_NUMBERS_OF_A_POINT = 18
-"""Room of the compiled loops: residuals, partials, variance, square, weight and a place to sort."""
 
 _LARGEST_TURN = 0.5
 """Radians in one iteration: further than that the linearisation means nothing."""
@@ -57,7 +55,7 @@ class Orientations(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class KnownPoints:
     """n known points of a photo, in units of their own spread, from their centroid: all ground systems are alike then.
 
@@ -87,6 +85,17 @@ class KnownPoints:
         return tuple(map(np.ascontiguousarray, (self.vectors, self.coordinates, self.deviations)))  # type: ignore[return-value]
 
     @property
+    def variance_of_least(self) -> float:
+        """Return the variance of unit weight over the sum of the smallest squared residuals that have to fit.
+
+        The mean of the smaller part q of exponentially distributed squares is 1 + (1 - q) ln(1 - q) / q of that of all.
+        """
+        count, least = len(self), self.least
+        left_out = 1.0 - least / count
+        share = 1.0 + (left_out * math.log(left_out) / (1.0 - left_out) if left_out > 0.0 else 0.0)
+        return count / max(count - 3, 1) / (2.0 * least * share)
+
+    @cached_property
     def least(self) -> int:
         """Return the number of points that have to fit."""
         return max(len(self) - int(_BLUNDERS * len(self)), min(len(self), 4))
@@ -101,14 +110,8 @@ class KnownPoints:
         return np.where(np.isfinite(ahead), np.sum(residual**2, axis=2) / variance, np.inf)
 
     def trimmed_variance(self, squares: FloatArray) -> FloatArray:
-        """Return the variances of unit weight (k,) that the smallest of squared residuals (k, n) tell of.
-
-        The mean of the smaller part q of exponentially distributed squares is 1 + (1 - q) ln(1 - q) / q of that of all.
-        """
-        left_out = 1.0 - self.least / len(self)
-        share = 1.0 + (left_out * np.log(left_out) / (1.0 - left_out) if left_out > 0.0 else 0.0)
-        mean = _smallest(squares, self.least).mean(axis=1) / 2.0
-        return np.asarray(mean / share * len(self) / max(len(self) - 3, 1))
+        """Return the variances of unit weight (k,) that the smallest of squared residuals (k, n) tell of."""
+        return np.asarray(self.variance_of_least * _smallest(squares, self.least).sum(axis=1))
 
     def costs(self, squares: FloatArray) -> FloatArray:
         """Return what orientations cost (k,): the sums of squared residuals (k, n), each blunder at the limit of one.
@@ -117,7 +120,7 @@ class KnownPoints:
         """
         # finite even where all points are behind the photo
         variance = min(max(float(self.trimmed_variance(squares).min()), 1.0), 1e300)
-        return np.asarray(np.minimum(squares / variance, _LIMIT**2).sum(axis=1))
+        return np.asarray(np.minimum(squares / variance, LIMIT**2).sum(axis=1))
 
 
 class Linearised(NamedTuple):
@@ -151,14 +154,36 @@ class Linearised(NamedTuple):
 
 
 class Adjusted(NamedTuple):
-    """One adjusted orientation: equations, weight factors (n,), s0, redundancy and normal equations (6, 6)."""
+    """One adjusted orientation.
+
+    Attributes
+    ----------
+    at : Orientations
+        One.
+    residual : array (n, 2)
+        Computed minus measured, mm.
+    squares : array (n,)
+        Squared standardised residuals; infinite behind the photo.
+    weight_factors : array (n,)
+    normals : array (6, 6)
+        Normal equations of rotations about the ground axes and projection centre.
+    """
 
     at: Orientations
-    equations: Linearised
+    residual: FloatArray
+    squares: FloatArray
     weight_factors: FloatArray
-    s0: float
-    redundancy: int
     normals: FloatArray
+
+    @property
+    def redundancy(self) -> int:
+        """Return the redundancy of the points with full weight."""
+        return max(_redundancy(self.weight_factors), 0)
+
+    @property
+    def s0(self) -> float:
+        """Return the standard error of unit weight; 1 without redundancy."""
+        return math.sqrt(_variance(self.squares, self.weight_factors))
 
 
 def improved(known: KnownPoints, start: Orientations) -> tuple[Orientations, FloatArray]:
@@ -176,19 +201,9 @@ def improved(known: KnownPoints, start: Orientations) -> tuple[Orientations, Flo
     array (k, n)
         Their squared standardised residuals.
     """
-    if is_compiled():
-        rotations, centres = np.array(start.rotations), np.array(start.centres)
-        squares = np.empty((len(centres), len(known)))
-        space = np.empty((2 * _NUMBERS_OF_A_POINT, len(known)))
-        kernels.improve(*known.arrays, rotations, centres, squares, space, known.error_mm, known.least, _IMPROVEMENTS)
-        return Orientations(rotations, centres), squares
-    return _improved_side_by_side(known, start)
-
-
-def _improved_side_by_side(known: KnownPoints, start: Orientations) -> tuple[Orientations, FloatArray]:
     at, here = start, _linearise(known, start)
     damping = np.full(len(start.centres), 1e-3)
-    for _ in range(_IMPROVEMENTS):
+    for _ in range(IMPROVEMENTS):
         correction, _ = _solve(here, _fits(here.squares, known.least), damping)
         moved = _moved(at, correction)
         there = _linearise(known, moved)
@@ -217,37 +232,20 @@ def adjusted(known: KnownPoints, start: Orientations, variance: float) -> Adjust
     -------
     Adjusted
     """
-    at, factors = (_compiled_danish if is_compiled() else _danish)(known, start, variance)
-    here = _linearise(known, at)
-    _, normals = _solve(here, factors, np.zeros(1))
-    s0 = float(np.sqrt(_variance(here, factors)))
-    return Adjusted(at, here, factors[0], s0, max(_redundancy(factors), 0), normals[0])
-
-
-def _compiled_danish(known: KnownPoints, start: Orientations, variance: float) -> tuple[Orientations, FloatArray]:
-    """Do what `_danish` does in the compiled loop."""
-    rotations, centres, factors = np.array(start.rotations), np.array(start.centres), np.empty((1, len(known)))
-    kernels.adjust(
-        *known.arrays, rotations, centres, factors, np.empty((_NUMBERS_OF_A_POINT, len(known))),
-        known.error_mm, known.least, variance, _LIMIT, LEAST_WEIGHT, _STEADY, _SAME_SCALE, _ITERATIONS,
-    )  # fmt: skip
-    return Orientations(rotations, centres), factors
-
-
-def _danish(known: KnownPoints, start: Orientations, variance: float) -> tuple[Orientations, FloatArray]:
-    """Return an adjusted orientation and the weight factors (1, n) that it was adjusted with."""
     at, limit = start, max(variance, 1.0)
-    for iteration in range(_ITERATIONS):
+    for iteration in range(ITERATIONS):
         here = _linearise(known, at)
-        factors = danish_weights(np.sqrt(here.squares / limit), _LIMIT)
+        factors = danish_weights(np.sqrt(here.squares / limit), LIMIT)
         correction, _ = _solve(here, factors, np.zeros(1))
         at = _moved(at, correction)
-        if np.abs(correction).max() < _STEADY:
-            estimated = max(_variance(here, factors), 1.0)
-            if 1.0 / _SAME_SCALE < estimated / limit < _SAME_SCALE or iteration > _ITERATIONS // 2:
+        if np.abs(correction).max() < STEADY:
+            estimated = max(_variance(here.squares[0], factors[0]), 1.0)
+            if 1.0 / SAME_SCALE < estimated / limit < SAME_SCALE or iteration > ITERATIONS // 2:
                 break
             limit = estimated
-    return at, factors
+    end = _linearise(known, at)
+    _, normals = _solve(end, factors, np.zeros(1))
+    return Adjusted(at, end.residual[0], end.squares[0], factors[0], normals[0])
 
 
 def _linearise(known: KnownPoints, at: Orientations) -> Linearised:
@@ -299,7 +297,7 @@ def _redundancy(factors: FloatArray) -> int:
     return 2 * int(np.count_nonzero(factors == 1.0)) - 6
 
 
-def _variance(equations: Linearised, factors: FloatArray) -> float:
+def _variance(squares: FloatArray, factors: FloatArray) -> float:
     """Return the variance of unit weight from the points with full weight; 1 without redundancy."""
     redundancy = _redundancy(factors)
-    return float(equations.squares[factors == 1.0].sum()) / redundancy if redundancy > 0 else 1.0
+    return float(squares[factors == 1.0].sum()) / redundancy if redundancy > 0 else 1.0

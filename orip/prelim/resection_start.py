@@ -22,7 +22,8 @@ _CANDIDATES = 5
 """Orientations that are improved before the best is chosen; both of a plane are among them."""
 
 _FITS = 9.0
-"""Square of the standardised residual that most points have at least where no triple has led to the orientation."""
+"""Square of the standardised residual that most points have at least where no triple has led to the orientation; as
+soon as there are candidates enough below it, no more triples are tried."""
 
 _PLANE = 0.15
 """Thickness over width of an object below which its homography gives orientations too."""
@@ -54,27 +55,40 @@ def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
     if quantile.min(initial=np.inf) > _FITS and _is_flat(known):
         of_plane = _of_plane(known)
         tried, quantile = tried.joined(of_plane), np.concatenate([quantile, _quantile(known, of_plane)])
-    best = np.argsort(quantile, kind="stable")
-    return tried.of(best[np.isfinite(quantile[best])][:_CANDIDATES])
+        tried, _ = _best(tried, quantile)
+    return tried
 
 
 def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
-    """Return the orientations of triples of points, and their quantiles."""
+    """Return the best orientations of triples of points, the best first, and their quantiles.
+
+    Triples that come after those that gave candidates enough which fit are not looked at.
+    """
     found = three_point_resection(known.vectors[triples], known.coordinates[triples])
     tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
-    return tried, _quantile(known, tried)
+    quantile = _quantile(known, tried)
+    triple = np.nonzero(found.valid)[0]
+    enough = np.flatnonzero(np.cumsum(quantile <= _FITS) >= _CANDIDATES)
+    looked_at = triple <= (triple[enough[0]] if len(enough) else len(triples))
+    return _best(tried.of(looked_at), quantile[looked_at])
 
 
 def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
     """Do what `_of_triples` does in the compiled loop."""
-    count = 4 * len(triples)
-    rotations, centres, quantile = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(count)
-    triples = np.ascontiguousarray(triples)
+    rotations, centres, quantile = np.empty((_CANDIDATES, 3, 3)), np.empty((_CANDIDATES, 3)), np.empty(_CANDIDATES)
     kernels.rank(
-        *known.arrays, triples, rotations, centres, quantile, np.empty(len(known)), known.error_mm, known.least
-    )
-    valid = np.isfinite(quantile)
-    return Orientations(rotations[valid], centres[valid]), quantile[valid]
+        *known.arrays, np.ascontiguousarray(triples), rotations, centres, quantile, np.empty(len(known)),
+        known.error_mm, known.least, _FITS,
+    )  # fmt: skip
+    number = np.count_nonzero(np.isfinite(quantile))
+    return Orientations(rotations[:number], centres[:number]), quantile[:number]
+
+
+def _best(tried: Orientations, quantile: FloatArray) -> tuple[Orientations, FloatArray]:
+    """Return the orientations of which most points fit best, and their quantiles."""
+    best = np.argsort(quantile, kind="stable")
+    best = best[np.isfinite(quantile[best])][:_CANDIDATES]
+    return tried.of(best), quantile[best]
 
 
 def _quantile(known: KnownPoints, at: Orientations) -> FloatArray:

@@ -18,6 +18,7 @@ from orip.prelim.growing import Growth
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.pair_selection import pairs_by_common_points
 from orip.prelim.placed import Placed, nothing_placed, placed_block
+from orip.prelim.refinement import ROUGH
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -66,7 +67,7 @@ def by_models(growth: Growth, models: Sequence[StereoModel]) -> Route:
     told = _how_by_models(growth.rays, relative, bridged, connected.steps)
     systems = [_with_sentences(placed_block(growth.rays, block, ""), growth.rays, told) for block in blocks]
     return Route(
-        (growth.grown(systems[0]), *systems[1:]) if systems else (),
+        (growth.grown(systems[0], ROUGH), *systems[1:]) if systems else (),
         relative=tuple(relative),
         bridges=bridged.steps,
         connections=connected.steps,
@@ -126,7 +127,7 @@ def by_pairs(growth: Growth, choice: int) -> Route:
     free = np.ones(len(growth.rays.photos), dtype=bool)
     while (start := _starting_pair(growth, free, choice if not systems else 0)) is not None:
         how = f"model of photos {start.left} and {start.right}, {len(start.points)} points"
-        system = growth.grown(placed_block(growth.rays, start.block, how))
+        system = growth.grown(placed_block(growth.rays, start.block, how), ROUGH)
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented
@@ -136,7 +137,7 @@ def by_pairs(growth: Growth, choice: int) -> Route:
 
 def photos_with_control(growth: Growth) -> BoolArray:
     """Return which photos see enough control points for a resection that a wrong one does not spoil."""
-    known: BoolArray = np.asarray(np.isfinite(growth.held).all(axis=1))
+    known = growth.held_points
     return np.array([int(known[points].sum()) >= _KNOWN_POINTS for points in growth.index.points], dtype=np.bool_)
 
 

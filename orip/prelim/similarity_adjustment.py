@@ -7,6 +7,7 @@ beyond three times of it is weighted down.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +27,12 @@ ALL_UNKNOWNS = np.arange(UNKNOWNS)
 NO_ROTATION = np.arange(4)
 """Scale and shift: the rotation is held."""
 
-_TRIPLES = 500
-"""All triples up to 15 points. With half of the points wrong one triple of eight is good; 500 miss it never."""
+TRIPLES = 40, 500
+"""Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
+triple of eight is good; 500 miss it never."""
+
+_FITTING = 9.0
+"""d²/s² that most points stay below at a start that fits."""
 
 _MEDIAN_OF_CHI2 = 2.37
 """Median of the square sum of three standard normal residuals."""
@@ -81,6 +86,16 @@ class CommonPoints:
     def full(self) -> BoolArray:
         """Return which points are known in all three coordinates, array (n,)."""
         return np.asarray(self.known.all(axis=1))
+
+    def of(self, rows: IntArray) -> CommonPoints:
+        """Return some of the points."""
+        return CommonPoints(
+            self.source[rows],
+            self.target[rows],
+            self.source_deviation[rows],
+            self.target_deviation[rows],
+            self.trusted[rows],
+        )
 
     @property
     def extent(self) -> float:
@@ -142,13 +157,15 @@ class SimilarityAdjustment:
         return float(full.max()) if full.size else 0.0
 
 
-def start_from_triples(common: CommonPoints) -> Similarity:
+def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> Similarity:
     """Return the similarity of the three points that most others agree with.
 
     Parameters
     ----------
     common : CommonPoints
         Three full points at least.
+    tried : sequence of int
+        Numbers of triples, each of which is tried if nothing fits with those before.
 
     Returns
     -------
@@ -160,12 +177,15 @@ def start_from_triples(common: CommonPoints) -> Similarity:
         When all triples lie on lines.
     """
     full = np.flatnonzero(common.full)
-    triples = full[subsets(len(full), 3, _TRIPLES, 0)]
-    starts = fit_similarities(common.source[triples], common.target[triples])
-    if not len(starts.scale):
-        message = "the common points lie on one line"
-        raise ValueError(message)
-    return best_start(common, starts)
+    for number in tried:
+        triples = full[subsets(len(full), 3, number, 0)]
+        starts = fit_similarities(common.source[triples], common.target[triples])
+        if len(starts.scale):
+            costs, most = _compared(common, starts)
+            if most <= _FITTING or number == tried[-1]:
+                return starts.one(int(costs.argmin()))
+    message = "the common points lie on one line"
+    raise ValueError(message)
 
 
 def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
@@ -177,12 +197,18 @@ def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
 
 def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
     """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
+    return _compared(common, starts)[0]
+
+
+def _compared(common: CommonPoints, starts: Similarities) -> tuple[FloatArray, float]:
+    """Return the truncated costs (s,) of starts, and the least d²/s² that most points stay below at one of them."""
     squares = _squares(common, starts)
     count = squares.shape[1]
     # least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm
     rank = min(count // 2 + 2, count - 1) if count > 3 else count
-    factor = max(1.0, float(np.sort(squares, axis=1)[:, rank - 1].min()) / _MEDIAN_OF_CHI2)
-    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1))
+    most = float(np.partition(squares, rank - 1, axis=1)[:, rank - 1].min())
+    factor = max(1.0, most / _MEDIAN_OF_CHI2)
+    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1)), most
 
 
 def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,49 +11,53 @@ from numpy.typing import NDArray
 from orip.model.preliminary import ImageRays
 
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
-_ENOUGH = 80
-"""Points of a photo that are kept at least, if it has as many."""
+_HOLDING = 4
+"""Points that are kept at least of those that hold two photos together."""
+
+_MANY = 1.5
+"""Times the points that are enough: photos with fewer, in the middle, keep all of them."""
 
 
-def thinned(rays: ImageRays, kept: BoolArray) -> ImageRays:
-    """Return the rays of so many points that each photo has enough of them; photos and points keep their indices.
+def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
+    """Return the rays of so many points that each photo has enough of them; points that are left out have no index.
 
-    Points with most rays come first, since they hold the block together; among equals they are taken in the order of
-    their names' places, as evenly as they were measured.
+    Of each photo, and of each two photos that are neighbours in the list of those that show a point, those points are
+    taken that most other photos show, since they hold the block together; among equals as a fixed shuffle has them, as
+    neighbours in a list of names are often neighbours on the ground.
 
     Parameters
     ----------
     rays : ImageRays
     kept : array (number of points,) of bool
         Points that are kept in any case: those that are known on the ground.
+    enough : int
+        Points of a photo that are kept at least, if it has as many.
     """
     per_photo = np.bincount(rays.photo, minlength=len(rays.photos))
-    if len(per_photo) == 0 or np.median(per_photo) <= 2 * _ENOUGH:
+    if len(per_photo) == 0 or np.median(per_photo) <= _MANY * enough:
         return rays
+    rays = rays.of(np.lexsort((rays.photo, rays.point)))
     number = np.bincount(rays.point, minlength=len(rays.points))
-    # a fixed shuffle: neighbours in a list of names are often neighbours on the ground
-    order = np.random.default_rng(0).permutation(len(rays.points))
-    order = order[np.argsort(-number[order], kind="stable")]
-    by_point = np.argsort(rays.point, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(number)])
-    have = np.bincount(rays.photo[kept[rays.point]], minlength=len(rays.photos))
-    chosen = kept.copy()
-    shared = np.bincount(rays.photo[(number > 1)[rays.point]], minlength=len(rays.photos))
-    wanted = np.minimum(shared, _ENOUGH)
-    for point in order[(number > 1)[order] & ~kept[order]]:
-        photos = rays.photo[by_point[starts[point] : starts[point + 1]]]
-        if (have[photos] < _ENOUGH).any():
-            chosen[point] = True
-            have[photos] += 1
-            if (have >= wanted).all():
-                break
-    rows = chosen[rays.point]
-    return replace(
-        rays,
-        photo=rays.photo[rows],
-        point=rays.point[rows],
-        xy=rays.xy[rows],
-        vectors=rays.vectors[rows],
-        error=rays.error[rows],
-    )
+    shuffle = np.random.default_rng(0).permutation(len(rays.points))
+    worth = np.empty(len(shuffle), dtype=np.int64)
+    worth[np.lexsort((shuffle, -number))] = np.arange(len(shuffle))
+    chosen = kept & (number > 0)
+    shared = np.flatnonzero(number[rays.point] > 1)
+    chosen[_first_of_each(rays.photo[shared], rays.point[shared], worth, enough)] = True
+    of_joint = np.flatnonzero(rays.point[1:] == rays.point[:-1])
+    joint = rays.photo[of_joint] * len(rays.photos) + rays.photo[of_joint + 1]
+    chosen[_first_of_each(joint, rays.point[of_joint], worth, _HOLDING)] = True
+    part = rays.of(chosen[rays.point])
+    place = np.cumsum(chosen) - 1
+    return replace(part, points=tuple(compress(rays.points, chosen)), point=place[part.point])
+
+
+def _first_of_each(group: IntArray, point: IntArray, worth: IntArray, most: int) -> IntArray:
+    """Return so many points of each group, those first that have the least place in `worth` (number of points,)."""
+    order = np.lexsort((worth[point], group))
+    ordered = group[order]
+    first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])) if len(order) else order
+    rank = np.arange(len(order)) - np.repeat(first, np.diff(np.append(first, len(order))))
+    return point[order[rank < most]]

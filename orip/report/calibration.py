@@ -99,12 +99,16 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Tab
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
     significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]
-    columns = (
+    columns: tuple[Column, ...] = (
         Column("Parameter", [kind for kind, *_ in shown], key="name", words=True),
         Column("Unit", [unit for _kind, unit, *_ in shown], words=True),
         Column("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
         Column("Adjusted", [value for value, _sd in written], key="value"),
         Column("sd", [sd for _value, sd in written], key="sd"),
+    )
+    if not any(significant):
+        return Table(f"cameras.{name}", f"Parameters of camera {name}", columns)
+    columns += (
         Column("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
         Column("Significant", significant, words=True),
     )

@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from orip.model.solution import Estimates, Solution
 from orip.report.drawing import drawing, element, number, round_step, shown_tick, text, ticks
+from orip.report.labels import Box, labels
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60
+_BEYOND = 0.25
+"""How far an ellipse may widen the drawing, in parts of the block's longer side."""
+
 _POINT, _PHOTO = 0.02, 0.10
 """Largest semi-axis of a typical point's and photo's ellipse in the drawing, in parts of its sides."""
 
@@ -45,10 +49,11 @@ class EllipseView(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EllipseViews:
-    """Plan and elevations, enlarged alike, and what is to be known of them."""
+    """Plan and elevations, enlarged alike, what is to be known of them, and the kinds of places that are drawn."""
 
     views: tuple[EllipseView, ...]
     note: str
+    kinds: tuple[str, ...]
 
 
 def standard_ellipses(sd_a: FloatArray, sd_b: FloatArray, r: FloatArray) -> Ellipses:
@@ -70,10 +75,14 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
     rows = drawn_points(solution, MOST_ELLIPSES)
     scenes = [_scene(solution, rows, *view) for view in VIEWS]
     enlargement = min(_enlargement(scene) for scene in scenes)
-    note = f"Standard ellipses, enlarged {round(enlargement)} times."
+    note = (
+        f"Standard ellipses, enlarged {round(enlargement)} times. A mark whose name has no room tells it to the mouse."
+    )
     if len(rows) < count:
         note += f" {len(rows)} of {count} points are drawn: control and check points, and every so many of the others."
-    return EllipseViews(tuple(_view(solution, rows, scene, enlargement) for scene in scenes), note)
+    found = {"photo", *(solution.point_kinds[row] for row in rows)}
+    kinds = tuple(kind for kind in ("photo", "control", "check", "rejected", "tie") if kind in found)
+    return EllipseViews(tuple(_view(solution, rows, scene, enlargement) for scene in scenes), note, kinds)
 
 
 def drawn_points(solution: Solution, most: int) -> IntArray:
@@ -102,29 +111,41 @@ class _Plane(NamedTuple):
 
 
 class _Scene(NamedTuple):
-    """What one view shows: its title and axes, the plane, and the ellipses of points and photos."""
+    """What one view shows: its title and axes, places and standard deviations (n, 2), the ellipses of both kinds."""
 
     title: str
     axes: list[int]
-    plane: _Plane
+    places: FloatArray
+    sd: FloatArray
     points: Ellipses
     photos: Ellipses
+
+    def bounds(self, enlargement: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Return the corners of what is drawn: all places and their ellipses, with a margin."""
+        known = np.isfinite(self.places).all(axis=1)
+        at = self.places[known]
+        longest = max(float(np.max(np.ptp(at, axis=0))), 1e-9)
+        reach = np.minimum(np.nan_to_num(enlargement * self.sd[known]), _BEYOND * longest)
+        return (at - reach).min(axis=0) - 0.06 * longest, (at + reach).max(axis=0) + 0.06 * longest
 
 
 def _scene(solution: Solution, rows: IntArray, title: str, across: int, up: int) -> _Scene:
     axes, pair = [across, up], _PAIR[across, up]
     photos = np.arange(len(solution.photos.names))
+    sd = np.concatenate([solution.points.sd[rows][:, axes], solution.photos.sd[:, axes]])
     return _Scene(
         title,
         axes,
-        _plane(np.concatenate([solution.points.values[rows][:, axes], solution.photos.values[:, axes]])),
+        np.concatenate([solution.points.values[rows][:, axes], solution.photos.values[:, axes]]),
+        np.where(np.isfinite(sd), sd, np.nan),
         _ellipses(solution.points, solution.point_correlations, axes, pair, rows),
         _ellipses(solution.photos, solution.photo_correlations, axes, pair, photos),
     )
 
 
 def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float) -> EllipseView:
-    plane, scale = scene.plane, scene.plane.scale * enlargement
+    plane = _plane(*scene.bounds(enlargement))
+    scale = plane.scale * enlargement
     points = plane.place(solution.points.values[rows][:, scene.axes])
     photos = plane.place(solution.photos.values[:, scene.axes])
     drawn = [
@@ -132,6 +153,7 @@ def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float)
         *_drawn(scene.points, points, scale, [solution.point_kinds[row] for row in rows]),
         *_photo_marks(solution, photos),
         *_point_marks(solution, rows, points),
+        *_names(solution, rows, plane, photos, points),
     ]
     # a drawing within the drawing cuts off what is beyond the frame
     inner = element(
@@ -151,23 +173,19 @@ def _ellipses(estimates: Estimates, correlations: FloatArray, axes: list[int], p
     return standard_ellipses(sd[:, 0], sd[:, 1], correlations[rows, pair])
 
 
-def _plane(at: FloatArray) -> _Plane:
-    at = at[np.isfinite(at).all(axis=1)]
-    low, high = at.min(axis=0), at.max(axis=0)
-    margin = 0.06 * max(float(np.max(high - low)), 1e-9)
-    low, high = low - margin, high + margin
+def _plane(low: FloatArray, high: FloatArray) -> _Plane:
     width, height = (high - low).tolist()
     scale = min((_WIDTH - _LEFT - _RIGHT) / width, (_TALLEST - _TOP - _BOTTOM) / height)
     if height * scale < _SHORTEST:
-        low[1] -= (_SHORTEST / scale - height) / 2.0
+        low = low - [0.0, (_SHORTEST / scale - height) / 2.0]
         height = _SHORTEST / scale
     return _Plane(low, scale, width * scale, height * scale)
 
 
 def _enlargement(scene: _Scene) -> float:
     """Return a round number that makes typical ellipses visible, and does not let them cover the drawing."""
-    shorter = min(scene.plane.width, scene.plane.height) / scene.plane.scale
-    longer = max(scene.plane.width, scene.plane.height) / scene.plane.scale
+    low, high = scene.bounds()
+    shorter, longer = sorted((high - low).tolist())
     allowed = [
         part * length / float(np.median(known))
         for part, length, major in (
@@ -194,20 +212,16 @@ def _drawn(ellipses: Ellipses, places: FloatArray, scale: float, kinds: list[str
 
 
 def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
-    labelled = len(places) <= _MOST_LABELS
     marks = []
     for name, (x, y) in zip(solution.photos.names, places.tolist(), strict=True):
         if not np.isfinite([x, y]).all():
             continue
         marks.append(f'<rect x="{number(x - 2.5)}" y="{number(y - 2.5)}" width="5" height="5" class="mark photo">'
                      f"<title>photo {escape(name)}</title></rect>")  # fmt: skip
-        if labelled:
-            marks.append(text(x + 5.0, y - 4.0, name, class_="faint"))
     return marks
 
 
 def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list[str]:
-    labelled = sum(solution.point_kinds[row] != "tie" for row in rows) <= _MOST_LABELS
     marks = []
     for row, (x, y) in zip(rows.tolist(), places.tolist(), strict=True):
         kind, name = solution.point_kinds[row], solution.points.names[row]
@@ -218,9 +232,22 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
             marks.append(f'<circle cx="{number(x)}" cy="{number(y)}" r="1.3" class="mark tie">{title}</circle>')
             continue
         marks.append(f'<path d="M{number(x)} {number(y - 4.5)}l4 7h-8z" class="mark {kind}">{title}</path>')
-        if labelled:
-            marks.append(text(x + 5.0, y + 9.0, name, class_="faint"))
     return marks
+
+
+def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray, points: FloatArray) -> list[str]:
+    """Return the names of photos, control and check points, where they are not too many and have room."""
+    surveyed = [place for place, row in enumerate(rows.tolist()) if solution.point_kinds[row] != "tie"]
+    groups = [
+        (photos, solution.photos.names),
+        (points[surveyed], [solution.points.names[row] for row in rows[surveyed]]),
+    ]
+    few = [(places, names) for places, names in groups if 0 < len(names) <= _MOST_LABELS]
+    if not few:
+        return []
+    frame = Box(_LEFT, _TOP, _LEFT + plane.width, _TOP + plane.height)
+    found = labels(np.concatenate([places for places, _ in few]), [name for _, names in few for name in names], frame)
+    return [text(each.x, each.y, each.name, text_anchor=each.anchor, class_="faint") for each in found]
 
 
 def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
@@ -232,7 +259,7 @@ def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
         x = _LEFT + (tick - plane.low[0]) * plane.scale
         parts.append(element("line", x1=x, x2=x, y1=_TOP, y2=base, class_="grid"))
         parts.append(text(x, base + 16.0, _tick(tick), text_anchor="middle"))
-    for tick in ticks(float(plane.low[1]), float(high[1]), max(int(plane.height / 70), 2)):
+    for tick in ticks(float(plane.low[1]), float(high[1]), max(int(plane.height / 70), 3)):
         y = base - (tick - plane.low[1]) * plane.scale
         parts.append(element("line", x1=_LEFT, x2=right, y1=y, y2=y, class_="grid"))
         parts.append(text(_LEFT - 6.0, y + 4.0, _tick(tick), text_anchor="end"))
@@ -241,7 +268,7 @@ def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
     label = {"text_anchor": "middle", "class_": "label"}
     return [
         *parts,
-        text((_LEFT + right) / 2.0, base + 34.0, across, **label),
+        text(_LEFT, base + 34.0, across, class_="label"),
         text(12.0, y, up, transform=f"rotate(-90 12 {number(y)})", **label),
     ]
 

@@ -278,8 +278,9 @@ def _mean_drawing(camera: str, means: CellMeans, low: FloatArray, high: FloatArr
         frame.border(),
         element("path", d=_dots(frame.place(means.centre)), class_="feet"),
         element("path", d=frame.vectors(means.centre, means.mean), class_="vector mean"),
-        *(text(x, y + 14.0, str(count), text_anchor="middle", class_="faint")
-          for (x, y), count in zip(places, means.count.tolist(), strict=True)),
+        # the number on the side that the vector does not go to
+        *(text(x, y + (14.0 if up >= 0.0 else -6.0), str(count), text_anchor="middle", class_="faint")
+          for (x, y), up, count in zip(places, means.mean[:, 1].tolist(), means.count.tolist(), strict=True)),
         *frame.scale_bar(height + 2 * _MARGIN + 8.0),
     ]  # fmt: skip
     label = f"Mean residuals of camera {camera} in parts of its frame, with the number of photo points"

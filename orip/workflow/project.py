@@ -186,7 +186,7 @@ def open_project(folder: Path) -> Project:
     if not path.exists():
         message = (
             f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project; go to the project's folder, "
-            f"name it with -C DIR, or write an {PROJECT_FILE} (the README has one to start from)"
+            f"name it with -C DIR, or begin with a sample: orip init --sample"
         )
         raise InputError.single(message)
     parsed = read_project(path, PROJECT_FILE)

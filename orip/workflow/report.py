@@ -69,7 +69,10 @@ def write_report(
     try:
         replace_text(path, text)
     except OSError as error:
-        message = f"{project.shown(path)} cannot be written: {error.strerror or error}; choose another file: --output"
+        message = (
+            f"{project.shown(path)} cannot be written: {error.strerror or error}; "
+            "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
+        )
         raise OripError(message) from error
     return WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
 

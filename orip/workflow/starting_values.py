@@ -61,4 +61,7 @@ def not_oriented(values: PreliminaryValues) -> str:
         "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows "
         "each step"
     )
-    return "\n".join([f"{title}; {advice}", *dict.fromkeys(reasons)])
+    different = list(dict.fromkeys(reasons))
+    if len(different) == 1:
+        return f"{title}: {different[0]}; {advice}"
+    return "\n".join([f"{title}; {advice}", *different])

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -123,12 +124,15 @@ def ground_digests(project: Project, bundle: str) -> Digests:
 
 
 def _misspelt(project: Project, path: Path) -> Complaint | None:
-    """Return a complaint if a file is missing while one of the same name in other letters is there."""
+    """Return a complaint if a file is missing while one in other letters, or with .txt after its name, is there."""
     if path.exists() or not path.parent.is_dir():
         return None
+    shown = project.shown(path)
+    if path.is_symlink():
+        return Complaint(f"this link leads to {path.readlink()}, which is not there; mend the link", shown)
+    likely = {path.name.lower(), f"{path.name}.txt".lower()}
     for other in sorted(path.parent.iterdir()):
-        if other.name.lower() == path.name.lower():
-            shown = project.shown(path)
+        if other.name.lower() in likely:
             return Complaint(
                 f"this file is not read: the project's file is called {shown}; rename it", project.shown(other)
             )
@@ -150,6 +154,7 @@ def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
         if any(mark in pattern for mark in "*?["):
             matches = sorted(project.folder.glob(pattern), key=lambda path: natural_key(project.shown(path)))
             found.update(dict.fromkeys(matches))
+            complaints += _nearly_matching(project, pattern, matches)
         elif (project.folder / pattern).exists():
             found[project.folder / pattern] = None
         else:
@@ -160,6 +165,16 @@ def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
         found.pop(edits, None)
         found[edits] = None
     return Parsed(tuple(found), tuple(complaints))
+
+
+def _nearly_matching(project: Project, pattern: str, matches: Sequence[Path]) -> Iterator[Complaint]:
+    """Complain of files that a pattern misses by their capitals, or, if it finds none at all, by a .txt at the end."""
+    suffixes = ("",) if matches else ("", ".txt")
+    likely = [f"{pattern}{suffix}".lower() for suffix in suffixes]
+    for path in sorted(project.folder.iterdir()):
+        if path not in matches and any(fnmatchcase(path.name.lower(), each) for each in likely):
+            message = f"this file is not read: measurement files are called {pattern}; rename it, or name it in "
+            yield Complaint(f"{message}measurement_files of orip.toml", project.shown(path))
 
 
 def read_log(project: Project, files: Sequence[Path] = ()) -> Parsed[MeasurementLog]:

@@ -78,6 +78,21 @@ def test_the_page_is_shown_without_an_error_and_from_nowhere_else(browser, shown
     assert [each for each in requests if '"url":"http' in each] == []
 
 
+def test_no_button_takes_a_project_elsewhere(browser, shown):
+    shown("small_frame_block")
+    buttons = browser.execute_script(
+        "return [...document.querySelectorAll('.modebar-btn')].map(each => each.dataset.title)"
+    )
+    assert "Download plot as a PNG" in buttons
+    assert not [each for each in buttons if "share" in each.lower() or "cloud" in each.lower()]
+    assert browser.execute_script("return [view._context.showSendToCloud, view._context.plotlyServerURL]") == [
+        False,
+        "",
+    ]
+    links = browser.execute_script("return [...document.links].map(each => each.getAttribute('href'))")
+    assert [each for each in links if not each.startswith("#")] == []
+
+
 def test_the_block_is_drawn_with_photos_points_and_rays_on_demand(browser, shown):
     result = shown("small_frame_block")
     traces = browser.execute_script(
@@ -100,6 +115,20 @@ def rays_drawn(browser):
     return browser.execute_script(
         "return view.data.find(trace => trace.name === 'rays').x.filter(each => each === null).length"
     )
+
+
+def test_the_block_fits_on_paper(browser, shown):
+    shown("small_frame_block")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        sides = browser.execute_script(
+            "return ['.gl-container canvas', '.main-svg'].map("
+            "each => document.querySelector('#view ' + each).getBoundingClientRect().width)"
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert max(sides) <= 184 / 25.4 * 96, "the width of A4 within the margins, in pixels"
+    assert min(sides) > 100 / 25.4 * 96
 
 
 def test_tables_are_sorted_by_a_click(browser, opened):
@@ -131,6 +160,20 @@ def test_the_page_fits_a_telephone_and_the_dark(browser, shown):
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+def test_long_names_do_not_widen_the_page(browser, tmp_path):
+    page = sample("small_frame_block").page
+    assert page.count("1213") > 5
+    path = tmp_path / "long.html"
+    path.write_text(page.replace("1213", "P" * 300), encoding="utf-8")
+    browser.get(path.as_uri())
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 1280
+    covered = browser.execute_script(
+        "return [...document.querySelectorAll('.words')].filter(each => each.scrollWidth > each.clientWidth)"
+        ".map(each => each.textContent)"
+    )
+    assert covered == [], "words that run over the next column"
+
+
 def test_it_prints_all_rows_of_its_tables(browser, opened):
     opened("small_frame_block")
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
@@ -141,5 +184,9 @@ def test_it_prints_all_rows_of_its_tables(browser, opened):
         )
         assert hidden == 0
         assert not browser.find_element("css selector", "nav").is_displayed()
+        buttons = browser.execute_script(
+            "return [...document.querySelectorAll('thead button')].map(each => getComputedStyle(each).display)"
+        )
+        assert set(buttons) == {"contents"}, "a head with boxes of buttons is not repeated on the next page"
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

@@ -12,6 +12,8 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import contents, first_project, replace_in
 
+from orip.__main__ import main as program
+
 
 def endless(folder: Path) -> Path:
     """Return a project that iterates until it is stopped: no correction ever gets that small."""
@@ -61,3 +63,25 @@ def test_ctrl_c_before_the_commit_changes_nothing(tmp_path: Path, place: str, mo
     assert said.code == said.document["exit_code"] == 130
     assert "interrupted; stores and outputs are whole" in said.err
     assert contents(folder) == before
+
+
+def test_ctrl_c_while_the_program_loads_is_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("orip.cli.main.main", interrupt)
+    with pytest.raises(SystemExit) as end:
+        program()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "error: interrupted before anything was done\n"
+
+
+def test_the_program_runs_as_a_module(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "orip", "-C", str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 3
+    assert done.stderr.startswith("error: there is no orip.toml in")
+    assert "orip init --sample" in done.stderr

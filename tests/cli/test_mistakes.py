@@ -126,6 +126,29 @@ def test_names_in_other_letters(project: Path) -> None:
     refused(orip(project, "run"), 3, "first.pnt: this file is not read: the project's file is called FIRST.PNT")
 
 
+def test_names_with_the_ending_that_windows_hides(project: Path) -> None:
+    for name, words in (
+        ("FIRST.PNT", "the project's file is called FIRST.PNT; rename it"),
+        ("FIRST.MEA", "measurement files are called *.MEA; rename it"),
+    ):
+        (project / name).rename(project / f"{name}.txt")
+        refused(orip(project, "run"), 3, f"{name}.txt: this file is not read: {words}")
+        (project / f"{name}.txt").rename(project / name)
+    (project / "first.mea.txt").write_text("notes on the measurements\n")
+    assert orip(project, "run").code == 0, "a text beside measurement files that are read may be called anything"
+
+
+def test_a_measurement_file_in_other_letters_is_not_left_out_silently(project: Path) -> None:
+    (project / "more.mea").write_text("POINTS MAIN left\n  9  100.0  100.0\n")
+    refused(orip(project, "run"), 3, "more.mea: this file is not read: measurement files are called *.MEA")
+
+
+def test_a_link_to_nowhere(project: Path) -> None:
+    (project / "FIRST.PNT").unlink()
+    (project / "FIRST.PNT").symlink_to("gone.pnt")
+    refused(orip(project, "run"), 3, "FIRST.PNT: this link leads to gone.pnt, which is not there")
+
+
 def test_folders_in_place_of_files(project: Path) -> None:
     for name in ("FIRST.PNT", "FIRST.MEA", "orip.toml"):
         text = (project / name).read_bytes()
@@ -266,3 +289,19 @@ def test_an_internal_error_is_a_sentence_and_a_document(project: Path, monkeypat
     said = orip(project, "status", "--json")
     assert said.code == said.document["exit_code"] == 1
     assert "this is a fault of orip, please report it" in said.err
+
+
+def test_control_that_nothing_uses_is_named(project: Path) -> None:
+    (project / "FIRST.LEN").write_text("D1 1 Z9 XYZ 100.0 0.02\nD2 Y8 Z9 XYZ 100.0 0.02\n")
+    (project / "FIRST.ELE").write_text("MIDDLE PHOTO X0 1100.0 0.1\nC36 CAMERA C 36.0 0.1\n")
+    (project / "FIRST.DIR").write_text("S1 2 Z9 40.0 0.003\n")
+    said = orip(project, "run")
+    assert said.code == 0
+    for words in (
+        "distance D1: is not used: Z9 is not measured, nor given coordinates; correct the name",
+        "distance D2: is not used: Y8 and Z9 are not measured",
+        "element PHOTO MIDDLE X0: is not used: the bundle has no photo MIDDLE; correct the name",
+        "element CAMERA C36 C: is not used: the bundle has no camera C36",
+        "direction S1 2 Z9: is not used: Z9 is not measured",
+    ):
+        assert f"warning: {words}" in said.err

@@ -395,8 +395,10 @@ def test_a_photo_that_shares_too_few_points_is_named(tmp_path: Path) -> None:
     before = contents(folder)
     said = orip(folder, "solve")
     assert said.code == 4
-    assert "error: 1 of 6 photos could not be oriented; " in said.err
-    assert "photo P6 shares 2 points with its neighbours, 5 are needed" in said.err
+    assert (
+        "error: 1 of 6 photos could not be oriented: photo P6 shares 2 points with its neighbours, 5 are needed"
+        in said.err
+    )
     assert contents(folder) == before
     said = orip(folder, "prelim")
     assert said.code == 4

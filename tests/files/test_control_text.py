@@ -50,6 +50,10 @@ def test_the_malformed_control_file_of_a_real_case_is_refused_with_both_tokens(t
         ("P 1,5 2 3 1 1 1", "Z:1:3: ", "decimal comma; write a decimal point: 1.5"),
         ("P 1 2 nan 1 1 1", "Z:1:7: ", "'nan' is not allowed"),
         ("P 1 2 3 1 1", "Z:1:13: ", "a field is missing, 6 found; the line is: name X Y Z aX aY aZ"),
+        ("P,1,2,3,1,1,1", "Z:1:15: ", "1 found; part fields by blanks or tabs, not by ','; the line is"),
+        ("P;1 2 3 1 1 1", "Z:1:15: ", "6 found; part fields by blanks or tabs, not by ';'; the line is"),
+        ("name X Y Z aX aY aZ", "Z:1: ", "this line has no numbers; begin a heading with !"),
+        ("P 1e31 2 3 1 1 1", "Z:1:3: ", "'1e31' is too large for a number"),
         ("P 1 2 3 1 1 1 x y", "Z:1:17: ", "'y' is one field too many"),
         ("P 1 2 3 1 1 1 y", "Z:1:15: ", "only x (rejected)"),
         ("P - 2 3 1 1 1", "Z:1:3: ", "the coordinate of X is '-' but its error is a number"),
@@ -96,6 +100,7 @@ def test_elements_of_every_group(tmp_path: Path) -> None:
     [
         ("O CAMRA C 1 1", "Z:1:3: ", "'CAMRA' is not an element group; did you mean CAMERA?"),
         ("O CAMERA R 1 1", "Z:1:10: ", "'R' is not a kind of CAMERA; write one of C, DX, DY, A1"),
+        ("name GROUP KIND value a", "Z:1: ", "this line has no numbers"),
         ("O CAMERA C 1", "Z:1:14: ", "a field is missing"),
         ("O CAMERA C 1 1 1", "Z:1:16: ", "too many"),
         ("O CAMERA C 1 1\no CAMERA C 2 1", "Z:2: ", "C of CAMERA 'o' is already on line 1"),

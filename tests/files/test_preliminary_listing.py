@@ -24,7 +24,7 @@ from orip.model.preliminary import (
     ModelCoordinates,
     NotOriented,
     PhotoStart,
-    PointStart,
+    PointStarts,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
@@ -141,7 +141,7 @@ def values(how: str = "relative orientation") -> PreliminaryValues:
         relative=(relative(),), bridges=(similarity(),), connections=(), absolute=similarity("absolute", 2000.0),
         failures=(NotOriented("M3", "", "photo 104 and photo 105 share 3 points, 5 are needed"),),
         photos=(PhotoStart("101", np.eye(3), np.zeros(3), how), PhotoStart("104", None, None, how)),
-        points=(PointStart("7", (1.0, 2.0, 3.0), (0.01, 0.02, 0.03)),), findings=(how,),
+        points=PointStarts(("7",), np.array([[1.0, 2.0, 3.0]]), np.array([[0.01, 0.02, 0.03]])), findings=(how,),
     )  # fmt: skip
 
 

@@ -12,8 +12,8 @@ from orip.files.preliminary_text import preliminary_text, read_preliminary
 from orip.model.control import PreliminaryPoint
 from orip.model.names import name_fault
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
-deviation = st.floats(min_value=0, allow_nan=False, allow_infinity=False)
+finite = st.floats(-1e30, 1e30)
+deviation = st.floats(0.0, 1e30)
 names = st.text(min_size=1, max_size=8).filter(lambda name: name_fault(name) is None)
 points = st.builds(
     PreliminaryPoint, names, st.tuples(finite, finite, finite), st.none() | st.tuples(deviation, deviation, deviation)

@@ -386,6 +386,30 @@ def test_all_faults_come_at_once_and_a_faulty_record_is_not_called_missing() -> 
     ]
 
 
+@pytest.mark.parametrize(
+    ("line", "column", "words"),
+    [
+        ("name = Z", 8, 'a text stands in quotation marks; write "Z"'),
+        ("name = “Z”", 8, "typographic quotation marks"),
+        ('name = "Z', 10, "a quotation mark is missing at the end of the text"),
+        ('name = "C:\\Users"', 13, "a backslash stands in a text; write /"),
+        ('name = "Z"\nname = "Y"', 11, "this key is written twice"),
+        ('name = "Z" ! a comment', 12, "'!' begins no comment here; write '#'"),
+        ('name = "Z";', 11, "no ';' ends a line here"),
+        ('name: "Z"', 5, "a key and its value are parted by '='"),
+        ("a = 35,5", 7, "a number has a decimal comma"),
+        ("a = .5", 5, "a number begins with a digit"),
+        ("a = True", 5, "in small letters"),
+        ("name 7", 6, "Expected '=' after a key in a key/value pair; correct the text there"),
+    ],
+)
+def test_what_was_probably_meant_by_a_text_that_is_no_toml(line: str, column: int, words: str) -> None:
+    (complaint,) = complaints(f"[project]\n{line}\n")
+    last = 2 + line.count("\n")
+    assert complaint.startswith(f"orip.toml:{last}:{column}: this is not TOML: ")
+    assert words in complaint
+
+
 def test_text_that_is_no_toml_is_refused_with_line_and_column(tmp_path: Path) -> None:
     (complaint,) = complaints("[project]\nname = Z\n")
     assert complaint.startswith("orip.toml:2:8: this is not TOML: ")

@@ -32,6 +32,7 @@ def test_plain_and_fortran_numbers_are_read(token: str, value: float) -> None:
         ("nan", "'nan' is not allowed; write a finite decimal number"),
         ("-Inf", "not allowed"),
         ("1e999", "'1e999' is too large"),
+        ("-1.1e30", "too large"),
         ("−5.0", "such as -5.0"),
         ("1_000", "not a number"),
         ("١٢", "not a number"),
@@ -53,6 +54,24 @@ def test_long_tokens_are_shown_short() -> None:
     assert len(str(fault.value)) < 200
 
 
+@pytest.mark.parametrize(
+    ("data", "line", "words"),
+    [
+        ("a b\n".encode("utf-16"), 1, "the file is UTF-16"),
+        ("a b\nc\n".encode("utf-16-le"), 1, "zero bytes: it is UTF-16, or damaged"),
+        (b"a b\nc d\n\0\0\0\0", 3, "zero bytes"),
+        (b"a b\nc d\n\x1a", 3, "Ctrl-Z, 0x1A); remove it"),
+        (b"a b\r\nc d\x1a\r\n", 2, "Ctrl-Z"),
+    ],
+)
+def test_what_is_no_text_is_one_complaint(data: bytes, line: int, words: str) -> None:
+    parsed = decode_lines(data, "Z")
+    assert parsed.records == []
+    (complaint,) = parsed.complaints
+    assert str(complaint).startswith(f"Z:{line}: ")
+    assert words in str(complaint)
+
+
 def test_photo_errors_are_millimetres_or_pixels() -> None:
     assert parse_photo_error("0.004") == (0.004, False)
     assert parse_photo_error("-0.5px") == (-0.5, True)
@@ -60,8 +79,8 @@ def test_photo_errors_are_millimetres_or_pixels() -> None:
         parse_photo_error("halfpx")
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_every_finite_number_survives_its_repr(value: float) -> None:
+@given(st.floats(-1e30, 1e30))
+def test_every_number_survives_its_repr(value: float) -> None:
     assert parse_number(repr(value)) == value
 
 

@@ -528,3 +528,88 @@ def directions_in_gon(folder: Path) -> None:
 )  # fmt: skip
 def distances_in_feet(folder: Path) -> None:
     in_control(folder, lambda words: [*words[:4], number(words[4], 1.0 / 0.3048), words[5]], "LEN")
+
+
+# -------------------------------------------------------------------------------- files as other programs write them
+
+
+@mistake(
+    "Fields parted by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
+    mend="Part fields by blanks or tabs.",
+)  # fmt: skip
+def parted_by_commas(folder: Path) -> None:
+    in_control(folder, lambda words: [",".join(words)])
+
+
+@mistake(
+    "A heading above the columns", CLIFF, "CLIFF.PNT:1", "no numbers", "begin a heading with !",
+    mend="Begin it with `!` or `#`.",
+)  # fmt: skip
+def heading(folder: Path) -> None:
+    path = folder / "CLIFF.PNT"
+    path.write_text(f"name X Y Z aX aY aZ\n{path.read_text(encoding='utf-8')}", encoding="utf-8")
+
+
+@mistake(
+    "A text saved as UTF-16 (Windows: Unicode)", CLIFF, "CLIFF.PNT:1", "the file is UTF-16",
+    mend="Save it as UTF-8.",
+)  # fmt: skip
+def saved_as_utf_16(folder: Path) -> None:
+    path = folder / "CLIFF.PNT"
+    path.write_text(path.read_text(encoding="utf-8"), encoding="utf-16")
+
+
+@mistake(
+    "A file called .PNT.txt (Windows hides the end)", CLIFF, "CLIFF.PNT.txt", "called CLIFF.PNT; rename it",
+    mend="Rename it.",
+)  # fmt: skip
+def hidden_extension(folder: Path) -> None:
+    (folder / "CLIFF.PNT").rename(folder / "CLIFF.PNT.txt")
+
+
+@mistake(
+    "A measurement file in small letters", CLIFF, "day1.mea", "not read", "*.MEA; rename it",
+    mend="Rename it.", upto="measure",
+)  # fmt: skip
+def small_letters(folder: Path) -> None:
+    (folder / "DAY1.MEA").rename(folder / "day1.mea")
+
+
+@mistake(
+    "Typographic quotation marks in orip.toml", CLIFF, "orip.toml:4:8", "typographic quotation marks",
+    mend="Write straight ones, as a text editor does.",
+)  # fmt: skip
+def typographic_quotes(folder: Path) -> None:
+    in_toml(folder, ('name = "CLIFF"', "name = “CLIFF”"))
+
+
+@mistake(
+    "No quotation marks in orip.toml", CLIFF, "orip.toml:4:8", 'quotation marks; write "CLIFF"',
+    mend='Texts stand in quotation marks.',
+)  # fmt: skip
+def no_quotes(folder: Path) -> None:
+    in_toml(folder, ('name = "CLIFF"', "name = CLIFF"))
+
+
+@mistake(
+    "Control is missing", CLIFF, "12 of 12 photos", "no control point is in the block, 3 are needed",
+    mend="Write the control points into the project's `.PNT` file; or `datum = \"free\"`.",
+)  # fmt: skip
+def no_control(folder: Path) -> None:
+    (folder / "CLIFF.PNT").unlink()
+
+
+@mistake(
+    "Principal distance in metres", CLIFF, "camera REFLEX35", "angle of view of 180°", "in metres: C = 35 mm",
+    mend="Write mm.",
+)  # fmt: skip
+def principal_distance_in_metres(folder: Path) -> None:
+    in_toml(folder, ("c = 35.0 ", "c = 0.035 "))
+
+
+@mistake(
+    "Control in centimetres, distances in metres", CLIFF, "distances", "by 100", "the control in centimetres",
+    mend="Write both in one unit.",
+)  # fmt: skip
+def control_in_centimetres(folder: Path) -> None:
+    in_control(folder, lambda words: [words[0], *(number(each, 100.0) for each in words[1:])])

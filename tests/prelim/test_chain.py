@@ -66,7 +66,7 @@ def test_without_noise_the_truth_is_found(scene: Scene) -> None:
     # adjusted until corrections are a millionth
     assert centre < 1e-6
     assert turn < 1e-6
-    found = {point.name: point.coordinates for point in values.points}
+    found = dict(zip(values.points.names, values.points.coordinates, strict=True))
     distance = np.linalg.norm(np.ptp(made.points, axis=0))
     determined = seen_twice(made.block) | made.block.constant_points.all(axis=1)
     for name, true, known in zip(made.block.point_names, made.points, determined, strict=True):
@@ -169,7 +169,7 @@ def test_without_any_control_nothing_is_on_the_ground() -> None:
     made = synthetic_block("convergent", "no control", control="none")
     values = preliminary_values(from_nothing(made.block))
     assert oriented(values) == []
-    assert values.points == ()
+    assert not len(values.points)
     for photo in values.photos:
         assert photo.how.endswith("no control point is in the block, 3 are needed")
 

@@ -20,7 +20,7 @@ from orip.prelim import (
     relative_adjustment,
     relative_orientation,
     relative_start,
-    resection_adjustment,
+    resection_settling,
     resection_start,
     similarity_adjustment,
 )
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extensio
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    intersection, refinement, relative_adjustment, relative_orientation, relative_start, resection_adjustment,
+    intersection, refinement, relative_adjustment, relative_orientation, relative_start, resection_settling,
     resection_start, similarity_adjustment,
 )  # fmt: skip
 

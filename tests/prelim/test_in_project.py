@@ -11,7 +11,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 from orip.model.control import Control
 from orip.model.ground import PlainGround
-from orip.model.preliminary import ImageRays, PhotoStart, PointStart, PreliminaryValues, SimilarityStep
+from orip.model.preliminary import NO_POINTS, ImageRays, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
 from orip.prelim.in_project import (
     absolute_in_project,
     block_in_project,
@@ -61,15 +61,12 @@ def test_orientations_in_the_frame_are_radians(block: Block, photos: list[PhotoS
 
 def test_no_photos_and_no_points(block: Block) -> None:
     assert orientations_in_project([], block.ground).shape == (0, 6)
-    assert points_in_project([], block.ground) == []
+    assert points_in_project(NO_POINTS, block.ground) == []
 
 
 def values_of(made: AerialBlock, block: Block, photos: list[PhotoStart]) -> PreliminaryValues:
     local = block.ground.to_local(made.points)
-    points = tuple(
-        PointStart(name, tuple(xyz), (0.1, 0.2, 0.3))
-        for name, xyz in zip(made.point_names, local.tolist(), strict=True)
-    )
+    points = PointStarts(tuple(made.point_names), local, np.tile([0.1, 0.2, 0.3], (len(local), 1)))
     corners = made.corners
     control = np.vstack([local[corners[:2]], [[np.nan, np.nan, 5.0]]])
     absolute = SimilarityStep(
@@ -96,7 +93,7 @@ def test_the_block_as_it_is_shown(made: AerialBlock, block: Block, photos: list[
     true = Rotation.from_euler("XYZ", made.orientations[:, 3:], degrees=True).as_matrix()
     np.testing.assert_allclose(shown.rotations, true, atol=1e-9)
     np.testing.assert_allclose(shown.coordinates, made.points, atol=1e-5)
-    empty = PreliminaryValues((), (), (), None, (), (), (), ())
+    empty = PreliminaryValues((), (), (), None, (), (), NO_POINTS, ())
     assert len(block_in_project(empty, rays, block.ground).photos) == 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,25 @@ def test_the_drawing_has_an_ellipse_for_each_place_with_deviations(adjusted) -> 
         np.isfinite(found.points.sd).all(axis=1).sum() + np.isfinite(found.photos.sd[:, :3]).all(axis=1).sum()
     )
     assert [view.picture.count("<ellipse") for view in views.views] == [expected] * 3
+
+
+def test_the_ellipse_of_a_weak_photo_is_not_cut_off_by_the_frame(adjusted) -> None:
+    found = solution_of(adjusted)
+    sd = found.photos.sd * np.where(np.arange(len(found.photos.sd)) == 0, 4.0, 1.0)[:, None]
+    views = ellipse_views(replace(found, ground_unit="m", photos=replace(found.photos, sd=sd)))
+    assert views is not None
+    for view in views.views:
+        left, top, width, height = map(float, re.search(r'<svg x=.*?viewBox="([^"]+)"', view.picture)[1].split())
+        for found in re.finditer(
+            r'<ellipse rx="(.+?)" ry="(.+?)".*?translate\((.+?) (.+?)\) rotate\((.+?)\)', view.picture
+        ):
+            major, minor, x, y, turn = map(float, found.groups())
+            across = np.hypot(major * np.cos(np.radians(turn)), minor * np.sin(np.radians(turn)))
+            up = np.hypot(major * np.sin(np.radians(turn)), minor * np.cos(np.radians(turn)))
+            assert left <= x - across
+            assert x + across <= left + width
+            assert top <= y - up
+            assert y + up <= top + height
 
 
 def test_a_solution_without_correlations_is_not_drawn(adjusted) -> None:

@@ -154,3 +154,8 @@ def large_block(photos: int, points: int, rays: int) -> Matter:
     )  # fmt: skip
     camera = Camera("CAMERA", (150.0, *(0.0,) * 10), frame=(230.0, 230.0))
     return matter(solution, cameras={"CAMERA": camera}, photos={name: Photo(name, "CAMERA") for name in photo_names})
+
+
+def test_significance_is_told_where_a_parameter_was_tested() -> None:
+    assert "Significant: different from zero" in sample("small_frame_block").page
+    assert "Significant" not in sample("dcs260_calibration").page, "C, DX and DY alone are not tested"

@@ -95,4 +95,4 @@ def test_a_folder_that_refuses_is_named(project: Path, tmp_path: Path) -> None:
 def test_a_missing_folder_is_named(project: Path, tmp_path: Path) -> None:
     said = orip(project, "report", "--output", str(tmp_path / "nowhere" / "report.html"))
     assert said.code == 1
-    assert "report.html cannot be written: No such file or directory; choose another file: --output" in said.err
+    assert "report.html cannot be written: No such file or directory; the page alone is missing" in said.err

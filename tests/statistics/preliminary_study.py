@@ -124,7 +124,7 @@ def from_nothing(block: Block) -> tuple[Block, tuple[str, ...]]:
     started = started_at(
         block,
         {record_key(photo.name): (photo.centre, photo.rotation) for photo in values.photos},
-        {point.name: point.coordinates for point in values.points},
+        dict(zip(values.points.names, values.points.coordinates.tolist(), strict=True)),
     )
     return started, values.findings
 

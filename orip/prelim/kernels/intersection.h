@@ -185,3 +185,117 @@ static void robust_meeting(const Rays *rays, const Robust *r, double *point, dou
     for (int i = 0; i < 3; i++)
         variance[i] = inverse[4 * i];
 }
+
+/* All rays of a block, point by point, and which photos are oriented. */
+typedef struct {
+    const int64_t *photo, *start;
+    const double *vectors, *error, *rotations, *centres;
+    const uint8_t *oriented;
+    int64_t count, points;
+} AllRays;
+
+/* Those of oriented photos, from a base in their middle: where each comes from, and where each point's begin. */
+typedef struct {
+    double base[3], *origins, *directions, *error, *residual, *scratch;
+    int64_t *row, *start;
+} Bundle;
+
+#define NUMBERS_OF_A_RAY 9
+
+static Bundle bundle_in(const AllRays *a, double *space, int64_t *indices)
+{
+    const int64_t n = a->count;
+    Bundle b = {{0.0}, space, space + 3 * n, space + 6 * n, space + 7 * n, space + 8 * n, indices, indices + n};
+    int64_t used = 0;
+    for (int64_t row = 0; row < n; row++)
+        for (int i = 0; i < 3 && a->oriented[a->photo[row]]; i++)
+            b.base[i] += a->centres[3 * a->photo[row] + i], used += i == 0;
+    for (int i = 0; i < 3 && used > 0; i++)
+        b.base[i] /= (double)used;
+    used = 0;
+    for (int64_t point = 0; point < a->points; point++) {
+        b.start[point] = used;
+        for (int64_t row = a->start[point]; row < a->start[point + 1]; row++) {
+            const int64_t photo = a->photo[row];
+            if (!a->oriented[photo])
+                continue;
+            const double *R = a->rotations + 9 * photo, *v = a->vectors + 3 * row, length = sqrt(dot3(v, v));
+            for (int i = 0; i < 3; i++) {
+                b.origins[3 * used + i] = a->centres[3 * photo + i] - b.base[i];
+                b.directions[3 * used + i] = dot3(R + 3 * i, v) / length;
+            }
+            b.error[used] = a->error[row] / length;
+            b.row[used++] = row;
+        }
+    }
+    b.start[a->points] = used;
+    return b;
+}
+
+static Rays rays_of(const Bundle *b, int64_t point)
+{
+    const int64_t first = b->start[point];
+    const Rays rays = {b->origins + 3 * first, b->directions + 3 * first, b->error + first,
+                       b->start[point + 1] - first};
+    return rays;
+}
+
+typedef struct {
+    double quantile, length, smallest_angle;
+    Robust robust;
+} Intersecting;
+
+/* The robust scale of the residuals: a quantile, freed of the part that the points take up; at least 1. */
+static double scale_of(const Bundle *b, int64_t points, const Intersecting *how)
+{
+    int64_t rays = 0, places = 0;
+    /* points with two rays hide what is wrong with them */
+    for (int64_t fewest = 3; fewest > 0 && rays <= 10; fewest -= 2) {
+        rays = places = 0;
+        for (int64_t point = 0; point < points; point++) {
+            const int64_t before = rays;
+            for (int64_t row = b->start[point]; row < b->start[point + 1]; row++)
+                if (isfinite(b->residual[row]))
+                    b->scratch[rays++] = b->residual[row];
+            if (rays - before < fewest)
+                rays = before;
+            places += rays > before;
+        }
+    }
+    const double redundancy = rays ? (double)(2 * rays - 3 * places) / (double)(2 * rays) : 0.0;
+    if (redundancy <= 0.0)
+        return 1.0;
+    return fmax(1.0, quantile_of(b->scratch, rays, how->quantile) / how->length / sqrt(redundancy));
+}
+
+/* Intersect all points; what is not determined is NaN, and its rays have no weight. Returns the scale. */
+static double intersect_all(const AllRays *a, Intersecting *how, double *points, double *deviations, double *factors,
+                            double *angles, double *space, int64_t *indices)
+{
+    const Bundle b = bundle_in(a, space, indices);
+    for (int64_t row = 0; row < a->count; row++)
+        factors[row] = 0.0;
+    for (int64_t point = 0; point < a->points; point++) {
+        const Rays rays = rays_of(&b, point);
+        first_meeting(&rays, points + 3 * point, b.residual + b.start[point], b.scratch);
+    }
+    const double s0 = scale_of(&b, a->points, how);
+    how->robust.s0 = s0, how->robust.limit = s0 * how->robust.danish_limit;
+    for (int64_t point = 0; point < a->points; point++) {
+        const Rays rays = rays_of(&b, point);
+        double *X = points + 3 * point, *of_rays = b.residual + b.start[point], variance[3];
+        int64_t kept = 0;
+        robust_meeting(&rays, &how->robust, X, of_rays, variance, angles + point, b.scratch);
+        for (int64_t row = 0; row < rays.count; row++)
+            kept += of_rays[row] >= how->robust.kept;
+        const int determined = kept >= 2 && angles[point] >= how->smallest_angle && isfinite(X[0]) && isfinite(X[1])
+                               && isfinite(X[2]);
+        for (int64_t row = 0; row < rays.count && determined; row++)
+            factors[b.row[b.start[point] + row]] = of_rays[row];
+        for (int i = 0; i < 3; i++) {
+            X[i] = determined ? X[i] + b.base[i] : NAN;
+            deviations[3 * point + i] = determined ? s0 * sqrt(variance[i]) : NAN;
+        }
+    }
+    return s0;
+}

@@ -131,6 +131,20 @@ static inline double select_smallest(double *a, int64_t n, int64_t k)
     return a[k];
 }
 
+/* The quantile of n numbers, which change their places, on a line between those to both sides of it. */
+static inline double quantile_of(double *a, int64_t n, double share)
+{
+    const double place = share * (double)(n - 1);
+    const int64_t k = (int64_t)place;
+    const double lower = select_smallest(a, n, k);
+    if (k + 1 >= n)
+        return lower;
+    double upper = a[k + 1];
+    for (int64_t i = k + 2; i < n; i++)
+        upper = fmin(upper, a[i]);
+    return lower + (place - (double)k) * (upper - lower);
+}
+
 /* The median of n numbers, which change their places. */
 static inline double median_of(double *a, int64_t n)
 {

@@ -18,10 +18,11 @@
 #include "similarity.h"
 
 #define MOST_BUFFERS 16
+#define MOST_NUMBERS 12
 
 typedef struct {
     Py_buffer views[MOST_BUFFERS];
-    double numbers[8];
+    double numbers[MOST_NUMBERS];
     int opened;
 } Arguments;
 
@@ -71,63 +72,6 @@ static PyObject *done(Arguments *a)
 
 static int has(const Arguments *a, int view, int64_t numbers) { return a->views[view].len == 8 * numbers; }
 
-static int rays_from(const Arguments *a, int64_t *points, int64_t *rays)
-{
-    *points = a->views[3].len / 8 - 1;
-    *rays = a->views[2].len / 8;
-    return *points >= 0 && has(a, 0, 3 * *rays) && has(a, 1, 3 * *rays)
-        && ((const int64_t *)a->views[3].buf)[*points] == *rays;
-}
-
-static Rays rays_of(const Arguments *a, int64_t point)
-{
-    const int64_t *start = a->views[3].buf, first = start[point];
-    const Rays rays = {(const double *)a->views[0].buf + 3 * first, (const double *)a->views[1].buf + 3 * first,
-                       (const double *)a->views[2].buf + first, start[point + 1] - first};
-    return rays;
-}
-
-static PyObject *meet_first(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { START = 3, POINTS, RESIDUALS, SCRATCH };
-    Arguments a;
-    int64_t points, rays;
-    if (!taken(&a, arguments, given, 4, 3, 0))
-        return NULL;
-    if (!rays_from(&a, &points, &rays) || !has(&a, POINTS, 3 * points) || !has(&a, RESIDUALS, rays)
-        || !has(&a, SCRATCH, rays))
-        return refused(&a);
-    double *point = a.views[POINTS].buf, *residual = a.views[RESIDUALS].buf;
-    const int64_t *start = a.views[START].buf;
-    for (int64_t k = 0; k < points; k++) {
-        const Rays of = rays_of(&a, k);
-        first_meeting(&of, point + 3 * k, residual + start[k], a.views[SCRATCH].buf);
-    }
-    return done(&a);
-}
-
-static PyObject *meet_robustly(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { START = 3, POINTS, FACTORS, VARIANCES, ANGLES, SCRATCH };
-    Arguments a;
-    int64_t points, rays;
-    if (!taken(&a, arguments, given, 4, 5, 8))
-        return NULL;
-    if (!rays_from(&a, &points, &rays) || !has(&a, POINTS, 3 * points) || !has(&a, FACTORS, rays)
-        || !has(&a, VARIANCES, 3 * points) || !has(&a, ANGLES, points) || !has(&a, SCRATCH, rays))
-        return refused(&a);
-    const double *n = a.numbers;
-    const Robust robust = {n[0], n[1], n[2], n[3], n[4], (int64_t)n[5], (int64_t)n[6], (int64_t)n[7]};
-    const int64_t *start = a.views[START].buf;
-    for (int64_t k = 0; k < points; k++) {
-        const Rays of = rays_of(&a, k);
-        robust_meeting(&of, &robust, (double *)a.views[POINTS].buf + 3 * k, (double *)a.views[FACTORS].buf + start[k],
-                       (double *)a.views[VARIANCES].buf + 3 * k, (double *)a.views[ANGLES].buf + k,
-                       a.views[SCRATCH].buf);
-    }
-    return done(&a);
-}
-
 static int known_from(const Arguments *a, Known *k)
 {
     const Known known = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0],
@@ -141,49 +85,36 @@ static PyObject *rank(PyObject *Py_UNUSED(module), PyObject *const *arguments, P
     enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 4, 4, 2))
+    if (!taken(&a, arguments, given, 4, 4, 3))
         return NULL;
-    const int64_t number = a.views[TRIPLES].len / 24;
-    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 36 * number) || !has(&a, CENTRES, 12 * number)
-        || !has(&a, QUANTILES, 4 * number) || !has(&a, SCRATCH, k.count))
+    const int64_t number = a.views[TRIPLES].len / 24, kept = a.views[QUANTILES].len / 8;
+    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * kept) || !has(&a, CENTRES, 3 * kept)
+        || !has(&a, SCRATCH, k.count))
         return refused(&a);
-    rank_triples(&k, a.views[TRIPLES].buf, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+    rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                  a.views[QUANTILES].buf, a.views[SCRATCH].buf);
     return done(&a);
 }
 
-static PyObject *improve(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *settled(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { ROTATIONS = 3, CENTRES, SQUARES, SPACE };
+    enum { ROTATIONS = 3, CENTRES, SQUARES, FACTORS, RESIDUAL, NORMALS, SPACE };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 3, 4, 3))
+    if (!taken(&a, arguments, given, 3, 7, 11))
         return NULL;
-    const int64_t number = a.views[CENTRES].len / 24;
-    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * number) || !has(&a, SQUARES, number * k.count)
-        || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
-        return refused(&a);
-    for (int64_t one = 0; one < number; one++)
-        improve_one(&k, (int64_t)a.numbers[2], (double *)a.views[ROTATIONS].buf + 9 * one,
-                    (double *)a.views[CENTRES].buf + 3 * one, (double *)a.views[SQUARES].buf + one * k.count,
-                    a.views[SPACE].buf);
-    return done(&a);
-}
-
-static PyObject *adjust(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { ROTATION = 3, CENTRE, FACTORS, SPACE };
-    Arguments a;
-    Known k;
-    if (!taken(&a, arguments, given, 3, 4, 8))
-        return NULL;
-    if (!known_from(&a, &k) || !has(&a, ROTATION, 9) || !has(&a, CENTRE, 3) || !has(&a, FACTORS, k.count)
-        || !has(&a, SPACE, NUMBERS_OF_A_POINT * k.count))
-        return refused(&a);
     const double *n = a.numbers;
-    const Danish danish = {n[3], n[4], n[5], n[6], (int64_t)n[7]};
-    adjust_one(&k, &danish, n[2], a.views[ROTATION].buf, a.views[CENTRE].buf, a.views[FACTORS].buf, a.views[SPACE].buf);
-    return done(&a);
+    const int64_t number = a.views[CENTRES].len / 24;
+    const Settling settling = {n[2], n[3], n[4], n[5], (int64_t)n[6], {n[2], n[7], n[8], n[9], (int64_t)n[10]}};
+    if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !has(&a, ROTATIONS, 9 * number)
+        || !has(&a, SQUARES, number * k.count) || !has(&a, FACTORS, number * k.count)
+        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36) || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
+        return refused(&a);
+    const int64_t left = settle(&k, &settling, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+                                a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
+                                a.views[NORMALS].buf, a.views[SPACE].buf);
+    release(&a);
+    return PyLong_FromLongLong(left);
 }
 
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, NETWORK_END };
@@ -198,6 +129,30 @@ static int network_from(const Arguments *a, Network *n)
     return n->point_count >= 0 && has(a, PHOTO, n->count) && has(a, VECTORS, 3 * n->count)
         && has(a, GROUND, 3 * n->point_count) && 3 * a->views[TURNED].len == 9 * a->views[AT].len
         && n->start[n->point_count] == n->count;
+}
+
+static PyObject *intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES, SPACE, INDICES };
+    Arguments a;
+    if (!taken(&a, arguments, given, 7, 6, 9))
+        return NULL;
+    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
+                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
+                          a.views[ORIENTED].buf,  a.views[ERROR].len / 8, a.views[OF_POINT].len / 8 - 1};
+    const int64_t photos = a.views[ORIENTED].len;
+    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || rays.start[rays.points] != rays.count
+        || !has(&a, POINTS, 3 * rays.points) || !has(&a, DEVIATIONS, 3 * rays.points) || !has(&a, FACTORS, rays.count)
+        || !has(&a, ANGLES, rays.points) || !has(&a, SPACE, NUMBERS_OF_A_RAY * rays.count)
+        || !has(&a, INDICES, rays.count + rays.points + 1))
+        return refused(&a);
+    const double *n = a.numbers;
+    Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
+    const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
+                                    a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
+    release(&a);
+    return PyFloat_FromDouble(s0);
 }
 
 static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -226,7 +181,8 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
         || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len))
         return refused(&a);
     n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
-    n.size = a.views[RIGHT].len / 8, n.damping = a.numbers[0];
+    n.size = a.views[RIGHT].len / 8, n.width = n.size ? a.views[BAND].len / a.views[RIGHT].len : 0;
+    n.damping = a.numbers[0];
     n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
     n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
     n.band = a.views[BAND].buf, n.right = a.views[RIGHT].buf;
@@ -408,11 +364,9 @@ static PyObject *rotate_only(PyObject *Py_UNUSED(module), PyObject *const *argum
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
 
 static PyMethodDef methods[] = {
-    METHOD(meet_first, "First positions of points, and residuals of their rays."),
-    METHOD(meet_robustly, "Final positions of points, wrong rays down-weighted."),
-    METHOD(rank, "Orientations of triples, and how well they fit all points."),
-    METHOD(improve, "Least trimmed squares of orientations."),
-    METHOD(adjust, "One orientation with Danish weights."),
+    METHOD(intersect, "Positions of points, wrong rays down-weighted."),
+    METHOD(rank, "The orientations of triples that fit all points best."),
+    METHOD(settled, "Orientations improved, and the likeliest adjusted."),
     METHOD(judge, "Essential matrices of samples of points, the best of them."),
     METHOD(front, "Of essential matrices the orientations with the points in front."),
     METHOD(adjust_models, "Relative orientations with Danish weights."),

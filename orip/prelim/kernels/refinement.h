@@ -7,7 +7,7 @@ typedef struct {
     const int64_t *photo, *start, *place;
     const double *vectors, *error, *rotations, *centres, *points, *factors;
     const uint8_t *is_free;
-    int64_t count, point_count, size;
+    int64_t count, point_count, size, width;
     double damping;
     double *photo_normals, *coupling, *inverse, *point_right, *band, *right;
 } Network;
@@ -34,44 +34,62 @@ static void damp(double *normals, int size, double damping)
         normals[i * (size + 1)] += damping * normals[i * (size + 1)] + floor;
 }
 
-/* Subtract W V^-1 W^T of two rays of a point from the band; its rows are diagonals. */
+/* Subtract W V^-1 W^T of two rays of a point from the band; its rows are the columns of the lower half, from the
+ * diagonal on. */
 static void subtract(Network *n, int64_t high, int64_t low, const double *product, const double *coupling)
 {
+    if (high == low) {
+        for (int j = 0; j < 6; j++)
+            for (int i = j; i < 6; i++)
+                n->band[(6 * low + j) * n->width + i - j] -= dot3(product + 3 * i, coupling + 3 * j);
+        return;
+    }
+    for (int j = 0; j < 6; j++) {
+        double *column = n->band + (6 * low + j) * n->width + 6 * (high - low) - j;
+        const double w[3] = {coupling[3 * j], coupling[3 * j + 1], coupling[3 * j + 2]};
+        for (int i = 0; i < 6; i++)
+            column[i] -= product[3 * i] * w[0] + product[3 * i + 1] * w[1] + product[3 * i + 2] * w[2];
+    }
+}
+
+static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double g[3])
+{
+    const int64_t photo = n->photo[row], place = n->place[photo];
+    double residual[2], partials[2][6], *W = n->coupling + 18 * row;
+    memset(W, 0, 18 * sizeof(double));
+    const int in_front = project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
+                                 n->vectors + 3 * row, residual, partials);
+    const double weight = in_front ? n->factors[row] / (n->error[row] * n->error[row]) : 0.0;
+    if (weight == 0.0)
+        return;
+    /* the partials by the point are those by the projection centre with the other sign */
+    const double *p = partials[0], *q = partials[1];
+    double wp[6], wq[6];
     for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6 && 6 * high + i >= 6 * low + j; j++)
-            n->band[(6 * (high - low) + i - j) * n->size + 6 * low + j] -= dot3(product + 3 * i, coupling + 3 * j);
+        wp[i] = weight * p[i], wq[i] = weight * q[i];
+    for (int i = 0; i < 3; i++) {
+        g[i] -= wp[3 + i] * residual[0] + wq[3 + i] * residual[1];
+        for (int j = 0; j < 3; j++)
+            V[3 * i + j] += wp[3 + i] * p[3 + j] + wq[3 + i] * q[3 + j];
+    }
+    if (place < 0)
+        return;
+    double *normals = n->photo_normals + 36 * place, *right = n->right + 6 * place;
+    for (int i = 0; i < 6; i++) {
+        right[i] += wp[i] * residual[0] + wq[i] * residual[1];
+        for (int j = 0; j < 6; j++)
+            normals[6 * i + j] += wp[i] * p[j] + wq[i] * q[j];
+        for (int j = 0; j < 3; j++)
+            W[3 * i + j] = -(wp[i] * p[3 + j] + wq[i] * q[3 + j]);
+    }
 }
 
 static void eliminate_point(Network *n, int64_t point)
 {
     double V[9] = {0.0}, g[3] = {0.0};
     const int64_t first = n->start[point], end = n->start[point + 1];
-    for (int64_t row = first; row < end; row++) {
-        const int64_t photo = n->photo[row], place = n->place[photo];
-        double residual[2], partials[2][6], *W = n->coupling + 18 * row;
-        memset(W, 0, 18 * sizeof(double));
-        const int in_front = project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
-                                     n->vectors + 3 * row, residual, partials);
-        const double weight = in_front ? n->factors[row] / (n->error[row] * n->error[row]) : 0.0;
-        for (int r = 0; r < 2 && weight > 0.0; r++) {
-            const double *p = partials[r], misclosure = weight * residual[r];
-            const double by_point[3] = {-p[3], -p[4], -p[5]};
-            for (int i = 0; i < 3; i++) {
-                g[i] += by_point[i] * misclosure;
-                for (int j = 0; j < 3; j++)
-                    V[3 * i + j] += weight * by_point[i] * by_point[j];
-            }
-            if (place < 0)
-                continue;
-            for (int i = 0; i < 6; i++) {
-                n->right[6 * place + i] += p[i] * misclosure;
-                for (int j = 0; j < 6; j++)
-                    n->photo_normals[36 * place + 6 * i + j] += weight * p[i] * p[j];
-                for (int j = 0; j < 3; j++)
-                    W[3 * i + j] += weight * p[i] * by_point[j];
-            }
-        }
-    }
+    for (int64_t row = first; row < end; row++)
+        add_ray(n, point, row, V, g);
     double *inverse = n->inverse + 9 * point;
     memset(inverse, 0, 9 * sizeof(double));
     memcpy(n->point_right + 3 * point, g, sizeof(g));
@@ -111,9 +129,9 @@ static void network_normals(Network *n)
     for (int64_t place = 0; place < n->size / 6; place++) {
         double *normals = n->photo_normals + 36 * place;
         damp(normals, 6, n->damping);
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j <= i; j++)
-                n->band[(i - j) * n->size + 6 * place + j] += normals[6 * i + j];
+        for (int j = 0; j < 6; j++)
+            for (int i = j; i < 6; i++)
+                n->band[(6 * place + j) * n->width + i - j] += normals[6 * i + j];
     }
 }
 

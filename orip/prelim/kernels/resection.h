@@ -36,9 +36,11 @@ static void linearise_resection(const Known *k, const double *R, const double *c
     }
 }
 
-static void solve_resection(const Known *k, const Equations *e, double damping, double *correction)
+/* Normal equations of the points with weights, and their right-hand side. */
+static void resection_normals(const Known *k, const Equations *e, double N[6][6], double right[6])
 {
-    double N[6][6] = {{0.0}}, right[6] = {0.0}, largest = 0.0;
+    memset(N, 0, 36 * sizeof(double));
+    memset(right, 0, 6 * sizeof(double));
     for (int64_t row = 0; row < k->count; row++) {
         if (!isfinite(e->squares[row]) || e->weights[row] == 0.0)
             continue;
@@ -52,12 +54,17 @@ static void solve_resection(const Known *k, const Equations *e, double damping, 
             }
         }
     }
+}
+
+static void solve_resection(const Known *k, const Equations *e, double damping, double *correction)
+{
+    double N[6][6], largest = 0.0;
+    resection_normals(k, e, N, correction);
     for (int i = 0; i < 6; i++)
         largest = fmax(largest, N[i][i]);
     for (int i = 0; i < 6; i++)
         N[i][i] += damping * N[i][i] + 1e-13 * largest + 1e-300;
-    solve6(N, right);
-    memcpy(correction, right, sizeof(right));
+    solve6(N, correction);
 }
 
 static void move_photo(const double *correction, const double *R, const double *centre, double *R_moved,
@@ -97,22 +104,39 @@ static double quantile_at(const Known *k, const double *R, const double *centre,
     return select_smallest(sorted, k->count, k->least - 1);
 }
 
-/* Orientations of triples of points, up to four each, with their quantiles; infinite where there is none. */
-static void rank_triples(const Known *k, const int64_t *triples, int64_t number, double *rotations, double *centres,
-                         double *quantiles, double *sorted)
+/* The best orientations of triples of points, the best first, with their quantiles; infinite where there is none.
+ * It ends when as many as are kept fit. */
+static void rank_triples(const Known *k, const int64_t *triples, int64_t number, double fits, int64_t kept,
+                         double *rotations, double *centres, double *quantiles, double *sorted)
 {
-    for (int64_t triple = 0; triple < number; triple++) {
-        double vectors[3][3], points[3][3];
-        double *R = rotations + 36 * triple, *centre = centres + 12 * triple;
+    int64_t fitting = 0;
+    for (int64_t place = 0; place < kept; place++)
+        quantiles[place] = INFINITY;
+    for (int64_t triple = 0; triple < number && fitting < kept; triple++) {
+        double vectors[3][3], points[3][3], R[4][9], centre[4][3];
         for (int m = 0; m < 3; m++) {
             const int64_t row = triples[3 * triple + m];
             memcpy(vectors[m], k->vectors + 3 * row, sizeof(vectors[m]));
             memcpy(points[m], k->coordinates + 3 * row, sizeof(points[m]));
         }
-        const int found = three_points(vectors, points, (double(*)[9])R, (double(*)[3])centre);
-        for (int s = 0; s < 4; s++)
-            quantiles[4 * triple + s] =
-                s < found ? quantile_at(k, R + 9 * s, centre + 3 * s, sorted) : INFINITY;
+        const int found = three_points(vectors, points, R, centre);
+        for (int s = 0; s < found; s++) {
+            const double quantile = quantile_at(k, R[s], centre[s], sorted);
+            fitting += quantile <= fits;
+            int64_t place = kept;
+            for (; place > 0 && quantile < quantiles[place - 1]; place--) {
+                if (place == kept)
+                    continue;
+                quantiles[place] = quantiles[place - 1];
+                memcpy(rotations + 9 * place, rotations + 9 * (place - 1), 9 * sizeof(double));
+                memcpy(centres + 3 * place, centres + 3 * (place - 1), 3 * sizeof(double));
+            }
+            if (place == kept)
+                continue;
+            quantiles[place] = quantile;
+            memcpy(rotations + 9 * place, R[s], sizeof(R[s]));
+            memcpy(centres + 3 * place, centre[s], sizeof(centre[s]));
+        }
     }
 }
 
@@ -148,7 +172,8 @@ typedef struct {
     int64_t iterations;
 } Danish;
 
-/* Adjust one orientation with Danish weights, whose limit follows the variance of the points that keep theirs. */
+/* Adjust one orientation with Danish weights, whose limit follows the variance of the points that keep theirs.
+ * The equations in the space given are those of the adjusted orientation. */
 static void adjust_one(const Known *k, const Danish *danish, double variance, double *R, double *centre,
                        double *factors, double *space)
 {
@@ -179,4 +204,105 @@ static void adjust_one(const Known *k, const Danish *danish, double variance, do
         }
     }
     memcpy(factors, here.weights, (size_t)k->count * sizeof(double));
+    linearise_resection(k, R, centre, &here);
+}
+
+typedef struct {
+    double limit, excess, same, per_sum;
+    int64_t steps;
+    Danish danish;
+} Settling;
+
+/* The least of the variances of unit weight that orientations tell of, from their trimmed sums of squares. */
+static double least_variance(const Known *k, const Settling *s, const double *squares, int64_t number, double *sorted)
+{
+    double least = INFINITY;
+    for (int64_t one = 0; one < number; one++) {
+        double sum = 0.0;
+        memcpy(sorted, squares + one * k->count, (size_t)k->count * sizeof(double));
+        select_smallest(sorted, k->count, k->least - 1);
+        for (int64_t row = 0; row < k->least; row++)
+            sum += sorted[row];
+        if (s->per_sum * sum < least)
+            least = s->per_sum * sum;
+    }
+    return least;
+}
+
+#define MOST_ORIENTATIONS 16
+
+static int is_same(const double *R, const double *centre, const double *R_other, const double *centre_other,
+                   double same)
+{
+    double turn = 0.0, shift = 0.0;
+    for (int i = 0; i < 9; i++)
+        turn += (R[i] - R_other[i]) * (R[i] - R_other[i]);
+    for (int i = 0; i < 3; i++)
+        shift += (centre[i] - centre_other[i]) * (centre[i] - centre_other[i]);
+    return sqrt(0.5 * turn) < same && sqrt(shift / dot3(centre, centre)) < same;
+}
+
+/* Which orientations cost the least or not much more, the least first, and differ from all before them. */
+static int64_t choose(const Known *k, const Settling *s, const double *rotations, const double *centres,
+                      const double *squares, int64_t number, double variance, int64_t *chosen)
+{
+    const double unit = fmin(fmax(variance, 1.0), 1e300), most = s->limit * s->limit;
+    double costs[MOST_ORIENTATIONS];
+    int64_t order[MOST_ORIENTATIONS], kept = 0;
+    for (int64_t one = 0; one < number; one++) {
+        double cost = 0.0;
+        for (int64_t row = 0; row < k->count; row++) {
+            const double square = squares[one * k->count + row] / unit;
+            cost += square < most ? square : square >= most ? most : NAN;
+        }
+        costs[one] = isnan(cost) ? INFINITY : cost; /* an orientation may have run away */
+        int64_t place = one;
+        for (; place > 0 && costs[one] < costs[order[place - 1]]; place--)
+            order[place] = order[place - 1];
+        order[place] = one;
+    }
+    for (int64_t place = 0; place < number; place++) {
+        const int64_t one = order[place];
+        int is_new = costs[one] <= costs[order[0]] + s->excess;
+        for (int64_t other = 0; other < kept && is_new; other++)
+            is_new = !is_same(rotations + 9 * chosen[other], centres + 3 * chosen[other], rotations + 9 * one,
+                              centres + 3 * one, s->same);
+        if (is_new)
+            chosen[kept++] = one;
+    }
+    return kept;
+}
+
+/* Improve orientations, adjust the likeliest, and put those that remain likely first, the best before the others;
+ * of the best one weight factors, residuals, squares and normal equations. Returns how many remain. */
+static int64_t settle(const Known *k, const Settling *s, int64_t number, double *rotations, double *centres,
+                      double *squares, double *factors, double *residual, double *normals, double *space)
+{
+    double R[MOST_ORIENTATIONS][9], centre[MOST_ORIENTATIONS][3], right[6];
+    int64_t chosen[MOST_ORIENTATIONS];
+    double *sorted = space;
+    for (int64_t one = 0; one < number; one++)
+        improve_one(k, s->steps, rotations + 9 * one, centres + 3 * one, squares + one * k->count, space);
+    const double variance = least_variance(k, s, squares, number, sorted);
+    const int64_t likely = choose(k, s, rotations, centres, squares, number, variance, chosen);
+    for (int64_t one = 0; one < likely; one++) {
+        memcpy(R[one], rotations + 9 * chosen[one], sizeof(R[one]));
+        memcpy(centre[one], centres + 3 * chosen[one], sizeof(centre[one]));
+        adjust_one(k, &s->danish, variance, R[one], centre[one], factors + one * k->count, space);
+        memcpy(squares + one * k->count, equations_in(space, k->count).squares, (size_t)k->count * sizeof(double));
+    }
+    const double final = least_variance(k, s, squares, likely, sorted);
+    const int64_t left = choose(k, s, R[0], centre[0], squares, likely, final, chosen);
+    for (int64_t one = 0; one < left; one++) {
+        memcpy(rotations + 9 * one, R[chosen[one]], sizeof(R[0]));
+        memcpy(centres + 3 * one, centre[chosen[one]], sizeof(centre[0]));
+    }
+    Equations best = equations_in(space, k->count);
+    linearise_resection(k, rotations, centres, &best);
+    memmove(factors, factors + chosen[0] * k->count, (size_t)k->count * sizeof(double));
+    memcpy(best.weights, factors, (size_t)k->count * sizeof(double));
+    memcpy(residual, best.residual, 2 * (size_t)k->count * sizeof(double));
+    memcpy(squares, best.squares, (size_t)k->count * sizeof(double));
+    resection_normals(k, &best, (double(*)[6])normals, right);
+    return left;
 }

@@ -117,7 +117,9 @@ function draw() {
     const named = trace.name === "photo" ? photoNames.checked : trace.name !== "tie point" && pointNames.checked;
     if (trace.mode === "markers" && named) trace.mode = "markers+text";
   }
-  return globalThis.Plotly.react(view, traces, layout(), { responsive: true, displaylogo: false });
+  // plotly has a button that uploads what is drawn; nothing of a project leaves its page
+  const config = { responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "" };
+  return globalThis.Plotly.react(view, traces, layout(), config);
 }
 
 function offerRays() {
