@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 _PASSES = 2
 _FIRST, _STEP = 1e-2, 10.0
+_LITTLE = 1e-4
+"""Part of the square sum; where a pass brings less, another one is not worth its while."""
 _LEAST_PIVOT = 1e-14
 _OUT_OF_SIGHT = 4.0
 """Times its former square that an observation counts which can no longer be computed."""
@@ -38,14 +40,17 @@ def with_blocks_fitted(
     """
     layout, state = problem.layout, moved.state
     fixed = layout.fixed[layout.reduced :].reshape(-1, 3)
-    here = _normals(moved.equations, before, weights, layout)
+    root, lost = np.sqrt(np.where(before.active, weights, 0.0)), _lost(before)
+    here = _normals(moved.equations, root, lost, layout)
     damping = np.zeros(layout.blocks)
     for _ in range(_PASSES):
         correction = _corrections(here, damping, fixed)
         tried = problem.with_blocks_moved(state, correction)
-        there = _normals(problem.linearise(tried), before, weights, layout)
+        there = _normals(problem.linearise(tried), root, lost, layout)
         better = there.square_sums < here.square_sums
         state = problem.with_blocks_moved(state, np.where(np.repeat(better, 3), correction, 0.0))
+        if np.sum(here.square_sums - there.square_sums, where=better) < _LITTLE * np.sum(here.square_sums):
+            break
         here = BlockNormals(
             np.where(better[:, None, None], there.matrices, here.matrices),
             np.where(np.repeat(better, 3), there.right, here.right),
@@ -60,8 +65,11 @@ def judged_residuals(before: Equations, after: Equations) -> FloatArray:
 
     An observation that can no longer be computed counts four times one and what it did: to go out of sight is no gain.
     """
-    lost = np.sqrt(_OUT_OF_SIGHT * (1.0 + before.residual**2))
-    return np.where(before.active, np.where(after.active, after.residual, lost), 0.0)
+    return np.where(before.active, np.where(after.active, after.residual, _lost(before)), 0.0)
+
+
+def _lost(before: Equations) -> FloatArray:
+    return np.sqrt(_OUT_OF_SIGHT * (1.0 + before.residual**2))
 
 
 def _corrections(normals: BlockNormals, damping: FloatArray, fixed: NDArray[np.bool_]) -> FloatArray:
@@ -88,7 +96,7 @@ def _inverse(pivot: FloatArray) -> FloatArray:
     return np.where(pivot > _LEAST_PIVOT, 1.0 / np.where(pivot > _LEAST_PIVOT, pivot, 1.0), 0.0)
 
 
-def _normals(after: Equations, before: Equations, weights: FloatArray, layout: Layout) -> BlockNormals:
-    root = np.sqrt(np.where(before.active, weights, 0.0))
-    misclosure = -root * judged_residuals(before, after)
+def _normals(after: Equations, root: FloatArray, lost: FloatArray, layout: Layout) -> BlockNormals:
+    """Return the normal equations of the blocks; `root` (n,) of the weights, and residuals `lost` (n,) out of sight."""
+    misclosure = -root * np.where(after.active, after.residual, lost)
     return after.rows.block_normals(np.where(after.active, root, 0.0), misclosure, layout)

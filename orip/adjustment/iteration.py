@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Generic
 
@@ -243,22 +243,14 @@ def _moved(
             control.weaken()
             return normals, moved, factor < 1.0
         acceleration.forget()
-        for placed in _with_blocks_placed(problem, moved, current.equations, weights, control.is_far(normals)):
-            if control.accepts(current.equations, placed.equations, weights, normals, full=False):
-                control.weaken()
-                return normals, placed, True
+        if not damping and control.is_far(normals):
+            moved = _at(problem, problem.with_points_anew(moved.state))
+        moved = with_blocks_fitted(problem, moved, current.equations, weights)
+        if control.accepts(current.equations, moved.equations, weights, normals, full=False):
+            control.weaken()
+            return normals, moved, True
         control.strengthen()
         del normals, moved
-
-
-def _with_blocks_placed(
-    problem: Problem[State], moved: Linearised[State], before: Equations, weights: FloatArray, far: bool
-) -> Iterator[Linearised[State]]:
-    """Yield where a step has led to with better places of the blocks: from where they are and, if far off, anew."""
-    yield with_blocks_fitted(problem, moved, before, weights)
-    if far:
-        anew = _at(problem, problem.with_points_anew(moved.state))
-        yield with_blocks_fitted(problem, anew, before, weights)
 
 
 def _at(problem: Problem[State], state: State) -> Linearised[State]:

@@ -26,6 +26,11 @@ _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
 after which observations can no longer be computed."""
 
 
+_LEAST_SHARE = 0.1
+"""Of the predicted decrease that a full correction has to bring whose blocks had to be placed; a damped one will bring
+more."""
+
+
 class StepControl:
     """How strongly corrections are damped, from one iteration to the next.
 
@@ -50,7 +55,7 @@ class StepControl:
     def accepts(
         self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals, *, full: bool
     ) -> bool:
-        """Return whether a step is taken; one that is not the full correction must lower the mean square.
+        """Return whether a step is taken; one that is not the full correction alone must lower the mean square.
 
         Parameters
         ----------
@@ -69,7 +74,8 @@ class StepControl:
         self._least = min(self._least, here)
         lost = (before.active & ~after.active).any()
         worse = _WORSE_WITH_LOSS if lost else _WORSE
-        allowed = max(worse * self._least, here) if full else here
+        share = 0.0 if self.damping else _LEAST_SHARE
+        allowed = max(worse * self._least, here) if full else here - share * normals.reduced_square_sum / total
         leads_on = float(taken @ judged_residuals(before, after) ** 2) / total <= allowed
         if not leads_on:
             self.undamped = -1

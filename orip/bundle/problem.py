@@ -115,11 +115,9 @@ class BlockProblem:
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        return self._remembering(state.moved(correction, self.unknowns))
-
-    def _remembering(self, state: State) -> State:
-        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(state)) is not None}
-        return replace(state, memory=memory)
+        moved = state.moved(correction, self.unknowns)
+        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(moved)) is not None}
+        return replace(moved, memory=memory)
 
     def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
@@ -140,7 +138,7 @@ class BlockProblem:
         """Return the state with its points moved: linearly in direction and inverse distance."""
         rays = self.block.photo_points
         move = entries_at(np.concatenate([np.zeros(self.layout.reduced), correction]), self.unknowns.points)
-        return self._remembering(with_points_moved(state, move, state.centres[rays.photo], rays.point))
+        return with_points_moved(state, move, state.centres[rays.photo], rays.point)
 
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps every photo's turn small enough to linearise."""
