@@ -131,6 +131,8 @@ def by_pairs(growth: Growth, choice: int) -> Route:
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented
+        # they may have turned out to be in the wrong place there, and would begin the same system again
+        free[start.block.photos] = False
     systems.sort(key=lambda system: -int(system.oriented.sum()))
     return Route(tuple(systems), relative=tuple(relative))
 
