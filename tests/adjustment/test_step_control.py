@@ -72,3 +72,17 @@ def test_observations_that_go_out_of_sight_are_no_gain():
     assert not control.accepts(before, after, np.ones(1), normals, full=True)
     assert control.accepts(worse, before, np.ones(1), normals, full=True)
     assert not control.accepts(worse, before, np.ones(1), normals, full=False)
+
+
+def test_a_full_correction_that_needed_help_must_bring_a_tenth_of_what_was_predicted():
+    problem, state = arctangent(1.0)
+    before = problem.linearise(state)
+    control = StepControl(problem.layout)
+    # one observation, one unknown: the whole square sum is predicted to go
+    normals = solve_normals(before, np.ones(1), problem.layout, 12.0)
+    little, enough = (equations_of(np.ones((1, 1)), before.residual * np.sqrt(left)) for left in (0.91, 0.89))
+    assert not control.accepts(before, little, np.ones(1), normals, full=False)
+    assert control.accepts(before, enough, np.ones(1), normals, full=False)
+    assert control.accepts(before, little, np.ones(1), normals, full=True)
+    control.strengthen()
+    assert control.accepts(before, little, np.ones(1), normals, full=False)
