@@ -132,12 +132,13 @@ class _Chain:
         ends: list[tuple[frozenset[int], float]] = []
         for number, route in enumerate(self._routes()):
             for outcome in self._outcomes(route):
-                misfit = self._misfit(outcome)
+                lengths = residual_lengths(self.rays, outcome.placed)
+                misfit = self._misfit(outcome.placed, lengths)
                 found = (outcome.on_ground or bool(outcome.findings), -misfit)
                 if found > rank:
                     best, rank = outcome, found
                 if self._is_complete(outcome):
-                    wrong = np.flatnonzero(misplaced(self.rays, outcome.placed))
+                    wrong = np.flatnonzero(misplaced(self.rays, outcome.placed, lengths))
                     ends.append((frozenset(wrong.tolist()), misfit))
             if _is_enough(ends, first=number == 0):
                 self.at_once = number == 0
@@ -279,11 +280,10 @@ class _Chain:
 
     # how good it is
 
-    def _misfit(self, outcome: _Outcome) -> float:
+    def _misfit(self, placed: Placed, lengths: FloatArray) -> float:
         """Return the mean residual over the a-priori error; what is far off or has no place counts with a limit."""
-        lengths = residual_lengths(self.rays, outcome.placed)
-        lengths[~outcome.placed.oriented[self.rays.photo]] = np.inf
-        judged = lengths[~np.isnan(lengths)]
+        counted = np.where(placed.oriented[self.rays.photo], lengths, np.inf)
+        judged = counted[~np.isnan(counted)]
         return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
     def _is_complete(self, outcome: _Outcome) -> bool:
@@ -346,7 +346,7 @@ class _Chain:
         if not best.on_ground:
             return
         lengths = residual_lengths(self.rays, best.placed)
-        for photo in np.flatnonzero(misplaced(self.rays, best.placed)):
+        for photo in np.flatnonzero(misplaced(self.rays, best.placed, lengths)):
             mine = lengths[(self.rays.photo == photo) & ~np.isnan(lengths)]
             limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)
             unfit = f"{int(np.sum(~(mine <= limit)))} of the {len(mine)} points that it shares with other photos"

@@ -133,7 +133,7 @@ class Growth:
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
             placed, refined = self.refined(placed, enough if added is None else ROUGH), count
-            wrong = misplaced(self.rays, placed) & (removals < _REMOVALS)
+            wrong = misplaced(self.rays, placed, residual_lengths(self.rays, placed)) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
                 refused = _Refused()

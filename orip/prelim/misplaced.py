@@ -38,12 +38,18 @@ def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
     return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
 
 
-def misplaced(rays: ImageRays, placed: Placed) -> BoolArray:
+def misplaced(rays: ImageRays, placed: Placed, lengths: FloatArray) -> BoolArray:
     """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
 
     A photo none of whose points is seen by another one is among them.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    placed : Placed
+    lengths : array (n,)
+        The system's `residual_lengths`.
     """
-    lengths = residual_lengths(rays, placed)
     judged = ~np.isnan(lengths)
     overall = float(np.median(lengths[judged])) if judged.any() else np.inf
     count = len(rays.photos)
