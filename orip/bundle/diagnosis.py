@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from orip.adjustment.convergence import Termination
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.photo_point import PhotoPointObservations
@@ -25,6 +26,9 @@ from orip.progress import stage
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
 _POINTS_FOR_A_PHOTO = 3
+
+_SETTLED = 0.1
+"""Standard deviations: what changes by less is where it will end."""
 
 
 def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
@@ -43,6 +47,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     return (
         *_ground_system(solved),
         *_undetermined(solved),
+        *_unsettled(solved),
         *_principal_distance_and_scale(solved),
         *calibration_diagnosis(solved),
         *_behind(solved),
@@ -120,6 +125,31 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         cause, remedy = _cause(solved, group, name)
         text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
+
+
+def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name the photo that iterations which did not converge would move farthest, in its standard deviations."""
+    if solved.adjusted.termination not in (Termination.MAX_ITERATIONS, Termination.DIVERGED):
+        return
+    correction, cofactor, scale = solved.adjusted.normals.correction, solved.cofactors.reduced, solved.deviation_scale
+    moves: list[tuple[float, str, str]] = []
+    for photo, columns in zip(solved.block.photos, solved.problem.unknowns.photos, strict=True):
+        sizes = [
+            (float(abs(correction[column]) / np.sqrt(cofactor[column, column]) / scale), kind, photo.name)
+            for kind, column in zip(PHOTO_PARAMETERS, columns.tolist(), strict=True)
+            if column != CONSTANT and cofactor[column, column] > 0.0
+        ]
+        moves.extend([max(sizes)] if sizes else [])
+    if not moves or (farthest := max(moves))[0] < _SETTLED:
+        return
+    size, kind, name = farthest
+    count = sum(each[0] >= _SETTLED for each in moves)
+    text = (
+        f"the iterations did not converge: another one would change {kind} of photo {name} by {size:.2g} standard "
+        f"deviations, and {_photos(count)} by more than {_SETTLED}"
+    )
+    remedy = "look for wrong points there first; more iterations, or better preliminary values, if there are none"
+    yield Diagnosis("not-converged", f"photo {name}", text, remedy)
 
 
 def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:

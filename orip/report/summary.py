@@ -23,7 +23,7 @@ USUAL_COLUMNS = 80
 LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
-_WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "no-redundancy", "blunder"}
+_WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "not-converged", "no-redundancy", "blunder"}
 """Diagnoses of what has to be mended; the others are to be looked at."""
 
 _MORE_THAN_CHANCE = 1.5
