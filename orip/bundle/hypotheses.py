@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
+from orip.bundle.principal_distance import principal_distance_seen
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
@@ -87,7 +88,8 @@ def camera_hypotheses(block: Block) -> Iterator[Hypothesis]:
             free = _with_unknown(block, row, *_LENS)
             yield Hypothesis("distortion", where, free, plainly(_DISTORTION_TEXT))
         if not unknown[0]:
-            yield Hypothesis("principal-distance", where, _with_unknown(block, row, "C"), partial(_other_c, row=row))
+            says = partial(_other_c, row=row, given=camera.parameters[0])
+            yield Hypothesis("principal-distance", where, _with_unknown(_with_c_seen(block, row), row, "C"), says)
 
 
 def _principal_points(block: Block, row: int, where: str) -> Iterator[Hypothesis]:
@@ -119,9 +121,16 @@ def _with_unknown(block: Block, row: int, *kinds: str) -> Block:
     return _with_camera(block, row, replace(camera, unknown=unknown))
 
 
-def _other_c(solved: SolvedBlock, row: int) -> str:
+def _with_c_seen(block: Block, row: int) -> Block:
+    """Return a block whose camera begins with the principal distance that control tells of."""
+    camera = block.cameras[row]
+    parameters = (principal_distance_seen(block, row), *camera.parameters[1:])
+    return _with_camera(block, row, replace(camera, parameters=parameters))
+
+
+def _other_c(solved: SolvedBlock, row: int, given: float) -> str:
     camera = solved.block.cameras[row]
-    given, found = camera.parameters[0], float(solved.adjusted.linearised.state.cameras[row, 0])
+    found = float(solved.adjusted.linearised.state.cameras[row, 0])
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"
