@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 
-INTERRUPTED = 130
-
 
 def main() -> None:
     """Load and run the program `orip`."""
@@ -14,6 +12,8 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
+        from orip.errors import INTERRUPTED
+
         sys.stderr.write("error: interrupted before anything was done\n")
         sys.exit(INTERRUPTED)
 

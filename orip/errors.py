@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+INTERRUPTED = 130
+"""What the shell gets after Ctrl-C."""
+
 
 @dataclass(frozen=True, slots=True)
 class Complaint:

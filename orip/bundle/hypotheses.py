@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from orip.bundle.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
 from orip.bundle.principal_distance import principal_distance_seen
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.model.block import Block
@@ -268,12 +269,10 @@ def _exchanged(block: Block) -> list[tuple[int, int]]:
 
     Looked at are the directions from the photos to the points whose coordinates are given.
     """
-    points, start = block.photo_points, np.full((len(block.point_names), 3), np.nan)
-    place = block.point_index()
-    for each in block.control_points:
-        if None not in each.coordinates:
-            start[place[each.name]] = each.coordinates
-    start = np.where(np.isnan(block.point_start), block.ground.to_local(start), block.point_start)
+    points, given = block.photo_points, given_coordinates(block)
+    # a place that is given in part has none in the frame
+    given[np.isnan(given).any(axis=1)] = np.nan
+    start = np.where(np.isnan(block.point_start), block.ground.to_local(given), block.point_start)
     vectors = image_vectors(block)
     vectors = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     rotations = rotation_from_angles(block.photo_orientation[:, 3:])

@@ -1,10 +1,11 @@
-"""The principal distance that control tells of where the orientations of photos are roughly known."""
+"""The principal distance that given points tell of where the orientations of photos are roughly known."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 
@@ -15,7 +16,7 @@ _NEAR_AXIS = 0.02
 
 
 def principal_distance_seen(block: Block, camera: int) -> float:
-    """Return the median of photo coordinates over the tangents of the angles at which control points are seen, mm.
+    """Return the median of photo coordinates over the tangents of the angles at which given points are seen, mm.
 
     Parameters
     ----------
@@ -27,10 +28,10 @@ def principal_distance_seen(block: Block, camera: int) -> float:
     Returns
     -------
     float
-        The camera's own principal distance where its photos show no control point that is known in full.
+        The camera's own principal distance where its photos show no point whose coordinates are given in full.
     """
     own = block.cameras[camera].parameters
-    rows, ground = _of_full_control(block, camera)
+    rows, ground = _of_given_points(block, camera)
     photo = block.photo_points.photo[rows]
     orientation = block.photo_orientation[photo]
     u = np.einsum("ni,nij->nj", ground - orientation[:, :3], rotation_from_angles(orientation[:, 3:]))
@@ -44,14 +45,9 @@ def principal_distance_seen(block: Block, camera: int) -> float:
     return float(np.median(found)) if len(found) else own[0]
 
 
-def _of_full_control(block: Block, camera: int) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return rows of photo points that show full control points, and these (n, 3) in the frame of the block."""
-    place = block.point_index()
-    known = np.full((len(block.point_names), 3), np.nan)
-    for point in block.control_points:
-        if point.kind == "control" and None not in point.coordinates:
-            known[place[point.name]] = np.array(point.coordinates, dtype=np.float64)
-    points = block.photo_points
-    full = np.isfinite(known).all(axis=1)
+def _of_given_points(block: Block, camera: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return rows of photo points that show points given in full, and these (n, 3) in the frame of the block."""
+    known, points = given_coordinates(block), block.photo_points
+    full: NDArray[np.bool_] = np.asarray(np.isfinite(known).all(axis=1))
     rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.used.all(axis=1))
     return rows, block.ground.to_local(known[points.point[rows]])

@@ -10,9 +10,8 @@ from contextlib import contextmanager
 import typer
 
 from orip.cli.terminal import ColorChoice, Terminal
-from orip.errors import InputError, OripError, UsageError
+from orip.errors import INTERRUPTED, InputError, OripError, UsageError
 
-INTERRUPTED = 130
 _TRACEBACK_VARIABLE = "ORIP_TRACEBACK"
 
 

@@ -32,8 +32,9 @@ from orip.cli import (
     cmd_stores,
     cmd_update,
 )
-from orip.cli.exits import INTERRUPTED, exit_on_error, report_usage
+from orip.cli.exits import exit_on_error, report_usage
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
+from orip.errors import INTERRUPTED
 
 app = typer.Typer(
     name="orip",

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from orip.cli.exits import INTERRUPTED
 from orip.cli.terminal import Style, Terminal
-from orip.errors import GateError, NotSolvableError, ProjectWarning
+from orip.errors import INTERRUPTED, GateError, NotSolvableError, ProjectWarning
 
 if TYPE_CHECKING:
     from orip.model.block import Block

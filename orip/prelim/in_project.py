@@ -41,9 +41,7 @@ def orientations_in_project(photos: Sequence[PhotoStart], ground: GroundSystem) 
 def points_in_project(points: PointStarts, ground: GroundSystem) -> list[PreliminaryPoint]:
     """Return points as a .PRE file has them; deviations are those along the axes of the frame."""
     xyz = ground.to_project(points.coordinates).tolist()
-    deviations = [
-        None if np.isnan(sx) else (sx, sy, sz) for sx, sy, sz in zip(*points.deviations.T.tolist(), strict=True)
-    ]
+    deviations = [None if np.isnan(sx) else (sx, sy, sz) for sx, sy, sz in points.deviations.tolist()]
     return [
         PreliminaryPoint(name, (x, y, z), deviation)
         for name, (x, y, z), deviation in zip(points.names, xyz, deviations, strict=True)

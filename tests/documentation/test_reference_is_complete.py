@@ -13,8 +13,7 @@ from files.hand_built_solutions import awkward
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
-from orip.cli.exits import INTERRUPTED
-from orip.errors import OripError
+from orip.errors import INTERRUPTED, OripError
 from orip.files import project_tables
 from orip.files.control_text import ELEMENT_KINDS
 from orip.files.measurement_headers import ACTIONS, BLOCK_KINDS
