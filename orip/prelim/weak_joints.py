@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.preliminary import ImageRays
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -30,30 +34,48 @@ def weak_joints(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -
     known_on_ground : array (number of points,) of bool
         Control: a part that sees two of these points has a scale of its own.
     """
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    together = common > _FEW
+    together = csr_array(common > _FEW)
     told: set[frozenset[int]] = set()
-    for joint in range(len(rays.photos)):
+    for joint in _possible_joints(together):
         others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
-        count, label = connected_components(together[np.ix_(others, others)], directed=False)
+        count, label = connected_components(together[others][:, others], directed=False)
         largest = int(np.bincount(label).argmax()) if count > 1 else 0
         for part in range(count):
             members = others[label == part]
             if part == largest or frozenset(members.tolist()) in told:
                 continue
             shared, points = _shared(rays, members, joint)
-            if shared <= _FEW and np.count_nonzero(known_on_ground[points]) < 2:
+            if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
                 told.add(frozenset(members.tolist()))
                 yield _sentence(rays, members, joint, shared)
 
 
-def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, IntArray]:
-    """Return how many points photos share with those outside but the joint, and all their points."""
-    inside = np.isin(rays.photo, members)
-    outside = ~inside & (rays.photo != joint)
-    points = np.unique(rays.point[inside])
-    return int(np.isin(points, rays.point[outside]).sum()), points
+def _possible_joints(together: csr_array) -> IntArray:
+    """Return the photos from which others are reached first: without a leaf of a spanning tree all still hang together.
+
+    In ascending order.
+    """
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    _, label = connected_components(together, directed=False)
+    _, roots = np.unique(label, return_index=True)
+    before = [breadth_first_order(together, root, directed=False)[1] for root in roots]
+    reached_from = np.unique(np.concatenate([roots, *before]))
+    return np.asarray(reached_from[reached_from >= 0], dtype=np.int64)
+
+
+def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:
+    """Return how many points photos share with those outside but the joint, and which points they see."""
+    photos = np.zeros(len(rays.photos), dtype=bool)
+    photos[members] = True
+    inside, outside = np.zeros((2, len(rays.points)), dtype=bool)
+    inside[rays.point[photos[rays.photo]]] = True
+    photos[joint] = True
+    outside[rays.point[~photos[rays.photo]]] = True
+    return int(np.count_nonzero(inside & outside)), inside
 
 
 def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
