@@ -20,9 +20,10 @@ from orip.files.preliminary_steps import (
     similarity_remarks,
 )
 from orip.files.text_table import INDENT, PAGE_WIDTH, Column, one_line, paragraph, section, table_lines
+from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.control import PreliminaryPoint
 from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.preliminary import PreliminaryValues, SimilarityStep
+from orip.model.preliminary import CameraStart, PreliminaryValues, SimilarityStep
 
 TITLE = "PRELIMINARY VALUES"
 
@@ -76,6 +77,8 @@ def preliminary_listing_lines(
     yield from _similarities("CONNECTION", values.connections)
     if values.absolute is not None:
         yield from section("ABSOLUTE ORIENTATION", similarity_lines(values.absolute, ground_unit))
+    if values.cameras:
+        yield from section("CAMERAS", _cameras(values.cameras))
     yield from section("PHOTOS", _photos(values, orientations, points, ground_unit))
     yield from section("POINTS", _points(points, ground_unit))
     if values.relative:
@@ -104,6 +107,18 @@ def _how(values: PreliminaryValues) -> list[str]:
         [
             Column("Photo", names, align="left"),
             Column("How", [line for lines in wrapped for line in lines], align="left"),
+        ]
+    )
+
+
+def _cameras(cameras: Sequence[CameraStart]) -> list[str]:
+    """Return what preliminary values contain of unknown cameras."""
+    parameters = np.array([each.parameters for each in cameras])
+    return table_lines(
+        [
+            Column("Camera", [each.name for each in cameras], align="left"),
+            *(Column(kind, fixed(parameters[:, CAMERA_PARAMETERS.index(kind)], 3), "mm") for kind in ("C", "DX", "DY")),
+            Column("A3", [f"{each:.3e}" for each in parameters[:, CAMERA_PARAMETERS.index("A3")]], "1/mm²"),
         ]
     )
 

@@ -18,6 +18,28 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+CAMERA_CORRECTIONS = 4
+"""Scale of the image, shift in x and y as parts of the principal distance, radial distortion at 45 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownCameras:
+    """Cameras whose interior orientation the adjustment will estimate, in full or in part.
+
+    Parameters
+    ----------
+    of_photo : array (number of photos,) of int
+        -1 for a photo of a camera that is known; empty where all are.
+    unknown : array (cameras, `CAMERA_CORRECTIONS`) of bool
+    """
+
+    of_photo: IntArray
+    unknown: BoolArray
+
+
+ALL_KNOWN = UnknownCameras(np.empty(0, dtype=np.int64), np.empty((0, CAMERA_CORRECTIONS), dtype=np.bool_))
+
+
 @dataclass(frozen=True, slots=True)
 class ImageRays:
     """n measured photo points freed of distortion.
@@ -33,6 +55,7 @@ class ImageRays:
         Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
     error : array (n,)
         A-priori error of a photo coordinate, mm.
+    cameras : UnknownCameras
     """
 
     photos: tuple[str, ...]
@@ -42,6 +65,7 @@ class ImageRays:
     xy: FloatArray
     vectors: FloatArray
     error: FloatArray
+    cameras: UnknownCameras = ALL_KNOWN
 
     def of(self, rows: IntArray | BoolArray) -> ImageRays:
         """Return some of the rays, or all in another order; photos and points keep their indices."""
@@ -53,6 +77,7 @@ class ImageRays:
             self.xy[rows],
             self.vectors[rows],
             self.error[rows],
+            self.cameras,
         )
 
 
@@ -269,6 +294,21 @@ class PointStarts:
         return len(self.names)
 
 
+@dataclass(frozen=True, slots=True)
+class CameraStart:
+    """Preliminary values of an unknown camera.
+
+    Parameters
+    ----------
+    name : str
+    parameters : tuple of 11 floats
+        In the order of `CAMERA_PARAMETERS`; those that are not unknown as given.
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+
+
 NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
 
 
@@ -287,6 +327,8 @@ class PreliminaryValues:
     points : PointStarts
     findings : tuple of str
         What the user should know of the block as a whole: reflected or swapped control, units, blunders; in sentences.
+    cameras : tuple of CameraStart
+        Unknown cameras, as the orientations of the photos ask for.
     """
 
     relative: tuple[RelativeOrientation, ...]
@@ -297,3 +339,4 @@ class PreliminaryValues:
     photos: tuple[PhotoStart, ...]
     points: PointStarts
     findings: tuple[str, ...]
+    cameras: tuple[CameraStart, ...] = ()

@@ -17,6 +17,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.model.block import Block
 from orip.model.preliminary import (
     NO_POINTS,
+    CameraStart,
     NotOriented,
     PhotoStart,
     PointStarts,
@@ -25,6 +26,7 @@ from orip.model.preliminary import (
     SimilarityStep,
 )
 from orip.prelim.absolute_orientation import absolute_orientation
+from orip.prelim.camera_corrections import parameters_with
 from orip.prelim.ground_control import known_centres, known_points
 from orip.prelim.growing import Growth
 from orip.prelim.handedness import handedness
@@ -248,7 +250,7 @@ class _Chain:
         wanted[[self.row_of[name] for name in self.control.names if name in self.row_of]] = True
         wanted &= ~placed.known
         rows = np.flatnonzero(wanted[self.rays.point])
-        rays = self.rays.of(rows)
+        rays = placed.corrected(self.rays.of(rows))
         rays = replace(rays, error=_DOUBTFUL * rays.error)
         found = intersect(placed.rotations, placed.centres, placed.oriented, rays)
         return replace(
@@ -319,11 +321,18 @@ class _Chain:
             tuple(photos),
             points,
             best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
+            tuple(self._cameras(best)) if best.on_ground else (),
         )
+
+    def _cameras(self, best: _Outcome) -> Iterator[CameraStart]:
+        of_photo, corrections = self.rays.cameras.of_photo, best.placed.corrections
+        for unknown, correction in enumerate(corrections):
+            camera = self.block.cameras[self.block.photo_camera[np.argmax(of_photo == unknown)]]
+            yield CameraStart(camera.name, parameters_with(camera, correction))
 
     def _points(self, placed: Placed) -> PointStarts:
         """Return where the rays of all points meet, control points too, which may be wrong; else where they are."""
-        found = intersect(placed.rotations, placed.centres, placed.oriented, self.all_rays)
+        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.all_rays))
         coordinates, deviations = found.coordinates, found.deviations
         place = self.block.point_index()
         rows = np.array([place[name] for name in self.rays.points], dtype=np.int64)

@@ -143,7 +143,7 @@ class Growth:
 
     def intersected(self, placed: Placed) -> Placed:
         """Return the system with all points that its photos determine."""
-        found = intersect(placed.rotations, placed.centres, placed.oriented, self.rays)
+        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.rays))
         return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
 
     def _intersected_anew(self, placed: Placed, photos: BoolArray) -> Placed:
@@ -155,7 +155,7 @@ class Growth:
         part = self.rays.of(rows)
         names = tuple(self.rays.points[point] for point in points)
         part = replace(part, points=names, point=np.searchsorted(points, part.point))
-        found = intersect(placed.rotations, placed.centres, placed.oriented, part)
+        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(part))
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations
         return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
@@ -168,10 +168,11 @@ class Growth:
             placed.centres,
             placed.oriented,
             placed.coordinates,
+            corrections=placed.corrections,
             held_points=self.held_points,
             enough=enough,
         )
-        moved = replace(placed, rotations=found.rotations, centres=found.centres)
+        moved = replace(placed, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
         return self.intersected(moved)
 
     def _with_held(self, placed: Placed) -> Placed:
@@ -199,22 +200,25 @@ class Growth:
         counts[placed.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
         counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
-        result = None
+        result, seen = None, placed.corrected(self.rays)
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
-            found = self.resection(placed, int(photo), known)
+            found = self.resection(placed, seen, int(photo), known)
             if found is None:
                 refused.photos[int(photo)] = int(counts[photo])
             else:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: Placed, photo: int, known: BoolArray) -> Resected | None:
-        """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one."""
+    def resection(self, placed: Placed, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
+        """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
+
+        `seen` are the rays, corrected as the system shows the cameras to be.
+        """
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
         deviation = np.sqrt((placed.deviations[points] ** 2).sum(axis=1) / 3.0)
         error = float(self.rays.error[rows].mean())
-        found = resect(self.rays.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
+        found = resect(seen.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
         if np.mean(found.weight_factor >= 1.0) < _FITTING:
@@ -234,9 +238,8 @@ class Growth:
             if len(rows) != _LEAST:
                 continue
             points = self.rays.point[rows]
-            found = resect(
-                self.rays.vectors[rows], placed.coordinates[points], error_mm=float(np.median(self.rays.error[rows]))
-            )
+            seen = placed.corrected(self.rays.of(rows))
+            found = resect(seen.vectors, placed.coordinates[points], error_mm=float(np.median(seen.error)))
             if not isinstance(found, Resected):
                 continue
             rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
@@ -292,7 +295,8 @@ class Growth:
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~placed.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            block = grower.grown(placed_block(self.rays, model.block, how), ROUGH)
+            start = replace(placed_block(self.rays, model.block, how), corrections=placed.corrections)
+            block = grower.grown(start, ROUGH)
             joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue

@@ -6,7 +6,10 @@ import numpy as np
 
 from orip.interior.image_vectors import image_vectors
 from orip.model.block import Block
-from orip.model.preliminary import ImageRays
+from orip.model.preliminary import ALL_KNOWN, ImageRays, UnknownCameras
+
+_CORRECTED = "C", "DX", "DY", "A3"
+"""Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""
 
 
 def image_rays(block: Block) -> ImageRays:
@@ -26,4 +29,15 @@ def image_rays(block: Block) -> ImageRays:
         xy=points.xy[rows],
         vectors=vectors[rows],
         error=np.sqrt(np.mean(points.error[rows] ** 2, axis=1)),
+        cameras=_unknown_cameras(block),
     )
+
+
+def _unknown_cameras(block: Block) -> UnknownCameras:
+    unknown = np.array([[name in camera.unknown for name in _CORRECTED] for camera in block.cameras])
+    rows = np.flatnonzero(unknown.any(axis=1))
+    if not len(rows):
+        return ALL_KNOWN
+    place = np.full(len(block.cameras), -1)
+    place[rows] = np.arange(len(rows))
+    return UnknownCameras(place[block.photo_camera], unknown[rows])

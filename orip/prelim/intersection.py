@@ -89,8 +89,10 @@ class _Bundle(NamedTuple):
 def group_sums(index: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Return the sums (count, ...) of the rows of values (n, ...) that have the same index (n,)."""
     columns = values.reshape(len(index), int(np.prod(values.shape[1:]))).T
-    sums = [np.bincount(index, column, count) for column in columns]
-    return np.asarray(np.stack(sums, axis=1).reshape(count, *values.shape[1:]), dtype=np.float64)
+    sums = np.empty((count, len(columns)))
+    for place, column in enumerate(columns):
+        sums[:, place] = np.bincount(index, column, count)
+    return sums.reshape(count, *values.shape[1:])
 
 
 def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.preliminary import ImageRays, SubBlock
+from orip.prelim.camera_corrections import corrected, no_corrections
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -26,6 +27,8 @@ class Placed:
     centres : array (number of photos, 3)
     coordinates, deviations : arrays (number of points, 3)
         NaN where not placed.
+    corrections : array (cameras, 4)
+        Of the unknown cameras; see `orip.prelim.camera_corrections`.
     how : tuple of str, one a photo
         How it was oriented, as a sentence; "" where it was not.
     """
@@ -35,6 +38,7 @@ class Placed:
     centres: FloatArray
     coordinates: FloatArray
     deviations: FloatArray
+    corrections: FloatArray
     how: tuple[str, ...]
 
     @property
@@ -46,6 +50,10 @@ class Placed:
     def known(self) -> BoolArray:
         """Return which points are placed, array (number of points,)."""
         return np.isfinite(self.coordinates[:, 0])
+
+    def corrected(self, rays: ImageRays) -> ImageRays:
+        """Return rays as the system's photos and points show their cameras to be."""
+        return corrected(rays, self.corrections)
 
     def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> Placed:
         """Return the system with one more photo."""
@@ -83,6 +91,7 @@ def nothing_placed(rays: ImageRays, name: str = "") -> Placed:
         np.full((photos, 3), np.nan),
         np.full((points, 3), np.nan),
         np.full((points, 3), np.nan),
+        no_corrections(rays),
         ("",) * photos,
     )
 

@@ -1,7 +1,8 @@
 """Refinement of a block's preliminary values: all photos and points in one least squares adjustment, weights robust.
 
-It removes the drift that adding photo after photo leaves. Interior parameters stay as they are, and no standard
-deviations come of it: that is what the bundle adjustment is for.
+It removes the drift that adding photo after photo leaves. Of unknown interior orientations no more is estimated than
+keeps them from spoiling it (see `orip.prelim.camera_corrections`), and no standard deviations come of it: that is what
+the bundle adjustment is for.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
 from orip.model.preliminary import ImageRays
+from orip.prelim.array_network import ArraySolver
+from orip.prelim.camera_corrections import no_corrections
 from orip.prelim.compiled import is_compiled
-from orip.prelim.network import ArraySolver, CompiledSolver, Network, Residuals, State
+from orip.prelim.compiled_network import CompiledSolver
+from orip.prelim.network import Network, Residuals, State
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -47,6 +51,8 @@ class Refined:
     rotations : array (p, 3, 3)
     centres : array (p, 3)
     coordinates : array (q, 3)
+    corrections : array (cameras, 4)
+        Of the unknown cameras.
     weight_factors : array (n,)
         Of the rays; 0 for rays that took no part.
     s0 : float
@@ -57,6 +63,7 @@ class Refined:
     rotations: FloatArray
     centres: FloatArray
     coordinates: FloatArray
+    corrections: FloatArray
     weight_factors: FloatArray
     s0: float
     iterations: int
@@ -69,6 +76,7 @@ def refine(
     oriented: BoolArray,
     coordinates: FloatArray,
     *,
+    corrections: FloatArray | None = None,
     held_points: BoolArray | None = None,
     held_photos: BoolArray | None = None,
     enough: float = 0.0,
@@ -86,6 +94,8 @@ def refine(
         Other photos stay as they are, and their rays take no part.
     coordinates : array (q, 3)
         NaN for a point without a position: its rays take no part.
+    corrections : array (cameras, 4) or None
+        Of the unknown cameras; 0 unless given.
     held_points, held_photos : arrays (q,), (p,) of bool or None
         What is known and stays: control, photos oriented before. Without any the block keeps its place by damping.
     enough : float
@@ -106,24 +116,26 @@ def refine(
     """
     held_points = np.zeros(len(rays.points), dtype=bool) if held_points is None else held_points
     held_photos = np.zeros(len(rays.photos), dtype=bool) if held_photos is None else held_photos
+    corrections = no_corrections(rays) if corrections is None else corrections
     network, used = _network(rays, oriented, coordinates, held_points, held_photos)
     weight_factors = np.zeros(len(rays.photo))
-    if not len(network.photo):
-        return Refined(rotations, centres, coordinates, weight_factors, 0.0, 0)
+    if not len(network.rays.photo):
+        return Refined(rotations, centres, coordinates, corrections, weight_factors, 0.0, 0)
     # a system of the block's own size: damping treats angles and lengths alike
     base = np.nanmean(centres[oriented], axis=0)
-    size = float(np.linalg.norm(coordinates[network.point] - centres[network.photo], axis=1).mean())
-    start = State(rotations, (centres - base) / size, (coordinates - base) / size)
+    size = float(np.linalg.norm(coordinates[network.rays.point] - centres[network.rays.photo], axis=1).mean())
+    start = State(rotations, (centres - base) / size, (coordinates - base) / size, corrections)
     state, factors, s0, iterations = _iterate(network, start, enough, sweeps)
     weight_factors[used] = factors
     moved_photos = np.zeros(len(rays.photos), dtype=bool)
-    moved_photos[network.photo] = network.photo_free[network.photo]
+    moved_photos[network.rays.photo] = network.photo_free[network.rays.photo]
     moved_points = np.zeros(len(rays.points), dtype=bool)
-    moved_points[network.point] = network.point_free[network.point]
+    moved_points[network.rays.point] = network.point_free[network.rays.point]
     return Refined(
         np.where(moved_photos[:, None, None], state.rotations, rotations),
         np.where(moved_photos[:, None], base + size * state.centres, centres),
         np.where(moved_points[:, None], base + size * state.points, coordinates),
+        state.corrections,
         weight_factors,
         s0,
         iterations,
@@ -144,10 +156,7 @@ def _network(
     seen[rays.point[rows]] = True
     taking = np.zeros(len(rays.photos), dtype=bool)
     taking[rays.photo[rows]] = True
-    network = Network(
-        rays.photo[rows], rays.point[rows], rays.vectors[rows], rays.error[rows], taking & ~held_photos,
-        seen & ~held_points,
-    )  # fmt: skip
+    network = Network(rays.of(rows), taking & ~held_photos, seen & ~held_points)
     return network, rows
 
 
@@ -160,11 +169,12 @@ class _Stand(NamedTuple):
     factors: FloatArray
 
     def cost(self, at: Residuals) -> float:
-        """Return the weighted square sum of residuals with these weights.
+        """Return the weighted square sum of residuals with these weights, and of the cameras' corrections.
 
         A ray that has come to lie behind its photo counts as a large residual.
         """
-        return float(self.factors @ np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6))
+        squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6)
+        return float(self.factors @ squares) + at.of_cameras
 
 
 def _stand(network: Network, state: State, residuals: Residuals) -> _Stand:

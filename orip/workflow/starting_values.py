@@ -10,8 +10,9 @@ import numpy as np
 from orip.bundle.assemble import with_starting_values
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.model.block import Block
+from orip.model.camera import Camera
 from orip.model.control import PreliminaryPoint
-from orip.model.preliminary import PreliminaryValues
+from orip.model.preliminary import CameraStart, PreliminaryValues
 from orip.prelim.chain import preliminary_values
 from orip.prelim.in_project import orientations_in_frame, points_in_project
 
@@ -45,8 +46,16 @@ def started_block(
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
-    started, warnings = with_starting_values(replace(block, photo_orientation=orientation), [*preliminary, *points])
+    cameras = cameras_as_found(block.cameras, values.cameras)
+    oriented = replace(block, photo_orientation=orientation, cameras=cameras)
+    started, warnings = with_starting_values(oriented, [*preliminary, *points])
     return started, [*(ProjectWarning("preliminary-values", "", each) for each in values.findings), *warnings]
+
+
+def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) -> tuple[Camera, ...]:
+    """Return cameras with the parameters that preliminary values have for them."""
+    parameters = {each.name: each.parameters for each in found}
+    return tuple(replace(each, parameters=parameters.get(each.name, each.parameters)) for each in cameras)
 
 
 def not_oriented(values: PreliminaryValues) -> str:

@@ -6,13 +6,15 @@ which the tolerances allow for.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.geometry.essential import essential_matrices
 from orip.geometry.similarity import Similarity
-from orip.model.preliminary import ImageRays, RelativeOrientation
+from orip.model.preliminary import ALL_KNOWN, ImageRays, RelativeOrientation, UnknownCameras
 from orip.prelim import (
     compiled,
     intersection,
@@ -95,9 +97,14 @@ def test_resection(without_loops, count: int) -> None:
     assert len(mine.alternatives.centres) == len(theirs.alternatives.centres)
 
 
+@pytest.mark.parametrize("cameras", [0, 1, 2])
 @pytest.mark.parametrize("held", [False, True])
-def test_refinement(without_loops, held: bool) -> None:
+def test_refinement(without_loops, held: bool, cameras: int) -> None:
     rays, rotations, centres, points = scene()
+    # of two cameras one is unknown but for its principal point
+    of_photo = np.arange(len(centres)) % 3 - 1 if cameras == 2 else np.zeros(len(centres), dtype=int)
+    unknown = np.array([[True, True, True, True], [True, False, False, True]])[:cameras]
+    rays = replace(rays, cameras=UnknownCameras(of_photo, unknown) if cameras else ALL_KNOWN)
     random = np.random.default_rng(3)
     start = points + 0.001 * random.normal(size=points.shape)
     oriented = np.ones(len(centres), dtype=bool)
@@ -110,6 +117,9 @@ def test_refinement(without_loops, held: bool) -> None:
     assert np.abs(mine.centres - theirs.centres).max() < 1e-8 * np.abs(centres).max()
     assert mine.weight_factors == pytest.approx(theirs.weight_factors, abs=1e-6)
     assert mine.s0 == pytest.approx(theirs.s0, rel=1e-8)
+    assert np.abs(mine.corrections - theirs.corrections).max(initial=0.0) < 1e-9
+    assert (mine.corrections[unknown] != 0.0).all()
+    assert (mine.corrections[~unknown] == 0.0).all()
 
 
 def test_five_points() -> None:

@@ -99,14 +99,14 @@ def test_a_resection_needs_known_points_that_agree(convergent: SyntheticBlock) -
     rays = image_rays(convergent.block)
     grower = growth(rays)
     placed = grower.intersected(first_two(convergent, rays))
-    found = grower.resection(placed, 2, placed.known)
+    found = grower.resection(placed, rays, 2, placed.known)
     assert isinstance(found, Resected)
     np.testing.assert_allclose(found.centre, convergent.orientations[2, :3], atol=1e-6)
     mixed = replace(placed, coordinates=np.roll(placed.coordinates, 3, axis=0))
-    assert grower.resection(mixed, 2, mixed.known) is None
+    assert grower.resection(mixed, rays, 2, mixed.known) is None
     few = placed.coordinates.copy()
     few[3:] = np.nan
-    assert grower.resection(placed, 2, np.isfinite(few).all(axis=1)) is None
+    assert grower.resection(placed, rays, 2, np.isfinite(few).all(axis=1)) is None
 
 
 def test_a_photo_whose_known_points_are_close_together_tells_so(convergent: SyntheticBlock) -> None:
@@ -118,7 +118,7 @@ def test_a_photo_whose_known_points_are_close_together_tells_so(convergent: Synt
     known = np.isfinite(held).all(axis=1)
     start = nothing_placed(rays)
     start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
-    found = growth(rays, held).resection(start, 2, known)
+    found = growth(rays, held).resection(start, rays, 2, known)
     assert found is not None
     assert found.how.startswith("space resection from 6 points; the known points span ")
     assert "5% are wanted: measure more known points, farther apart" in found.how

@@ -10,7 +10,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
+from orip.model.preliminary import ALL_KNOWN, UnknownCameras
 from orip.prelim import refinement
+from orip.prelim.camera_corrections import EXPECTED
 from orip.prelim.compiled import is_compiled
 from orip.prelim.intersection import intersect
 from orip.prelim.refinement import refine
@@ -56,8 +58,14 @@ def test_without_anything_held_the_image_fits():
     assert found.s0 == pytest.approx(1.0, abs=0.2)
 
 
-def test_without_blunders_it_is_scipys_least_squares():
+@pytest.mark.parametrize("unknown", [(), (0, 1, 2, 3), (0, 3)])
+def test_without_blunders_it_is_scipys_least_squares(unknown):
     given, held = start(*block(photos=3, rows=1, points=60, noise_mm=0.005), known=6)
+    unknown = np.array(unknown, dtype=int)
+    cameras = (
+        UnknownCameras(np.zeros(3, dtype=int), np.isin(np.arange(4), unknown)[None]) if len(unknown) else ALL_KNOWN
+    )
+    given = replace(given[0], cameras=cameras), *given[1:]
     rays, rotations, centres, _, coordinates = given
     found = refine(*given, held_points=held)
     free = np.flatnonzero(np.isfinite(coordinates).all(axis=1) & ~held)
@@ -67,19 +75,29 @@ def test_without_blunders_it_is_scipys_least_squares():
 
     def residuals(x):
         turns, shifts, points = x[:9].reshape(3, 3), x[9:18].reshape(3, 3), coordinates.copy()
-        points[free] = x[18:].reshape(-1, 3) + coordinates[free]
+        points[free] = x[18 : 18 + 3 * len(free)].reshape(-1, 3) + coordinates[free]
+        corrections = np.zeros(4)
+        corrections[unknown] = x[18 + 3 * len(free) :]
+        scale, dx, dy, radial = corrections
         in_photo = np.einsum(
             "nji,nj->ni", (Rotation.from_rotvec(turns).as_matrix() @ rotations)[photo],
             points[point] - (centres + 100.0 * shifts)[photo],
         )  # fmt: skip
         image = -150.0 * in_photo[:, :2] / in_photo[:, 2:]
-        return (np.sqrt(factors)[:, None] * (image - xy) / 0.005).ravel()
+        square = (xy**2).sum(axis=1, keepdims=True) / 150.0**2
+        corrected = xy * (1.0 + scale + radial * square) + 150.0 * np.array([dx, dy])
+        return np.r_[(np.sqrt(factors)[:, None] * (image - corrected) / 0.005).ravel(), corrections / EXPECTED]
 
-    expected = least_squares(residuals, np.zeros(18 + 3 * len(free)), x_scale="jac", method="trf", xtol=1e-12)
+    nothing = np.zeros(18 + 3 * len(free) + len(unknown))
+    expected = least_squares(residuals, nothing, x_scale="jac", method="trf", xtol=1e-12)
     assert (factors == 1.0).mean() > 0.95
     # some centimetres are the standard deviations of the centres
     assert np.allclose(found.centres, centres + 100.0 * expected.x[9:18].reshape(3, 3), atol=5e-3)
-    assert np.allclose(found.coordinates[free], coordinates[free] + expected.x[18:].reshape(-1, 3), atol=5e-3)
+    assert np.allclose(
+        found.coordinates[free], coordinates[free] + expected.x[18 : 18 + 3 * len(free)].reshape(-1, 3), atol=5e-3
+    )
+    # C is nearly the scale of heights here, and the last iteration leaves some of it
+    assert np.allclose(found.corrections[:, unknown], expected.x[18 + 3 * len(free) :], atol=2e-5)
 
 
 def test_wrong_rays_do_no_harm():

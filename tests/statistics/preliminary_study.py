@@ -15,7 +15,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
@@ -35,6 +35,7 @@ from orip.errors import OripError
 from orip.model.block import Block
 from orip.model.names import record_key
 from orip.prelim.chain import preliminary_values
+from orip.workflow.starting_values import cameras_as_found
 
 End = Literal["reached", "lower", "as from the truth", "other", "not converged", "refused"]
 
@@ -122,7 +123,7 @@ def from_nothing(block: Block) -> tuple[Block, tuple[str, ...]]:
         message = "; ".join([*values.findings, *sorted(set(missing))])
         raise NotOrientedError(message)
     started = started_at(
-        block,
+        replace(block, cameras=cameras_as_found(block.cameras, values.cameras)),
         {record_key(photo.name): (photo.centre, photo.rotation) for photo in values.photos},
         dict(zip(values.points.names, values.points.coordinates.tolist(), strict=True)),
     )

@@ -17,7 +17,7 @@
 #include "resection.h"
 #include "similarity.h"
 
-#define MOST_BUFFERS 16
+#define MOST_BUFFERS 24
 #define MOST_NUMBERS 12
 
 typedef struct {
@@ -170,15 +170,23 @@ static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *argumen
 
 static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { PLACE = NETWORK_END, FREE, FACTORS, PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT };
+    enum {
+        PLACE = NETWORK_END, FREE, FACTORS, CAMERA, BY_CAMERA,
+        PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT,
+        BORDER, POINT_BORDER, CAMERA_NORMALS, CAMERA_RIGHT
+    };
     Arguments a;
     Network n;
-    if (!taken(&a, arguments, given, NETWORK_END + 3, 6, 1))
+    if (!taken(&a, arguments, given, NETWORK_END + 5, 10, 1))
         return NULL;
+    const int64_t cameras = a.views[CAMERA_RIGHT].len / (8 * OF_CAMERA), width = OF_CAMERA * cameras;
     if (!network_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
-        || !has(&a, FACTORS, n.count) || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
+        || !has(&a, FACTORS, n.count) || !has(&a, CAMERA, n.count) || !has(&a, BY_CAMERA, 2 * OF_CAMERA * n.count)
+        || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
         || !has(&a, POINT_RIGHT, 3 * n.point_count) || a.views[PHOTO_NORMALS].len != 6 * a.views[RIGHT].len
-        || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len))
+        || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len)
+        || a.views[BORDER].len != width * a.views[RIGHT].len || !has(&a, POINT_BORDER, 3 * width * n.point_count)
+        || !has(&a, CAMERA_NORMALS, width * width) || !has(&a, CAMERA_RIGHT, width))
         return refused(&a);
     n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
     n.size = a.views[RIGHT].len / 8, n.width = n.size ? a.views[BAND].len / a.views[RIGHT].len : 0;
@@ -186,25 +194,31 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
     n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
     n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
     n.band = a.views[BAND].buf, n.right = a.views[RIGHT].buf;
+    n.cameras = cameras, n.camera = a.views[CAMERA].buf, n.by_camera = a.views[BY_CAMERA].buf;
+    n.border = a.views[BORDER].buf, n.point_border = a.views[POINT_BORDER].buf;
+    n.camera_normals = a.views[CAMERA_NORMALS].buf, n.camera_right = a.views[CAMERA_RIGHT].buf;
     network_normals(&n);
     return done(&a);
 }
 
 static PyObject *corrections(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, SOLUTION, POINTS };
+    enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, POINTS };
     Arguments a;
     Network n;
-    if (!taken(&a, arguments, given, 7, 1, 0))
+    if (!taken(&a, arguments, given, 9, 1, 0))
         return NULL;
     memset(&n, 0, sizeof n);
     n.count = a.views[PHOTO_OF].len / 8, n.point_count = a.views[POINT_OF].len / 8 - 1;
+    n.cameras = a.views[OF_CAMERAS].len / (8 * OF_CAMERA);
     if (n.point_count < 0 || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
-        || !has(&a, RIGHT, 3 * n.point_count) || !has(&a, POINTS, 3 * n.point_count))
+        || !has(&a, RIGHT, 3 * n.point_count) || !has(&a, POINTS, 3 * n.point_count)
+        || !has(&a, POINT_BORDER, 3 * OF_CAMERA * n.cameras * n.point_count))
         return refused(&a);
     n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
     n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
-    network_points(&n, a.views[SOLUTION].buf, a.views[POINTS].buf);
+    n.point_border = a.views[POINT_BORDER].buf;
+    network_points(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
     return done(&a);
 }
 

@@ -10,7 +10,14 @@ typedef struct {
     int64_t count, point_count, size, width;
     double damping;
     double *photo_normals, *coupling, *inverse, *point_right, *band, *right;
+    /* corrections of `cameras` cameras: rows of the photos' equations, of the points', and the cameras' own */
+    const int64_t *camera;
+    const double *by_camera;
+    int64_t cameras;
+    double *border, *point_border, *camera_normals, *camera_right;
 } Network;
+
+enum { OF_CAMERA = 4 };
 
 static void network_residuals(const Network *n, double *residual, uint8_t *in_front)
 {
@@ -52,6 +59,27 @@ static void subtract(Network *n, int64_t high, int64_t low, const double *produc
     }
 }
 
+/* What a ray says of its camera; `p` and `q` are the partials of its coordinates by the photo. */
+static void add_camera(Network *n, int64_t point, int64_t row, double weight, const double residual[2],
+                       const double *p, const double *q)
+{
+    const int64_t camera = n->camera[row], place = n->place[n->photo[row]], width = OF_CAMERA * n->cameras;
+    if (camera < 0)
+        return;
+    for (int k = 0; k < OF_CAMERA; k++) {
+        const int64_t column = OF_CAMERA * camera + k;
+        const double x = weight * n->by_camera[8 * row + k], y = weight * n->by_camera[8 * row + 4 + k];
+        n->camera_right[column] += x * residual[0] + y * residual[1];
+        for (int l = 0; l < OF_CAMERA; l++)
+            n->camera_normals[width * column + OF_CAMERA * camera + l] +=
+                x * n->by_camera[8 * row + l] + y * n->by_camera[8 * row + 4 + l];
+        for (int i = 0; i < 3; i++)
+            n->point_border[width * (3 * point + i) + column] -= p[3 + i] * x + q[3 + i] * y;
+        for (int i = 0; i < 6 && place >= 0; i++)
+            n->border[width * (6 * place + i) + column] += p[i] * x + q[i] * y;
+    }
+}
+
 static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double g[3])
 {
     const int64_t photo = n->photo[row], place = n->place[photo];
@@ -72,6 +100,7 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
         for (int j = 0; j < 3; j++)
             V[3 * i + j] += wp[3 + i] * p[3 + j] + wq[3 + i] * q[3 + j];
     }
+    add_camera(n, point, row, weight, residual, p, q);
     if (place < 0)
         return;
     double *normals = n->photo_normals + 36 * place, *right = n->right + 6 * place;
@@ -84,10 +113,26 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
     }
 }
 
+/* Eliminate a point from the equations of the cameras. */
+static void eliminate_from_cameras(Network *n, int64_t point, const double *inverse, const double g[3])
+{
+    const int64_t width = OF_CAMERA * n->cameras;
+    const double *Q = n->point_border + 3 * width * point;
+    for (int64_t k = 0; k < width; k++) {
+        const double column[3] = {Q[k], Q[width + k], Q[2 * width + k]};
+        double solved[3];
+        for (int i = 0; i < 3; i++)
+            solved[i] = dot3(inverse + 3 * i, column);
+        n->camera_right[k] -= dot3(solved, g);
+        for (int64_t l = 0; l < width; l++)
+            n->camera_normals[width * k + l] -= solved[0] * Q[l] + solved[1] * Q[width + l] + solved[2] * Q[2 * width + l];
+    }
+}
+
 static void eliminate_point(Network *n, int64_t point)
 {
     double V[9] = {0.0}, g[3] = {0.0};
-    const int64_t first = n->start[point], end = n->start[point + 1];
+    const int64_t first = n->start[point], end = n->start[point + 1], width = OF_CAMERA * n->cameras;
     for (int64_t row = first; row < end; row++)
         add_ray(n, point, row, V, g);
     double *inverse = n->inverse + 9 * point;
@@ -103,6 +148,7 @@ static void eliminate_point(Network *n, int64_t point)
     const double determinant = dot3(V, minors);
     for (int k = 0; k < 9; k++)
         inverse[k] = minors[k] / determinant;
+    eliminate_from_cameras(n, point, inverse, g);
     for (int64_t row = first; row < end; row++) {
         const int64_t place = n->place[n->photo[row]];
         if (place < 0)
@@ -114,6 +160,11 @@ static void eliminate_point(Network *n, int64_t point)
                 product[3 * i + j] = dot3(W + 3 * i, inverse + 3 * j);
         for (int i = 0; i < 6; i++)
             n->right[6 * place + i] -= dot3(product + 3 * i, g);
+        for (int i = 0; i < 6; i++)
+            for (int j = 0; j < 3; j++)
+                for (int64_t k = 0; k < width; k++)
+                    n->border[width * (6 * place + i) + k] -=
+                        product[3 * i + j] * n->point_border[width * (3 * point + j) + k];
         for (int64_t other = first; other < end; other++) {
             const int64_t low = n->place[n->photo[other]];
             if (low >= 0 && low <= place)
@@ -135,9 +186,10 @@ static void network_normals(Network *n)
     }
 }
 
-/* Corrections of the points from those of the photos; the solution has the sign of the right-hand side. */
-static void network_points(const Network *n, const double *solution, double *corrections)
+/* Corrections of the points from those of photos and cameras; the solution has the sign of the right-hand side. */
+static void network_points(const Network *n, const double *solution, const double *of_cameras, double *corrections)
 {
+    const int64_t width = OF_CAMERA * n->cameras;
     for (int64_t point = 0; point < n->point_count; point++) {
         double g[3];
         memcpy(g, n->point_right + 3 * point, sizeof(g));
@@ -147,6 +199,9 @@ static void network_points(const Network *n, const double *solution, double *cor
                 for (int j = 0; j < 3; j++)
                     g[j] -= n->coupling[18 * row + 3 * i + j] * solution[6 * place + i];
         }
+        for (int j = 0; j < 3; j++)
+            for (int64_t k = 0; k < width; k++)
+                g[j] -= n->point_border[width * (3 * point + j) + k] * of_cameras[k];
         for (int j = 0; j < 3; j++)
             corrections[3 * point + j] = -dot3(n->inverse + 9 * point + 3 * j, g);
     }

@@ -1,0 +1,78 @@
+"""What the cameras of a block differ from their records by, roughly, while the block grows.
+
+Where the interior orientation is to be estimated it may be off by per cent, and what is adjusted without it then does
+not fit: photos seem to be in the wrong place that are not. A few corrections a camera, linear in the photo coordinates,
+are enough for that: x' = x + a x + C b + k (r / C)² x, y alike. They are what an adjustment starts the camera with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.camera import Camera
+from orip.model.preliminary import CAMERA_CORRECTIONS, ImageRays
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
+"""Standard deviations of the corrections before anything is known: they keep in bounds what a block does not tell."""
+
+
+def no_corrections(rays: ImageRays) -> FloatArray:
+    """Return corrections of all unknown cameras, array (cameras, `CAMERA_CORRECTIONS`), that are 0."""
+    return np.zeros(rays.cameras.unknown.shape)
+
+
+def corrected(rays: ImageRays, corrections: FloatArray) -> ImageRays:
+    """Return the rays with corrected image vectors.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    corrections : array (cameras, `CAMERA_CORRECTIONS`)
+    """
+    if not corrections.any():
+        return rays
+    # the last row is that of known cameras
+    scale, right, up, radial = np.vstack([corrections, np.zeros(CAMERA_CORRECTIONS)])[camera_of(rays)].T
+    x, y, z = rays.vectors.T
+    factor = 1.0 + scale + radial * (x * x + y * y) / (z * z)
+    return replace(rays, vectors=np.column_stack([factor * x - right * z, factor * y - up * z, z]))
+
+
+def parameters_with(camera: Camera, correction: FloatArray) -> tuple[float, ...]:
+    """Return the parameters of a camera whose image vectors are the corrected ones, to first order.
+
+    Parameters
+    ----------
+    camera : Camera
+    correction : array (`CAMERA_CORRECTIONS`,)
+    """
+    c, dx, dy, a1, a3, *others = camera.parameters
+    scale, x, y, radial = correction.tolist()
+    c_found = c / (1.0 + scale)
+    return (c_found, dx - c_found * x, dy - c_found * y, a1, a3 - radial / (c * c * (1.0 + scale)), *others)
+
+
+def camera_of(rays: ImageRays) -> IntArray:
+    """Return the unknown camera (n,) of each ray, -1 for a known one."""
+    of_photo = rays.cameras.of_photo
+    return of_photo[rays.photo] if len(of_photo) else np.full(len(rays.photo), -1)
+
+
+def by_corrections(rays: ImageRays) -> FloatArray:
+    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of photo coordinates by corrections; 0 for what is known."""
+    camera = camera_of(rays)
+    partials = np.zeros((len(camera), 2, CAMERA_CORRECTIONS))
+    rows = np.flatnonzero(camera >= 0)
+    x, y, z = rays.vectors[rows].T
+    radial = (x**2 + y**2) / z**2
+    partials[rows, 0, 0], partials[rows, 1, 0] = x, y
+    partials[rows, 0, 1] = partials[rows, 1, 2] = -z
+    partials[rows, 0, 3], partials[rows, 1, 3] = radial * x, radial * y
+    partials[rows] *= rays.cameras.unknown[camera[rows], None, :]
+    return partials
