@@ -142,7 +142,7 @@ class _Chain:
                 if self._is_complete(outcome):
                     wrong = np.flatnonzero(misplaced(self.rays, outcome.placed, lengths))
                     ends.append((frozenset(wrong.tolist()), misfit))
-            if _is_enough(ends, first=number == 0):
+            if _is_enough(ends):
                 self.at_once = number == 0
                 break
         return self._told(best)
@@ -387,15 +387,15 @@ class _Chain:
         return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
-def _is_enough(ends: list[tuple[frozenset[int], float]], *, first: bool) -> bool:
+def _is_enough(ends: list[tuple[frozenset[int], float]]) -> bool:
     """Tell from the misplaced photos and the misfits of complete outcomes whether nothing better is to be expected.
 
-    That is so if the first way fits as well as it can, or if two ways have ended alike: without misplaced photos, or
-    with the same ones in a block that fits well but for them.
+    That is so if one fits as well as it can, or if two ways have ended alike: without misplaced photos, or with the
+    same ones in a block that fits well but for them.
     """
     if not ends:
         return False
     wrong, least = min(ends, key=lambda end: (len(end[0]), end[1]))
     alike = sum(photos == wrong and misfit < _AS_GOOD * least for photos, misfit in ends)
     fits = least < _GOOD
-    return (first and fits and not wrong) or (alike > 1 and (fits or not wrong))
+    return (fits and not wrong) or (alike > 1 and (fits or not wrong))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +22,7 @@ from orip.files.preliminary_steps import (
 from orip.files.text_table import PAGE_WIDTH
 from orip.model.control import PreliminaryPoint
 from orip.model.preliminary import (
+    CameraStart,
     ModelCoordinates,
     NotOriented,
     PhotoStart,
@@ -177,6 +179,15 @@ def test_the_whole_listing() -> None:
     assert fields(points, "7") == ["7", "1.000", "2.000", "3.000", "0.012", "0.022", "0.032"]
     # a point that was determined once has no deviations
     assert fields(points, "8") == ["8", "4.000", "5.000", "6.000", "-", "-", "-"]
+
+
+def test_unknown_cameras() -> None:
+    parameters = (35.0284, -0.16061, 0.13064, 0.0, -8.2e-6, *(0.0,) * 6)
+    lines = listing(replace(values(), cameras=(CameraStart("LEICA", parameters),)))
+    cameras = lines[lines.index("CAMERAS") : lines.index("PHOTOS")]
+    assert fields(cameras, "LEICA") == ["LEICA", "35.028", "-0.161", "0.131", "-8.200e-06"]
+    assert cameras[3].split() == ["(mm)", "(mm)", "(mm)", "(1/mm²)"]
+    assert "CAMERAS" not in listing(values())
 
 
 def test_long_sentences_are_wrapped() -> None:

@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
-from orip.bundle.assemble import with_starting_values
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.model.block import Block, PhotoPoints
 from orip.model.control import Control
 from orip.model.preliminary import PreliminaryValues
 from orip.model.project import StereoModel
 from orip.prelim.chain import preliminary_values
-from orip.prelim.in_project import orientations_in_frame, orientations_in_project, points_in_project
+from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.workflow.starting_values import started_block
 
 SCENES: tuple[Scene, ...] = ("strip", "convergent", "terrestrial")
 
@@ -87,10 +87,19 @@ def test_with_noise_the_adjustment_ends_where_it_ends_from_the_truth(scene: Scen
 
 def from_values(block: Block) -> SolvedBlock:
     """Return the adjustment from what the chain finds."""
-    values = preliminary_values(block)
-    assert len(oriented(values)) == len(block.photos)
-    started = replace(block, photo_orientation=orientations_in_frame(values.photos))
-    return solved(with_starting_values(started, points_in_project(values.points, block.ground))[0])
+    return solved(started_block(block, (), lambda _: None)[0])
+
+
+@pytest.mark.parametrize("off", [0.97, 1.05])
+def test_an_unknown_camera_begins_where_the_block_has_it(off: float) -> None:
+    settings = {"unknown": ("C", "DX", "DY", "A3"), "noise_mm": 0.005, "enp_stop": 6.0}
+    made = synthetic_block("convergent", "unknown camera", **settings)
+    camera = made.block.cameras[0]
+    given = replace(camera, parameters=(off * camera.parameters[0], *camera.parameters[1:]))
+    block = replace(made.block, cameras=(given, *made.block.cameras[1:]))
+    started, _ = started_block(from_nothing(block), (), lambda _: None)
+    assert started.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=5e-3)
+    assert sigma0(solved(started)) == pytest.approx(sigma0(solved(made.block)), rel=1e-9)
 
 
 def sigma0(found: SolvedBlock) -> float:
