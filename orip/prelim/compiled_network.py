@@ -30,6 +30,7 @@ class CompiledSolver:
         self._coupling = np.empty((rays, 6, 3))
         self._width = self._band_width()
         self._camera = camera_of(network.rays)
+        self._seen = np.empty(len(network.rays.cameras.unknown), dtype=np.int64)
         self._by_camera = -by_corrections(network.rays)
 
     def _band_width(self) -> int:
@@ -65,7 +66,7 @@ class CompiledSolver:
         kernels.normals(
             *self._arrays(state), place, network.point_free, weights, self._camera, self._by_camera,
             np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right,
-            border, point_border, own, own_right, damping,
+            border, point_border, own, own_right, self._seen, damping,
         )  # fmt: skip
         equations = ReducedEquations(band.T, right, border, own, own_right)
         solution, of_cameras = equations.solved(state.corrections)

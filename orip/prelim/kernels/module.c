@@ -173,11 +173,11 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
     enum {
         PLACE = NETWORK_END, FREE, FACTORS, CAMERA, BY_CAMERA,
         PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT,
-        BORDER, POINT_BORDER, CAMERA_NORMALS, CAMERA_RIGHT
+        BORDER, POINT_BORDER, CAMERA_NORMALS, CAMERA_RIGHT, SEEN
     };
     Arguments a;
     Network n;
-    if (!taken(&a, arguments, given, NETWORK_END + 5, 10, 1))
+    if (!taken(&a, arguments, given, NETWORK_END + 5, 11, 1))
         return NULL;
     const int64_t cameras = a.views[CAMERA_RIGHT].len / (8 * OF_CAMERA), width = OF_CAMERA * cameras;
     if (!network_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
@@ -186,7 +186,7 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
         || !has(&a, POINT_RIGHT, 3 * n.point_count) || a.views[PHOTO_NORMALS].len != 6 * a.views[RIGHT].len
         || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len)
         || a.views[BORDER].len != width * a.views[RIGHT].len || !has(&a, POINT_BORDER, 3 * width * n.point_count)
-        || !has(&a, CAMERA_NORMALS, width * width) || !has(&a, CAMERA_RIGHT, width))
+        || !has(&a, CAMERA_NORMALS, width * width) || !has(&a, CAMERA_RIGHT, width) || !has(&a, SEEN, cameras))
         return refused(&a);
     n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
     n.size = a.views[RIGHT].len / 8, n.width = n.size ? a.views[BAND].len / a.views[RIGHT].len : 0;
@@ -197,6 +197,7 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
     n.cameras = cameras, n.camera = a.views[CAMERA].buf, n.by_camera = a.views[BY_CAMERA].buf;
     n.border = a.views[BORDER].buf, n.point_border = a.views[POINT_BORDER].buf;
     n.camera_normals = a.views[CAMERA_NORMALS].buf, n.camera_right = a.views[CAMERA_RIGHT].buf;
+    n.seen = a.views[SEEN].buf;
     network_normals(&n);
     return done(&a);
 }

@@ -15,6 +15,8 @@ typedef struct {
     const double *by_camera;
     int64_t cameras;
     double *border, *point_border, *camera_normals, *camera_right;
+    /* the cameras of a point, one at a time */
+    int64_t *seen, seen_count;
 } Network;
 
 enum { OF_CAMERA = 4 };
@@ -113,26 +115,61 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
     }
 }
 
+/* Note the unknown cameras that a point is seen by. */
+static void see_cameras(Network *n, int64_t point)
+{
+    n->seen_count = 0;
+    for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
+        const int64_t camera = n->camera[row];
+        int64_t k = 0;
+        while (k < n->seen_count && n->seen[k] != camera)
+            k++;
+        if (camera >= 0 && k == n->seen_count)
+            n->seen[n->seen_count++] = camera;
+    }
+}
+
 /* Eliminate a point from the equations of the cameras. */
 static void eliminate_from_cameras(Network *n, int64_t point, const double *inverse, const double g[3])
 {
     const int64_t width = OF_CAMERA * n->cameras;
     const double *Q = n->point_border + 3 * width * point;
-    for (int64_t k = 0; k < width; k++) {
+    for (int64_t one = 0; one < OF_CAMERA * n->seen_count; one++) {
+        const int64_t k = OF_CAMERA * n->seen[one / OF_CAMERA] + one % OF_CAMERA;
         const double column[3] = {Q[k], Q[width + k], Q[2 * width + k]};
         double solved[3];
         for (int i = 0; i < 3; i++)
             solved[i] = dot3(inverse + 3 * i, column);
         n->camera_right[k] -= dot3(solved, g);
-        for (int64_t l = 0; l < width; l++)
-            n->camera_normals[width * k + l] -= solved[0] * Q[l] + solved[1] * Q[width + l] + solved[2] * Q[2 * width + l];
+        for (int64_t other = 0; other < n->seen_count; other++) {
+            double *normals = n->camera_normals + width * k + OF_CAMERA * n->seen[other];
+            const double *q = Q + OF_CAMERA * n->seen[other];
+            for (int l = 0; l < OF_CAMERA; l++)
+                normals[l] -= solved[0] * q[l] + solved[1] * q[width + l] + solved[2] * q[2 * width + l];
+        }
+    }
+}
+
+/* Eliminate a point from the border of a photo's equations; the product is W V^-1. */
+static void eliminate_from_border(Network *n, int64_t point, int64_t place, const double *product)
+{
+    const int64_t width = OF_CAMERA * n->cameras;
+    for (int64_t one = 0; one < n->seen_count; one++) {
+        const double *q = n->point_border + 3 * width * point + OF_CAMERA * n->seen[one];
+        for (int i = 0; i < 6; i++) {
+            const double *row = product + 3 * i;
+            double *border = n->border + width * (6 * place + i) + OF_CAMERA * n->seen[one];
+            for (int k = 0; k < OF_CAMERA; k++)
+                border[k] -= row[0] * q[k] + row[1] * q[width + k] + row[2] * q[2 * width + k];
+        }
     }
 }
 
 static void eliminate_point(Network *n, int64_t point)
 {
     double V[9] = {0.0}, g[3] = {0.0};
-    const int64_t first = n->start[point], end = n->start[point + 1], width = OF_CAMERA * n->cameras;
+    const int64_t first = n->start[point], end = n->start[point + 1];
+    see_cameras(n, point);
     for (int64_t row = first; row < end; row++)
         add_ray(n, point, row, V, g);
     double *inverse = n->inverse + 9 * point;
@@ -160,11 +197,7 @@ static void eliminate_point(Network *n, int64_t point)
                 product[3 * i + j] = dot3(W + 3 * i, inverse + 3 * j);
         for (int i = 0; i < 6; i++)
             n->right[6 * place + i] -= dot3(product + 3 * i, g);
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 3; j++)
-                for (int64_t k = 0; k < width; k++)
-                    n->border[width * (6 * place + i) + k] -=
-                        product[3 * i + j] * n->point_border[width * (3 * point + j) + k];
+        eliminate_from_border(n, point, place, product);
         for (int64_t other = first; other < end; other++) {
             const int64_t low = n->place[n->photo[other]];
             if (low >= 0 && low <= place)
