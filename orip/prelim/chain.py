@@ -1,7 +1,7 @@
 """The chain: decides how preliminary values are found, finds them, and says what it did for each photo.
 
 The ways are tried in the order in which they promise most; the first that orients all photos, none of them against its
-points, is taken, else the best of them.
+points, is taken, or what two ways agree on, else the best of them.
 """
 
 from __future__ import annotations
