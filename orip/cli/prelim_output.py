@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import NotSolvableError
+from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.photo import PHOTO_PARAMETERS
 
 if TYPE_CHECKING:
@@ -39,6 +40,9 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
         terminal.say(f"         {names}: {how}")
     if (more := len(_by_way(oriented)) - _SHOWN_WAYS) > 0:
         terminal.say(f"         and {more} more lines: see {project.shown(outcome.listing)}")
+    for camera in values.cameras:
+        c, dx, dy = camera.parameters[:3]
+        terminal.say(f"camera   {camera.name} is unknown; the photos fit with C {c:.3f}, DX {dx:.3f}, DY {dy:.3f}")
     if oriented:
         for finding in values.findings:
             terminal.say(f"note     {finding}", "yellow")
@@ -83,6 +87,10 @@ def chain_document(outcome: PrelimOutcome) -> dict[str, Any]:
         "points": {
             point.name: {"X": point.coordinates[0], "Y": point.coordinates[1], "Z": point.coordinates[2]}
             for point in outcome.coordinates
+        },
+        "cameras": {
+            camera.name: dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
+            for camera in outcome.values.cameras
         },
         "findings": list(outcome.values.findings),
         "unchanged": not (outcome.photos or outcome.points),

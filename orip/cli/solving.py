@@ -77,7 +77,7 @@ def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> No
     for photo in values.photos:
         terminal.detail(f"         {photo.name}: {photo.how}")
     for camera in values.cameras:
-        terminal.detail(f"         camera {camera.name}: begins with C {camera.parameters[0]:.3f} mm")
+        terminal.detail(f"         camera {camera.name}: starts with C {camera.parameters[0]:.3f}")
 
 
 def tell_start(terminal: Terminal, block: Block) -> None:

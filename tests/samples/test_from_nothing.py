@@ -13,6 +13,7 @@ from cli.command_line import orip
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
+from orip.model.camera import CAMERA_PARAMETERS
 from orip.model.solution import Estimates, Solution
 
 SAMPLES = {
@@ -75,6 +76,28 @@ def test_the_same_minimum_as_from_given_values(sample: str, tmp_path: Path) -> N
         known = theirs.sd > 0.0
         difference = np.abs(mine.values - theirs.values)[known] / theirs.sd[known]
         assert difference.max(initial=0.0) < 1e-4
+
+
+@pytest.mark.parametrize("principal_distance", [8.0, 14.0])
+def test_a_camera_far_from_its_record_is_found(principal_distance: float, tmp_path: Path) -> None:
+    """DCS260's principal distance is 10.33 mm."""
+    given = solved(copied("dcs260_calibration", tmp_path / "given"))
+    folder = copied("dcs260_calibration", tmp_path / "far")
+    without_orientations(folder, 5)
+    toml = folder / "orip.toml"
+    text, found = re.subn(
+        r"^c = [0-9.]+", f"c = {principal_distance}", toml.read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
+    assert found == 1
+    toml.write_text(text, encoding="utf-8")
+    for command in ("init", "measure"):
+        assert orip(folder, command).code == 0
+    camera = orip(folder, "prelim", "--json").document["cameras"]["DCS"]
+    expected = dict(zip(CAMERA_PARAMETERS, given.cameras.values[0], strict=True))
+    assert camera["C"] == pytest.approx(expected["C"], rel=0.1)
+    found = solved(folder)
+    assert found.status == "converged"
+    assert found.sigma0 == pytest.approx(given.sigma0, rel=1e-9)
 
 
 def pairs(one: Solution, other: Solution) -> Iterator[tuple[Estimates, Estimates]]:
