@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.geometry.essential import essential_matrices
 from orip.geometry.similarity import Similarity
 from orip.model.preliminary import ImageRays, RelativeOrientation
 from orip.prelim import (
     compiled,
     intersection,
     refinement,
-    relative_adjustment,
-    relative_orientation,
-    relative_start,
+    relative_solution,
     resection_settling,
     resection_start,
     similarity_adjustment,
@@ -27,8 +24,10 @@ from orip.prelim import (
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
 from orip.prelim.parallax import Pairs
+from orip.prelim.photo_index import photo_index
 from orip.prelim.refinement import refine
 from orip.prelim.relative_orientation import orient_pair
+from orip.prelim.relative_solution import Solution, solve
 from orip.prelim.resection import Resected, resect
 from orip.prelim.similarity_adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjusted
 
@@ -36,8 +35,7 @@ pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extensio
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    intersection, refinement, relative_adjustment, relative_orientation, relative_start, resection_settling,
-    resection_start, similarity_adjustment,
+    intersection, refinement, relative_solution, resection_settling, resection_start, similarity_adjustment,
 )  # fmt: skip
 
 
@@ -52,6 +50,11 @@ def without_loops(monkeypatch: pytest.MonkeyPatch):
         return with_loops, do()
 
     return both
+
+
+def synthetic_rays() -> ImageRays:
+    """Return rays none of which is wrong."""
+    return image_rays(synthetic_block("convergent", "compiled loops", noise_mm=0.005).block)
 
 
 def scene() -> tuple[ImageRays, np.ndarray, np.ndarray, np.ndarray]:
@@ -112,21 +115,61 @@ def test_refinement(without_loops, held: bool) -> None:
     assert mine.s0 == pytest.approx(theirs.s0, rel=1e-8)
 
 
-def test_five_points() -> None:
+def same_solution(mine: Solution, theirs: Solution) -> None:
+    """Assert that two solutions are one but for what ends their iterations: corrections of 1e-9 deviations."""
+    assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-9)
+    assert mine.photos.rotation == pytest.approx(theirs.photos.rotation, abs=1e-9)
+    assert mine.angles == pytest.approx(theirs.angles, abs=1e-9)
+    assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-6)
+    assert mine.parallax == pytest.approx(theirs.parallax, abs=1e-8)
+    assert (mine.ambiguous, mine.by_chance) == (theirs.ambiguous, theirs.by_chance)
+    assert mine.scale == pytest.approx(theirs.scale, rel=1e-6)
+    assert mine.seuw == pytest.approx(theirs.seuw, rel=1e-6, abs=1e-6)
+    # the least sum of distances is not iterated to its end
+    assert mine.left_by_rotation == pytest.approx(theirs.left_by_rotation, rel=1e-8)
+    assert np.array_equal(mine.in_front, theirs.in_front)
+    assert np.array_equal(mine.usable, theirs.usable)
+    assert mine.length == pytest.approx(theirs.length, rel=1e-6)
+    assert mine.base_deviation == pytest.approx(theirs.base_deviation, rel=1e-6, abs=1e-12)
+    assert mine.angle_deviation == pytest.approx(theirs.angle_deviation, rel=1e-6)
+    assert mine.redundancy_number == pytest.approx(theirs.redundancy_number, rel=1e-5, abs=1e-9)
+    assert mine.coordinates == pytest.approx(theirs.coordinates, rel=1e-6, abs=1e-9)
+    assert mine.deviations == pytest.approx(theirs.deviations, rel=1e-6, nan_ok=True)
+
+
+def common_pairs(rays: ImageRays, right: int) -> Pairs:
+    """Return the points that the first photo shares with another one."""
+    rows = photo_index(rays).common_points(0, right)
+    return Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.sqrt(2.0) * rays.error[rows[0]])
+
+
+@pytest.mark.parametrize("sample", range(40))
+def test_five_points(without_loops, sample: int) -> None:
+    """Of all solutions with the points in front that with the smallest rotation is taken: none may be missing."""
     rays, *_ = scene()
-    random = np.random.default_rng(11)
-    for sample in range(40):
-        rows = random.choice(len(rays.photo), (2, 5), replace=False)
-        left, right = rays.vectors[rows]
-        pairs = Pairs(left, right, np.full(5, 0.01))
-        theirs = essential_matrices(left[None], right[None])
-        mine = relative_start._compiled_with_samples(np.empty((0, 3, 3)), np.arange(5)[None], pairs).essential
-        # solutions that are alike are kept once; the sign of a matrix means nothing
-        product = np.abs(mine.reshape(-1, 9) @ theirs.reshape(-1, 9).T)
-        assert len(mine) > 0, sample
-        # where two solutions are near to each other, rounding moves both by its root
-        assert product.max(axis=1) == pytest.approx(1.0, abs=1e-9)
-        assert np.all(product.max(axis=0) > 0.999)
+    pairs = common_pairs(rays, 1 + sample % 3)
+    chosen = np.random.default_rng(sample).choice(len(pairs.error), 5, replace=False)
+    mine, theirs = without_loops(lambda: solve(Pairs(*(each[chosen] for each in pairs))))
+    assert (mine is None) == (theirs is None)
+    if mine is not None:
+        assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-7)
+        assert mine.photos.rotation == pytest.approx(theirs.photos.rotation, abs=1e-7)
+        assert mine.ambiguous == theirs.ambiguous
+
+
+@pytest.mark.parametrize("wrong", [0, 8])
+@pytest.mark.parametrize("scale", [1.0, 30.0])
+@pytest.mark.parametrize("right", [1, 2, 3])
+def test_solution(without_loops, right: int, scale: float, wrong: int) -> None:
+    """With large residuals and blunders there are several lots of samples, and points weighted down."""
+    pairs = common_pairs(synthetic_rays(), right)
+    random = np.random.default_rng(right)
+    pairs.right[:, :2] += (scale - 1.0) * random.normal(0.0, 0.005, (len(pairs.error), 2))
+    pairs.right[random.choice(len(pairs.error), wrong, replace=False), :2] += random.normal(0.0, 5.0, (wrong, 2))
+    mine, theirs = without_loops(lambda: solve(pairs))
+    assert np.count_nonzero(theirs.weight_factor < 1.0) >= wrong // 2
+    assert theirs.scale > scale / 3.0
+    same_solution(mine, theirs)
 
 
 @pytest.mark.parametrize("right", [1, 2, 3])
@@ -144,11 +187,7 @@ def test_relative_orientation(without_loops, right: int, count: int | None) -> N
     if not (isinstance(mine, RelativeOrientation) and isinstance(theirs, RelativeOrientation)):
         assert mine == theirs
         return
-    # both end where a correction is below 1e-9 standard deviations
     assert mine.base == pytest.approx(theirs.base, abs=1e-9)
-    assert mine.angles == pytest.approx(theirs.angles, abs=1e-9)
-    assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-6)
-    assert mine.parallax == pytest.approx(theirs.parallax, abs=1e-8)
     assert mine.remarks == theirs.remarks
     assert mine.base_deviation == pytest.approx(theirs.base_deviation, rel=1e-6)
     assert mine.parallax_deviation == pytest.approx(theirs.parallax_deviation, rel=1e-5, abs=1e-9)
@@ -165,10 +204,10 @@ def test_no_base(without_loops) -> None:
     right = turned * (left[:, 2:] / turned[:, 2:])
     right[:, :2] += random.normal(0.0, 0.01, (len(left), 2))
     pairs = Pairs(left, right, np.full(len(left), 0.014))
-    mine, theirs = without_loops(lambda: relative_orientation._left_by_rotation(pairs, 1.0))
+    mine, theirs = without_loops(lambda: solve(pairs))
     # the least sum of distances is not iterated to its end
-    assert mine == pytest.approx(theirs, rel=1e-9)
-    assert theirs < 3.0
+    assert mine.left_by_rotation == pytest.approx(theirs.left_by_rotation, rel=1e-9)
+    assert theirs.left_by_rotation < 3.0
 
 
 @pytest.mark.parametrize("unknowns", [ALL_UNKNOWNS, NO_ROTATION])
