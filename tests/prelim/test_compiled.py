@@ -221,8 +221,10 @@ def test_similarity(without_loops, unknowns: np.ndarray, count: int) -> None:
     target = 2.0 * source @ rotation.T + 3.0 + random.normal(0.0, 1e-3, (count, 3))
     target[: count // 6] += 0.1
     target[count // 2 : count // 2 + count // 8, 2] = np.nan
-    error = np.full((count, 3), 1e-3)
-    common = CommonPoints(source, target, error, error, np.arange(count) == count - 1)
+    # errors that depend on the axis, and one far below all others
+    errors = [np.abs(random.normal(1e-3, 2e-4, (count, 3))) for _ in range(2)]
+    errors[0][0], errors[1][0, 0] = 0.0, 1e-9
+    common = CommonPoints(source, target, *errors, np.arange(count) == count - 1)
     start = Similarity(2.01, rotation, np.full(3, 3.01))
     mine, theirs = without_loops(lambda: adjusted(common, start, unknowns))
     assert mine.iterations == theirs.iterations
@@ -231,6 +233,11 @@ def test_similarity(without_loops, unknowns: np.ndarray, count: int) -> None:
     assert np.abs(mine.similarity.shift - theirs.similarity.shift).max() < 1e-12
     assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-9)
     assert mine.s0 == pytest.approx(theirs.s0, rel=1e-9)
+    assert mine.residuals == pytest.approx(theirs.residuals, abs=1e-12, nan_ok=True)
+    assert mine.angles == pytest.approx(theirs.angles, abs=1e-12)
+    assert mine.scale_deviation == pytest.approx(theirs.scale_deviation, rel=1e-9)
+    assert mine.shift_deviation == pytest.approx(theirs.shift_deviation, rel=1e-9)
+    assert mine.angle_deviation == pytest.approx(theirs.angle_deviation, rel=1e-9)
 
 
 def test_similarity_that_points_of_a_line_leave_open() -> None:

@@ -231,8 +231,8 @@ static Complex laguerre(const double *a, int degree)
             change = over(n, below);
         const double length = step % 10 ? 1.0 : UNUSUAL[step / 10 % 5];
         z.re -= length * change.re, z.im -= length * change.im;
-        /* the third power of what has changed is left */
-        if (square_of(change) < 1e-18 * square_of(z))
+        /* rounding alone is left */
+        if (square_of(change) < 1e-24 * square_of(z))
             break;
         horner(a, degree, z, &p, &d, &f);
     }

@@ -241,23 +241,23 @@ static PyObject *orient(PyObject *Py_UNUSED(module), PyObject *const *arguments,
 
 static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { SOURCE, TARGET, ERROR, TRUSTED, AT, FACTORS, SPACE, ITERATIONS };
+    enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
     Arguments a;
-    if (!taken(&a, arguments, given, 4, 4, 8))
+    if (!taken(&a, arguments, given, 6, 4, 1))
         return NULL;
-    const double *n = a.numbers;
     const int64_t count = a.views[TRUSTED].len;
-    const Common common = {a.views[SOURCE].buf, a.views[TARGET].buf, a.views[ERROR].buf, a.views[TRUSTED].buf, count,
-                           (int64_t)n[0]};
-    const SimilarityDanish danish = {n[1], n[2], n[3], n[4], n[5], n[6], (int64_t)n[7], (int64_t)n[7] / 2};
-    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, ERROR, 3 * count)
-        || a.views[AT].len != sizeof(At) || !has(&a, FACTORS, 3 * count) || !has(&a, SPACE, 6 * count)
-        || !has(&a, ITERATIONS, 1) || common.unknowns < 1 || common.unknowns > MOST_UNKNOWNS)
+    Common common = {NULL, a.views[TARGET].buf, NULL, a.views[TRUSTED].buf, count, (int64_t)a.numbers[0]};
+    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || a.views[RULES].len != sizeof(SimilarityRules)
+        || a.views[FOUND].len != sizeof(SimilarityFound) || !has(&a, FACTORS, 3 * count)
+        || !has(&a, RESIDUALS, 3 * count) || !has(&a, SPACE, 12 * count) || common.unknowns < 1
+        || common.unknowns > MOST_UNKNOWNS)
         return refused(&a);
-    double *space = a.views[SPACE].buf;
-    *(int64_t *)a.views[ITERATIONS].buf =
-        adjust_similarity(&common, &danish, a.views[AT].buf, a.views[FACTORS].buf, space, space + 3 * count);
-    return done(&a);
+    const int regular = adjust_similarity(&common, a.views[SOURCE].buf, a.views[SOURCE_DEVIATION].buf,
+                                          a.views[TARGET_DEVIATION].buf, a.views[RULES].buf, a.views[FACTORS].buf,
+                                          a.views[RESIDUALS].buf, a.views[SPACE].buf, a.views[FOUND].buf);
+    release(&a);
+    return PyBool_FromLong(regular);
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}

@@ -1,0 +1,90 @@
+"""Starting values of a spatial similarity that wrong points do not spoil."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.geometry.similarity import Similarities, Similarity, fit_similarities, several
+from orip.prelim.sampling import subsets
+from orip.prelim.similarity_adjustment import LEAST_ERROR, CommonPoints
+
+FloatArray = NDArray[np.float64]
+
+TRIPLES = 40, 500
+"""Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
+triple of eight is good; 500 miss it never."""
+
+_FITTING = 9.0
+"""d²/s² that most points stay below at a start that fits."""
+
+_MEDIAN_OF_CHI2 = 2.37
+"""Median of the square sum of three standard normal residuals."""
+
+
+def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> Similarity:
+    """Return the similarity of the three points that most others agree with.
+
+    Parameters
+    ----------
+    common : CommonPoints
+        Three full points at least.
+    tried : sequence of int
+        Numbers of triples, each of which is tried if nothing fits with those before.
+
+    Returns
+    -------
+    Similarity
+
+    Raises
+    ------
+    ValueError
+        When all triples lie on lines.
+    """
+    full = np.flatnonzero(common.full)
+    for number in tried:
+        triples = full[subsets(len(full), 3, number, 0)]
+        starts = fit_similarities(common.source[triples], common.target[triples])
+        if len(starts.scale):
+            costs, most = _compared(common, starts)
+            if most <= _FITTING or number == tried[-1]:
+                return starts.one(int(costs.argmin()))
+    message = "the common points lie on one line"
+    raise ValueError(message)
+
+
+def best_start(common: CommonPoints, starts: list[Similarity]) -> Similarity:
+    """Return the start with the least of `truncated_costs`."""
+    if len(starts) == 1:
+        return starts[0]
+    return starts[int(truncated_costs(common, several(starts)).argmin())]
+
+
+def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
+    """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
+    return _compared(common, starts)[0]
+
+
+def _compared(common: CommonPoints, starts: Similarities) -> tuple[FloatArray, float]:
+    """Return the truncated costs (s,) of starts, and the least d²/s² that most points stay below at one of them."""
+    squares = _squares(common, starts)
+    count = squares.shape[1]
+    # least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm
+    rank = min(count // 2 + 2, count - 1) if count > 3 else count
+    most = float(np.partition(squares, rank - 1, axis=1)[:, rank - 1].min())
+    factor = max(1.0, most / _MEDIAN_OF_CHI2)
+    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1)), most
+
+
+def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:
+    """Return d²/s² (s, n) of the points at each start, as of three coordinates."""
+    known = common.known
+    difference = np.where(known, starts.apply(common.source) - common.target, 0.0)
+    source = (common.source_deviation**2).mean(axis=1)
+    target = np.nanmean(np.where(known, common.target_deviation, np.nan) ** 2, axis=1)
+    variance = target + starts.scale[:, None] ** 2 * source
+    floor = LEAST_ERROR**2 * np.median(variance, axis=1, keepdims=True)
+    variance = np.maximum(variance, np.where(floor > 0.0, floor, 1.0))
+    return np.asarray((difference**2).sum(axis=2) / variance * (3.0 / known.sum(axis=1)))
