@@ -87,6 +87,13 @@ class CommonPoints:
         """Return which points are known in all three coordinates, array (n,)."""
         return np.asarray(self.known.all(axis=1))
 
+    @property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Return coordinates and deviations, as the compiled loops take them."""
+        return tuple(
+            map(np.ascontiguousarray, (self.source, self.target, self.source_deviation, self.target_deviation))
+        )
+
     def of(self, rows: IntArray) -> CommonPoints:
         """Return some of the points."""
         return CommonPoints(
@@ -196,8 +203,7 @@ def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntA
     found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
     factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
     if not kernels.adjust_joint(
-        *map(np.ascontiguousarray, (common.source, common.target, common.source_deviation, common.target_deviation)),
-        common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
+        *common.arrays, common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
     ):  # fmt: skip
         return None
     scale, scale_deviation, s0, iterations = found[[0, 16, 23, 24]].tolist()

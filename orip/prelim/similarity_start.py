@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.similarity import Similarities, Similarity, fit_similarities, several
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.sampling import subsets
 from orip.prelim.similarity_adjustment import LEAST_ERROR, CommonPoints
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 TRIPLES = 40, 500
 """Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
@@ -44,15 +47,46 @@ def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> 
         When all triples lie on lines.
     """
     full = np.flatnonzero(common.full)
+    best_of = _compiled_best_of if is_compiled() else _best_of
     for number in tried:
-        triples = full[subsets(len(full), 3, number, 0)]
-        starts = fit_similarities(common.source[triples], common.target[triples])
-        if len(starts.scale):
-            costs, most = _compared(common, starts)
-            if most <= _FITTING or number == tried[-1]:
-                return starts.one(int(costs.argmin()))
+        found = best_of(common, full[subsets(len(full), 3, number, 0)])
+        if found is not None and (found.most <= _FITTING or number == tried[-1]):
+            return found.start
     message = "the common points lie on one line"
     raise ValueError(message)
+
+
+class _Best(NamedTuple):
+    """The best start of several, and the least d²/s² that most points stay below at one of them."""
+
+    start: Similarity
+    most: float
+
+
+def _best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
+    """Return the best similarity of triples (s, 3) of points, None if all lie on lines."""
+    starts = fit_similarities(common.source[triples], common.target[triples])
+    if not len(starts.scale):
+        return None
+    costs, most = _compared(common, starts)
+    return _Best(starts.one(int(costs.argmin())), most)
+
+
+def _compiled_best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
+    """Do what `_best_of` does in the compiled loop."""
+    start = np.empty(13)
+    most = kernels.best_start(
+        *common.arrays, triples, start, _most_points(len(common.source)), LEAST_ERROR, _MEDIAN_OF_CHI2, _FITTING
+    )
+    return _Best(Similarity(float(start[0]), start[1:10].reshape(3, 3), start[10:]), most) if most >= 0.0 else None
+
+
+def _most_points(count: int) -> int:
+    """Return how many points make most of them.
+
+    Least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm.
+    """
+    return min(count // 2 + 2, count - 1) if count > 3 else count
 
 
 def best_start(common: CommonPoints, starts: list[Similarity]) -> Similarity:
@@ -70,12 +104,10 @@ def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
 def _compared(common: CommonPoints, starts: Similarities) -> tuple[FloatArray, float]:
     """Return the truncated costs (s,) of starts, and the least d²/s² that most points stay below at one of them."""
     squares = _squares(common, starts)
-    count = squares.shape[1]
-    # least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm
-    rank = min(count // 2 + 2, count - 1) if count > 3 else count
+    rank = _most_points(squares.shape[1])
     most = float(np.partition(squares, rank - 1, axis=1)[:, rank - 1].min())
     factor = max(1.0, most / _MEDIAN_OF_CHI2)
-    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1)), most
+    return np.asarray(np.minimum(squares / factor, _FITTING).sum(axis=1)), most
 
 
 def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:

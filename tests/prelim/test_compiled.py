@@ -20,6 +20,7 @@ from orip.prelim import (
     resection_settling,
     resection_start,
     similarity_adjustment,
+    similarity_start,
 )
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
@@ -30,12 +31,14 @@ from orip.prelim.relative_orientation import orient_pair
 from orip.prelim.relative_solution import Solution, solve
 from orip.prelim.resection import Resected, resect
 from orip.prelim.similarity_adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjusted
+from orip.prelim.similarity_start import start_from_triples
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 
 BLUNDERS = 12
 WITH_LOOPS = (
     intersection, refinement, relative_solution, resection_settling, resection_start, similarity_adjustment,
+    similarity_start,
 )  # fmt: skip
 
 
@@ -238,6 +241,41 @@ def test_similarity(without_loops, unknowns: np.ndarray, count: int) -> None:
     assert mine.scale_deviation == pytest.approx(theirs.scale_deviation, rel=1e-9)
     assert mine.shift_deviation == pytest.approx(theirs.shift_deviation, rel=1e-9)
     assert mine.angle_deviation == pytest.approx(theirs.angle_deviation, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 4, 12, 40])
+def test_similarity_of_triples(without_loops, count: int) -> None:
+    """In closed form, by planes, against singular values; points wrong, known in part, on a line and nearly so."""
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(count)
+    rotation = Rotation.random(random_state=count).as_matrix()
+    source = random.normal(size=(count, 3))
+    source[: min(count, 4)] = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])[:count]
+    source[2] += [0.0, 1e-2, 0.0]
+    target = 0.5 * source @ rotation.T + 3.0 + random.normal(0.0, 1e-6, (count, 3))
+    target[4 : 4 + count // 4] += 0.1
+    target[count - count // 4 :, 2] = np.nan
+    errors = [np.abs(random.normal(1e-6, 2e-7, (count, 3))) for _ in range(2)]
+    common = CommonPoints(source, target, *errors, np.zeros(count, dtype=bool))
+    mine, theirs = without_loops(lambda: start_from_triples(common))
+    # of a triangle that is nearly a line singular values of products lose the digits of its width twice
+    assert mine.scale == pytest.approx(theirs.scale, rel=1e-11)
+    assert np.abs(mine.rotation - theirs.rotation).max() < 1e-10
+    assert np.abs(mine.shift - theirs.shift).max() < 1e-10
+
+
+def test_similarity_of_triples_on_a_line(without_loops) -> None:
+    source = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])
+    error = np.full((4, 3), 1e-3)
+    common = CommonPoints(source, source, error, error, np.zeros(4, dtype=bool))
+
+    def message() -> str:
+        with pytest.raises(ValueError, match="lie on one line") as raised:
+            start_from_triples(common)
+        return str(raised.value)
+
+    assert len(set(without_loops(message))) == 1
 
 
 def test_similarity_that_points_of_a_line_leave_open() -> None:

@@ -214,27 +214,35 @@ static Complex root_of(Complex a)
     return root;
 }
 
-/* A root of a polynomial, the nearest to zero as a rule (Laguerre). */
-static Complex laguerre(const double *a, int degree)
+/* A root of a polynomial, from a start (Laguerre). */
+static Complex laguerre(const double *a, int degree, Complex z)
 {
     /* a step of another length breaks the rare cycle */
     static const double UNUSUAL[5] = {1.0, 0.5, 0.25, 0.75, 0.13};
-    Complex z = {0.0, 0.0}, p = {a[0], 0.0}, d = {a[1], 0.0}, f = {degree > 1 ? a[2] : 0.0, 0.0};
-    for (int step = 1; step <= 50 && square_of(p) > 0.0; step++) {
+    for (int step = 1; step <= 50; step++) {
+        Complex p, d, f;
+        horner(a, degree, z, &p, &d, &f);
+        double rounding = fabs(a[degree]);
+        const double size = sqrt(square_of(z));
+        for (int k = degree - 1; k >= 0; k--)
+            rounding = rounding * size + fabs(a[k]);
+        if (square_of(p) <= 1e-31 * rounding * rounding)
+            break;
         const Complex g = over(d, p), g2 = times(g, g), quotient = over(f, p);
         const Complex h = {g2.re - 2.0 * quotient.re, g2.im - 2.0 * quotient.im};
         const Complex inner = {(degree - 1) * (degree * h.re - g2.re), (degree - 1) * (degree * h.im - g2.im)};
         const Complex s = root_of(inner), plus = {g.re + s.re, g.im + s.im}, less = minus(g, s);
         const Complex below = square_of(plus) > square_of(less) ? plus : less, n = {(double)degree, 0.0};
-        Complex change = {1.0 + sqrt(square_of(z)), (double)step};
+        Complex change = {1.0 + size, (double)step};
         if (square_of(below) > 0.0)
             change = over(n, below);
         const double length = step % 10 ? 1.0 : UNUSUAL[step / 10 % 5];
-        z.re -= length * change.re, z.im -= length * change.im;
-        /* rounding alone is left */
+        const Complex moved = {z.re - length * change.re, z.im - length * change.im};
+        if (moved.re == z.re && moved.im == z.im)
+            break;
+        z = moved;
         if (square_of(change) < 1e-24 * square_of(z))
             break;
-        horner(a, degree, z, &p, &d, &f);
     }
     return z;
 }
@@ -242,16 +250,13 @@ static Complex laguerre(const double *a, int degree)
 /* Newton steps on the polynomial itself: what others that were divided off have left is inexact. */
 static Complex polished(const double *a, int degree, Complex z)
 {
-    Complex p, d, f;
-    horner(a, degree, z, &p, &d, &f);
     for (int step = 0; step < 2; step++) {
-        const Complex change = over(p, d), moved = minus(z, change);
-        const double before = square_of(p);
-        /* the square of what has changed is left */
-        if (square_of(change) < 1e-18 * square_of(z))
-            return moved;
-        horner(a, degree, moved, &p, &d, &f);
-        if (!(square_of(p) < before))
+        Complex p, d, f;
+        horner(a, degree, z, &p, &d, &f);
+        const Complex moved = minus(z, over(p, d));
+        Complex there;
+        horner(a, degree, moved, &there, &d, &f);
+        if (!(square_of(there) < square_of(p)))
             break;
         z = moved;
     }
@@ -268,7 +273,8 @@ static int roots_of(const double *coefficients, Complex *roots)
         degree--;
     const int whole = degree;
     while (degree > 0) {
-        Complex z = laguerre(a, degree);
+        const Complex zero = {0.0, 0.0};
+        Complex z = laguerre(a, degree, zero);
         if (!isfinite(z.re) || !isfinite(z.im))
             break;
         if (degree == 1 || fabs(z.im) <= 1e-10 * fabs(z.re)) {

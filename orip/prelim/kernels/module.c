@@ -16,6 +16,7 @@
 #include "relative.h"
 #include "resection.h"
 #include "similarity.h"
+#include "similarity_start.h"
 
 #define MOST_BUFFERS 16
 #define MOST_NUMBERS 12
@@ -260,6 +261,32 @@ static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *argu
     return PyBool_FromLong(regular);
 }
 
+static PyObject *best_start(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRIPLES, START };
+    Arguments a;
+    if (!taken(&a, arguments, given, 5, 1, 4))
+        return NULL;
+    const double *n = a.numbers;
+    const int64_t count = a.views[SOURCE].len / 24, triples = a.views[TRIPLES].len / 24, rank = (int64_t)n[0];
+    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples) || rank < 1 || rank > count
+        || a.views[START].len != sizeof(Start))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(Start));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
+    prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
+    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, rank, n[1], n[2], n[3], space + 3 * count,
+                                    a.views[START].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyFloat_FromDouble(most);
+}
+
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
 
 static PyMethodDef methods[] = {
@@ -267,6 +294,7 @@ static PyMethodDef methods[] = {
     METHOD(rank, "The orientations of triples that fit all points best."),
     METHOD(settled, "Orientations improved, and the likeliest adjusted."),
     METHOD(orient, "The relative orientation of two photos."),
+    METHOD(best_start, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_joint, "A spatial similarity with Danish weights."),
     METHOD(residuals, "Residuals of a network."),
     METHOD(normals, "Reduced normal equations of a network."),
