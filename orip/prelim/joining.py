@@ -326,20 +326,19 @@ def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
         Photos and points in ascending order.
     """
     photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
-    points = np.concatenate([each.points for each in blocks])
-    order = np.argsort(points, kind="stable")
-    points = points[order]
-    coordinates, deviations, steady = (
-        np.concatenate(each)[order]
-        for each in zip(
-            *((block.coordinates, block.deviations, steady_deviations(block)) for block in blocks), strict=True
-        )
-    )
+    all_points = np.concatenate([each.points for each in blocks])
+    order = np.argsort(all_points, kind="stable")
+    points = all_points[order]
+    coordinates = np.concatenate([each.coordinates for each in blocks])[order]
+    deviations = np.concatenate([each.deviations for each in blocks])[order]
+    steady = np.concatenate([steady_deviations(each) for each in blocks])[order]
     weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
-    starts = np.flatnonzero(np.diff(points, prepend=-1))
-    count = np.diff(starts, append=len(points))
+    is_first = np.ones(len(points), dtype=bool)
+    is_first[1:] = points[1:] != points[:-1]
+    starts, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
+    count = np.bincount(place)
     mean = np.add.reduceat(weights * coordinates, starts) / np.add.reduceat(weights, starts)
-    square = np.add.reduceat((coordinates - np.repeat(mean, count, axis=0)) ** 2, starts)
+    square = np.add.reduceat((coordinates - mean[place]) ** 2, starts)
     spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
     once = count == 1
     mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
