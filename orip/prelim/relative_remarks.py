@@ -79,7 +79,7 @@ def _on_blunders(
 
 
 def _on_points_behind(points: Sequence[str], weight_factor: FloatArray, in_front: NDArray[np.bool_]) -> Iterator[str]:
-    behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front)]
+    behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front).tolist()]
     if behind:
         more = f" and {len(behind) - _NAMED} more" if len(behind) > _NAMED else ""
         yield f"rays do not meet in front of both photos, point {', '.join(behind[:_NAMED])}{more}"

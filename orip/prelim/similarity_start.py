@@ -75,7 +75,7 @@ def _best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
 def _compiled_best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
     """Do what `_best_of` does in the compiled loop."""
     start = np.empty(13)
-    most = kernels.best_start(
+    most = kernels.best_triple_of(
         *common.arrays, triples, start, _most_points(len(common.source)), LEAST_ERROR, _MEDIAN_OF_CHI2, _FITTING
     )
     return _Best(Similarity(float(start[0]), start[1:10].reshape(3, 3), start[10:]), most) if most >= 0.0 else None

@@ -261,7 +261,7 @@ static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *argu
     return PyBool_FromLong(regular);
 }
 
-static PyObject *best_start(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *best_triple_of(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRIPLES, START };
     Arguments a;
@@ -271,9 +271,9 @@ static PyObject *best_start(PyObject *Py_UNUSED(module), PyObject *const *argume
     const int64_t count = a.views[SOURCE].len / 24, triples = a.views[TRIPLES].len / 24, rank = (int64_t)n[0];
     if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
         || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples) || rank < 1 || rank > count
-        || a.views[START].len != sizeof(Start))
+        || a.views[START].len != sizeof(At))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(Start));
+    double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(At));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
@@ -294,7 +294,7 @@ static PyMethodDef methods[] = {
     METHOD(rank, "The orientations of triples that fit all points best."),
     METHOD(settled, "Orientations improved, and the likeliest adjusted."),
     METHOD(orient, "The relative orientation of two photos."),
-    METHOD(best_start, "The spatial similarity of three points that most others agree with."),
+    METHOD(best_triple_of, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_joint, "A spatial similarity with Danish weights."),
     METHOD(residuals, "Residuals of a network."),
     METHOD(normals, "Reduced normal equations of a network."),

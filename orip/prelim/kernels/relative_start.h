@@ -71,7 +71,7 @@ static Judgement judgement_of(const Pairs *p, const Sampling *rules, const doubl
 }
 
 /* Squares of the parallaxes in units of their a-priori error, from columns, so that several are computed at once. */
-static void squares_at(const Judgement *j, const double *E, double *restrict square)
+static void squares_at(const Judgement *j, const double *E, double *square)
 {
     const int64_t count = j->pairs->count;
     const double *x = j->columns, *y = x + count, *z = y + count, *u = z + count, *v = u + count, *w = v + count;
@@ -234,7 +234,7 @@ static int64_t judge_samples(const Judgement *j, const int64_t *drawn, int64_t s
 /* How many samples make it likely that one of them is free of blunders. */
 static double samples_needed(const Sampling *rules, const Agreement *best)
 {
-    const double free = smaller(pow(best->share, 5.0), 1.0 - 1e-12), needed = log(rules->missed) / log1p(-free);
+    const double clean = smaller(pow(best->share, 5.0), 1.0 - 1e-12), needed = log(rules->missed) / log1p(-clean);
     return larger(needed, best->scale > rules->ordinary_scale ? rules->samples_of_large_scale : 0.0);
 }
 

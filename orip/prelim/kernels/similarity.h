@@ -2,6 +2,9 @@
  * where it comes from.
  */
 
+#ifndef ORIP_PRELIM_SIMILARITY_H
+#define ORIP_PRELIM_SIMILARITY_H
+
 #include "linear.h"
 #include <string.h>
 
@@ -314,3 +317,5 @@ static int adjust_similarity(Common *c, const double *source, const double *sour
     similarity_deviations(found, centroid, cofactors, s0 < 0.0 ? 1.0 : s0);
     return 1;
 }
+
+#endif

@@ -2,15 +2,10 @@
  * the same, and says where it comes from.
  */
 
-#include "linear.h"
-#include <string.h>
+#include "similarity.h"
 
 /* Triangles of a smaller square of width over length are lines. */
 #define ONE_LINE 1e-12
-
-typedef struct {
-    double scale, rotation[9], shift[3];
-} Start;
 
 /* Deviations of points that are not known in full are those of their known coordinates. */
 typedef struct {
@@ -36,12 +31,12 @@ static double triangle_of(const double *points, const int64_t *rows, double cent
     for (int i = 0; i < 3; i++)
         one[i] = reduced[1][i] - reduced[0][i], other[i] = reduced[2][i] - reduced[0][i];
     cross3(one, other, axes[2]);
-    const double length = sqrt(dot3(one, one)), area = sqrt(dot3(axes[2], axes[2]));
-    /* the product of the squares of both singular values of the vertices is a third of the square of the area */
-    if (!(area * area > 3.0 * ONE_LINE * square * square))
+    const double length = sqrt(dot3(one, one)), normal = sqrt(dot3(axes[2], axes[2]));
+    /* both singular values of the vertices: the sum of their squares is `square`, the product normal² / 3 */
+    if (!(normal * normal > 3.0 * ONE_LINE * square * square))
         return 0.0;
     for (int i = 0; i < 3; i++)
-        axes[0][i] = one[i] / length, axes[2][i] /= area;
+        axes[0][i] = one[i] / length, axes[2][i] /= normal;
     cross3(axes[2], axes[0], axes[1]);
     return square;
 }
@@ -49,7 +44,7 @@ static double triangle_of(const double *points, const int64_t *rows, double cent
 /* The similarity that fits three points by least squares: it takes plane to plane, and the turn in it follows from the
  * sums of products; 0 where three points lie on a line.
  */
-static int fit_triangle(const double *source, const double *target, const int64_t *rows, Start *s)
+static int fit_triangle(const double *source, const double *target, const int64_t *rows, At *s)
 {
     double from[3], to[3], x[3][3], X[3][3], a[3][3], b[3][3], along = 0.0, across = 0.0;
     const double square = triangle_of(source, rows, from, x, a);
@@ -87,7 +82,7 @@ static void prepare_judges(const Judges *j, const double *source_deviation, cons
 }
 
 /* d²/s² of the points at a start, as of three coordinates. `space` has room for twice as many numbers. */
-static void squares_of(const Judges *j, const Start *s, double least, double *squares, double *space)
+static void squares_of(const Judges *j, const At *s, double least, double *squares, double *space)
 {
     double *variance = space, *sorted = space + j->count;
     for (int64_t point = 0; point < j->count; point++)
@@ -96,9 +91,10 @@ static void squares_of(const Judges *j, const Start *s, double least, double *sq
     const double middle = least * least * median_of(sorted, j->count), floor = middle > 0.0 ? middle : 1.0;
     for (int64_t point = 0; point < j->count; point++) {
         const double *x = j->source + 3 * point, *X = j->target + 3 * point;
-        double square = 0.0;
+        double turned[3], square = 0.0;
+        apply_similarity(s, x, turned);
         for (int i = 0; i < 3; i++) {
-            const double difference = s->scale * dot3(s->rotation + 3 * i, x) + s->shift[i] - X[i];
+            const double difference = turned[i] + s->shift[i] - X[i];
             square += isfinite(X[i]) ? difference * difference : 0.0;
         }
         squares[point] = square / larger(variance[point], floor) * (3.0 / j->known[point]);
@@ -110,10 +106,10 @@ static void squares_of(const Judges *j, const Start *s, double least, double *sq
  * two numbers a point, all squares and all starts.
  */
 static double best_triple(const Judges *j, const int64_t *triples, int64_t number, int64_t rank, double least,
-                          double median_of_chi2, double limit, double *space, Start *best)
+                          double median_of_chi2, double limit, double *space, At *best)
 {
     double *scratch = space, *squares = space + 2 * j->count, most = INFINITY, cheapest = INFINITY;
-    Start *starts = (Start *)(squares + number * j->count);
+    At *starts = (At *)(squares + number * j->count);
     int64_t found = 0;
     for (int64_t k = 0; k < number; k++) {
         double *square = squares + found * j->count;
