@@ -12,7 +12,8 @@ from orip.geometry.similarity import Similarity
 from orip.model.preliminary import NotOriented, SubBlock
 from orip.prelim.joining import Joined, Names, similarity_step, steady_deviations, transformed
 from orip.prelim.rotation_starts import adjusted_from_all_sides
-from orip.prelim.similarity_adjustment import CommonPoints, SimilarityAdjustment, adjusted, start_from_triples
+from orip.prelim.similarity_adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity_start import start_from_triples
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

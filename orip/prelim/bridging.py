@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from orip.model.preliminary import NotOriented, SimilarityStep, SubBlock
 from orip.prelim.joining import Joined, Names, assembled, join
@@ -56,7 +55,7 @@ def _have_in_common(one: tuple[set[int], set[int]], other: tuple[set[int], set[i
 
 def _runs_back(model: SubBlock, previous: SubBlock) -> bool:
     base, before = (each.centres[1] - each.centres[0] for each in (model, previous))
-    return float(base @ before) < _BACK * float(np.linalg.norm(base) * np.linalg.norm(before))
+    return float(base @ before) < _BACK * math.sqrt(float(base @ base) * float(before @ before))
 
 
 def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:

@@ -17,7 +17,8 @@ from orip.geometry.similarity import Similarity, fit_similarity
 from orip.model.preliminary import SubBlock
 from orip.prelim.absolute_orientation import KnownPositions, control_of_block
 from orip.prelim.joining import Names
-from orip.prelim.similarity_adjustment import TRIPLES, CommonPoints, adjusted, start_from_triples
+from orip.prelim.similarity_adjustment import CommonPoints, adjusted
+from orip.prelim.similarity_start import TRIPLES, start_from_triples
 
 FloatArray = NDArray[np.float64]
 

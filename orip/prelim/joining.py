@@ -14,18 +14,17 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.geometry.rotation import angles_from_rotation
-from orip.geometry.similarity import Similarity, several
+from orip.geometry.similarity import Similarity
 from orip.model.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.prelim.medians import median, medians
 from orip.prelim.similarity_adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
     CommonPoints,
     SimilarityAdjustment,
     adjusted,
-    best_start,
-    start_from_triples,
 )
+from orip.prelim.similarity_start import best_start, start_from_triples
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -35,6 +34,9 @@ Step = Literal["bridge", "connect", "absolute"]
 _AGREEMENT = 0.05
 """Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
 however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
+
+_LARGE = 0.1 * _AGREEMENT
+"""Typical residual, as part of the extent, above which most points should fit."""
 
 _NAMED = 6
 """Points that are named one by one."""
@@ -102,16 +104,16 @@ class _Joint:
         self.source, self.target, self.names, self.step = source, target, names, step
         self.at_source, self.at_target = _common(source.points, target.points)
         self.photo_source, self.photo_target = _common(source.photos, target.photos)
-        self.points = [names.points[k] for k in source.points[self.at_source]]
-        self.photos = [names.photos[k] for k in source.photos[self.photo_source]]
+        self.points = [names.points[k] for k in source.points[self.at_source].tolist()]
+        self.photos = [names.photos[k] for k in source.photos[self.photo_source].tolist()]
 
     @cached_property
     def common(self) -> CommonPoints:
         """The common points, and below them the projection centres."""
         source, target, centres = self.source, self.target, len(self.photos)
         return CommonPoints(
-            np.vstack([source.coordinates[self.at_source], source.centres[self.photo_source]]),
-            np.vstack([target.coordinates[self.at_target], target.centres[self.photo_target]]),
+            np.concatenate([source.coordinates[self.at_source], source.centres[self.photo_source]]),
+            np.concatenate([target.coordinates[self.at_target], target.centres[self.photo_target]]),
             _with_centres(steady_deviations(source)[self.at_source], centres),
             _with_centres(steady_deviations(target)[self.at_target], centres),
             np.arange(len(self.points) + centres) >= len(self.points),
@@ -150,8 +152,7 @@ class _Joint:
 
     def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
-        starts = several([self._start(k) for k in range(len(self.photos))])
-        start = best_start(self.common, starts)
+        start = best_start(self.common, [self._start(k) for k in range(len(self.photos))])
         if len(self.common.source) >= 4:
             try:
                 return adjusted(self.common, start, ALL_UNKNOWNS)
@@ -170,20 +171,22 @@ class _Joint:
         lengths = np.linalg.norm(self.common.source - own, axis=1)
         images = np.linalg.norm(self.common.target - other, axis=1)
         far = lengths > 1e-9 * lengths.max()
-        scale = float(np.median(images[far] / lengths[far])) if far.any() else 1.0
+        scale = median(images[far] / lengths[far]) if far.any() else 1.0
         return Similarity(scale, rotation, other - scale * (rotation @ own))
 
     def _disagreement(self, found: SimilarityAdjustment) -> str:
         """Return why the common points cannot be those of the same object, or nothing."""
         extent = self.common.extent
-        typical = float(np.median(found.lengths[: len(self.points)])) if self.points else 0.0
+        typical = median(found.lengths[: len(self.points)]) if self.points else 0.0
+        if typical <= _LARGE * extent:
+            return ""
         if typical > _AGREEMENT * extent:
             return (
                 f"the common points do not agree: their residuals are {typical * _MM:.2g} mm with an extent of "
                 f"{extent * _MM:.2g} mm at photo scale; {self._shared()}: are points of one model numbered wrongly?"
             )
         fits = int(np.count_nonzero(found.fits[: len(self.points)]))
-        if 2 * fits < len(self.points) and typical > 0.1 * _AGREEMENT * extent:
+        if 2 * fits < len(self.points):
             return (
                 f"only {fits} of {len(self.points)} common points agree: are points of one model numbered wrongly? "
                 f"The residuals are {typical * _MM:.2g} mm with an extent of {extent * _MM:.2g} mm at photo scale"
@@ -193,18 +196,23 @@ class _Joint:
     def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> Joined:
         count = len(self.points)
         own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
-        moved = transformed(self.source, found.similarity)
-        deviations = moved.deviations.copy()
-        off = ~own.fits
-        deviations[self.at_source[off]] = np.maximum(deviations[self.at_source[off]], np.abs(own.residuals[off]))
+        block = transformed(self.source, found.similarity)
+        off = np.flatnonzero(~own.fits)
+        if len(off):
+            deviations = block.deviations.copy()
+            rows = self.at_source[off]
+            deviations[rows] = np.maximum(deviations[rows], np.abs(own.residuals[off]))
+            block = replace(block, deviations=deviations)
         step = similarity_step(
-            own, self.step, (self.source.name, self.target.name), self.points, self.common.target[:count]
+            own,
+            self.step,
+            (self.source.name, self.target.name),
+            self.points,
+            self.common.target[:count],
+            common_photo=self.photos[0] if self.photos else "",
+            remarks=remarks,
         )
-        return Joined(
-            found.similarity,
-            replace(moved, deviations=deviations),
-            replace(step, common_photo=self.photos[0] if self.photos else "", remarks=tuple(remarks)),
-        )
+        return Joined(found.similarity, block, step)
 
     def _failed(self, reason: str) -> NotOriented:
         return NotOriented(self.source.name, self.target.name, reason)
@@ -218,8 +226,8 @@ def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
 
 def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
     """Return deviations of points and, below them, of projection centres, which weigh like the points' middle one."""
-    middle = np.median(deviations) if deviations.size else 0.0
-    return np.vstack([deviations, np.full((centres, 3), middle)])
+    middle = median(deviations) if deviations.size else 0.0
+    return np.concatenate([deviations, np.full((centres, 3), middle)])
 
 
 def _counted(count: int, what: str) -> str:
@@ -233,22 +241,22 @@ def steady_deviations(block: SubBlock) -> FloatArray:
     """
     known = np.isfinite(block.deviations)
     if known.all() and known.size:
-        return np.maximum(block.deviations, _STEADY * np.median(block.deviations, axis=0))
+        return np.maximum(block.deviations, _STEADY * medians(block.deviations))
     middle = np.array(
-        [
-            float(np.median(column[has])) if has.any() else 0.0
-            for column, has in zip(block.deviations.T, known.T, strict=True)
-        ]
+        [median(column[has]) if has.any() else 0.0 for column, has in zip(block.deviations.T, known.T, strict=True)]
     )
     return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
 
 
 def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
     """Return a sentence for each point that does not fit, for the first few of many."""
-    usual = found.lengths[: len(points)][found.fits[: len(points)]]
-    others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
+    fits = found.fits[: len(points)]
+    if fits.all():
+        return []
     lengths = found.lengths[: len(points)]
-    off = [k for k in np.argsort(-lengths) if not found.fits[k]]
+    usual = lengths[fits]
+    others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
+    off = [k for k in np.argsort(-lengths) if not fits[k]]
     sentences = [
         f"point {points[k]} does not fit: it is {lengths[k] * _MM:.2g} mm at photo scale off{others}"
         for k in off[:_NAMED]
@@ -257,14 +265,21 @@ def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
 
 
 def similarity_step(
-    found: SimilarityAdjustment, step: Step, systems: tuple[str, str], points: Sequence[str], coordinates: FloatArray
+    found: SimilarityAdjustment,
+    step: Step,
+    systems: tuple[str, str],
+    points: Sequence[str],
+    coordinates: FloatArray,
+    *,
+    common_photo: str = "",
+    remarks: Sequence[str] = (),
 ) -> SimilarityStep:
     """Return what a listing says of an adjustment whose points are all named."""
     return SimilarityStep(
         step=step,
         source=systems[0],
         target=systems[1],
-        common_photo="",
+        common_photo=common_photo,
         points=tuple(points),
         coordinates=coordinates,
         residuals=found.residuals,
@@ -273,11 +288,12 @@ def similarity_step(
         scale_deviation=found.scale_deviation,
         shift=found.similarity.shift,
         shift_deviation=found.shift_deviation,
-        angles=angles_from_rotation(found.similarity.rotation),
+        angles=found.angles,
         angle_deviation=found.angle_deviation,
         iterations=found.iterations,
         s0=found.s0,
         max_residual=found.max_residual,
+        remarks=tuple(remarks),
     )
 
 
@@ -310,22 +326,28 @@ def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
         Photos and points in ascending order.
     """
     photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
-    points, place = np.unique(np.concatenate([each.points for each in blocks]), return_inverse=True)
-    coordinates = np.vstack([each.coordinates for each in blocks])
-    deviations = np.vstack([each.deviations for each in blocks])
-    weights = 1.0 / np.maximum(np.vstack([steady_deviations(each) for each in blocks]), _tiny(coordinates)) ** 2
+    all_points = np.concatenate([each.points for each in blocks])
+    order = np.argsort(all_points, kind="stable")
+    points = all_points[order]
+    coordinates = np.concatenate([each.coordinates for each in blocks])[order]
+    deviations = np.concatenate([each.deviations for each in blocks])[order]
+    steady = np.concatenate([steady_deviations(each) for each in blocks])[order]
+    weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
+    is_first = np.ones(len(points), dtype=bool)
+    is_first[1:] = points[1:] != points[:-1]
+    starts, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
     count = np.bincount(place)
-    mean = _sums(place, weights * coordinates) / _sums(place, weights)
-    spread = np.sqrt(_sums(place, (coordinates - mean[place]) ** 2) / np.maximum(count - 1, 1)[:, None])
+    mean = np.add.reduceat(weights * coordinates, starts) / np.add.reduceat(weights, starts)
+    square = np.add.reduceat((coordinates - mean[place]) ** 2, starts)
+    spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
     once = count == 1
-    spread[once] = _sums(place, deviations)[once]
-    mean[once] = _sums(place, coordinates)[once]
+    mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
     return SubBlock(
         blocks[0].name,
         photos,
-        np.vstack([each.rotations for each in blocks])[first],
-        np.vstack([each.centres for each in blocks])[first],
-        points,
+        np.concatenate([each.rotations for each in blocks])[first],
+        np.concatenate([each.centres for each in blocks])[first],
+        points[starts],
         mean,
         spread,
     )
@@ -334,7 +356,3 @@ def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
 def _tiny(coordinates: FloatArray) -> float:
     """Return a deviation that is nothing beside the coordinates, where none is given."""
     return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))
-
-
-def _sums(place: IntArray, values: FloatArray) -> FloatArray:
-    return np.stack([np.bincount(place, weights=column) for column in values.T], axis=1)

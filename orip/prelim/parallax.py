@@ -32,11 +32,6 @@ class Pairs(NamedTuple):
     right: FloatArray
     error: FloatArray
 
-    @property
-    def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return left, right and error, as the compiled loops take them."""
-        return tuple(map(np.ascontiguousarray, self))  # type: ignore[return-value]
-
     def of(self, rows: NDArray[np.bool_]) -> Pairs:
         """Return some of the points."""
         return Pairs(self.left[rows], self.right[rows], self.error[rows])

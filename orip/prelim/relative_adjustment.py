@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orip.adjustment.weights import danish_weights
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.rotation import cross_matrix, rotation_about_axes
-from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
+from orip.prelim.compiled import LEAST_WEIGHT
 from orip.prelim.parallax import Pairs, Parallaxes, parallaxes, parallaxes_with_partials
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +32,9 @@ _LONGEST_STEP = 0.3
 
 _REGULAR = 1e-13
 """Part of the largest diagonal element that keeps the normal equations solvable where five points determine nothing."""
+
+DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
+"""As the compiled loop takes them: `RelativeDanish` in kernels/relative_adjustment.h."""
 
 
 class Adjusted(NamedTuple):
@@ -89,12 +92,7 @@ def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, m
     -------
     Adjusted
     """
-    scales = np.broadcast_to(np.asarray(scale, dtype=np.float64), len(start.base))
-    return (_compiled_adjusted if is_compiled() else _adjusted)(start, pairs, scales, max_iterations)
-
-
-def _adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_iterations: int) -> Adjusted:
-    limits = pairs.error * scales[:, None]
+    limits = pairs.error * np.broadcast_to(np.asarray(scale, dtype=np.float64), len(start.base))[:, None]
     photos, weights = start, np.empty(0)
     for iteration in range(1, max_iterations + 1):
         found = parallaxes_with_partials(photos, pairs)
@@ -114,41 +112,16 @@ def _adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_iterations
     return Adjusted(photos, parallaxes(essential, pairs), weights, iteration)
 
 
-def _compiled_adjusted(start: TwoPhotos, pairs: Pairs, scales: FloatArray, max_iterations: int) -> Adjusted:
-    """Do what `_adjusted` does in the compiled loop."""
-    photos = TwoPhotos(np.array(start.base, order="C"), np.array(start.rotation, order="C"))
-    shape = len(start.base), len(pairs.error)
-    weights, found, iterations = np.empty(shape), np.empty(shape), np.empty(1, dtype=np.int64)
-    kernels.adjust_models(
-        *pairs.arrays, np.ascontiguousarray(scales), *photos, weights, found, iterations, MAX_STANDARD_RESIDUAL,
-        LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, max_iterations, _WEIGHTS_HELD,
-    )  # fmt: skip
-    return Adjusted(photos, found, weights, int(iterations[0]))
-
-
 def precision_of(adjusted: Adjusted, pairs: Pairs) -> Precision:
     """Return redundancy numbers and cofactors of one adjusted orientation, from the a-priori errors."""
-    redundancy, inverse = (_compiled_inverse if is_compiled() else _inverse)(adjusted, pairs)
-    whole = np.zeros((6, 5))
-    whole[:3, :2] = _across(adjusted.photos.base)[0]
-    whole[3:, 2:] = np.eye(3)
-    return Precision(redundancy, whole @ inverse @ whole.T)
-
-
-def _inverse(adjusted: Adjusted, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
-    """Return redundancy numbers (n,), and the inverse (5, 5) of the normal equations."""
     photos, weights = adjusted.photos, adjusted.weight_factor
-    design, _ = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
+    design, across = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
     inverse = np.linalg.inv(_regular(np.swapaxes(design * weights[..., None], 1, 2) @ design))
     redundancy = 1.0 - weights * ((design @ inverse) * design).sum(axis=-1)
-    return np.maximum(redundancy[0], 0.0), np.asarray(inverse[0])
-
-
-def _compiled_inverse(adjusted: Adjusted, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
-    """Do what `_inverse` does in the compiled loop."""
-    redundancy, inverse = np.empty(len(pairs.error)), np.empty((5, 5))
-    kernels.relative_cofactors(*pairs.arrays, *adjusted.photos, adjusted.weight_factor, redundancy, inverse, _REGULAR)
-    return redundancy, inverse
+    whole = np.zeros((6, 5))
+    whole[:3, :2] = across[0]
+    whole[3:, 2:] = np.eye(3)
+    return Precision(np.maximum(redundancy[0], 0.0), whole @ inverse[0] @ whole.T)
 
 
 def _design(photos: TwoPhotos, pairs: Pairs, found: Parallaxes) -> tuple[FloatArray, FloatArray]:

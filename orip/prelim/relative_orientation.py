@@ -2,46 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.geometry.essential import TwoPhotos
-from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
+from orip.geometry.rotation import cross_matrix
 from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.parallax import Meeting, Pairs, meeting_points, parallaxes
+from orip.prelim.parallax import Pairs, parallaxes
 from orip.prelim.photo_index import PhotoIndex, photo_index
-from orip.prelim.relative_adjustment import Adjusted, adjust_relative, precision_of
 from orip.prelim.relative_remarks import remarks_on
-from orip.prelim.relative_start import POINTS_NEEDED, consensus, costs_in_front, starting_orientations
+from orip.prelim.relative_solution import Solution, solve
+from orip.prelim.relative_start import POINTS_NEEDED
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
-_ITERATIONS_TO_COMPARE, _MAX_ITERATIONS = 5, 20
-
-_EQUALLY_GOOD = 4.0
-"""Difference of square sums, two standard deviations, below which the points do not tell two orientations apart."""
-
-_SAME = 0.02
-"""Radians between orientations that are one, iterated more or less."""
 
 _NO_BASE = 3.0
 """Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain
 them, half of which are below 1.2."""
-
-_SURE = 3.0
-"""Logarithm of how many times better than chance points agree; fewer than three redundant ones cannot be that sure."""
-
-_PLAIN_BASE = 1000.0
-"""No blunders hide a rotation behind that many standard deviations."""
-
-_ROTATION_STEPS = 8
 
 _NO_MODEL = 0.01
 """Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
@@ -103,7 +79,7 @@ def orient_pair(
         points = "1 point" if count == 1 else f"{count} points"
         reason = f"photo {names[0]} and photo {names[1]} share {points}, {POINTS_NEEDED} are needed"
         return NotOriented(model, "", reason)
-    solution = _solve(pairs)
+    solution = solve(pairs)
     reason = f"the {count} points that photo {names[0]} and photo {names[1]} share determine no orientation"
     if solution is None:
         return NotOriented(model, "", reason)
@@ -113,147 +89,33 @@ def orient_pair(
     return _result(rays, (left, right), rows, solution, pairs, (model, row, column))
 
 
-@dataclass(frozen=True, slots=True)
-class _Solution:
-    """One relative orientation: of one row of an adjustment."""
-
-    photos: TwoPhotos
-    parallax: FloatArray
-    weight_factor: FloatArray
-    redundancy_number: FloatArray
-    cofactor: FloatArray
-    iterations: int
-    scale: float
-    by_chance: bool
-    ambiguous: bool
-    meeting: Meeting
-
-    @property
-    def usable(self) -> BoolArray:
-        """Whether a point has full weight, is in front of both photos and has rays that are not parallel."""
-        finite = np.isfinite(self.meeting.coordinates).all(axis=1)
-        return np.asarray((self.weight_factor == 1.0) & self.meeting.in_front & finite)
-
-    def seuw(self, error: FloatArray) -> float:
-        """Return the standard error of unit weight of the points with full weight; 0 without redundancy."""
-        whole = self.weight_factor == 1.0
-        redundancy = float(self.redundancy_number[whole].sum())
-        if len(error) == POINTS_NEEDED or redundancy < 1e-6:
-            return 0.0
-        return math.sqrt(float(((self.parallax / error)[whole] ** 2).sum()) / redundancy)
-
-
-def _solve(pairs: Pairs) -> _Solution | None:
-    start = starting_orientations(pairs)
-    if not len(start.base):
-        return None
-    residuals = np.abs(parallaxes(cross_matrix(start.base) @ start.rotation, pairs)) / pairs.error
-    tried = adjust_relative(start, pairs, consensus(residuals, pairs).scale, _ITERATIONS_TO_COMPARE)
-    agreed = consensus(tried.residuals(pairs), pairs)
-    scale = float(agreed.scale[agreed.best])
-    best, ambiguous = _choice(tried, pairs, scale)
-    final = adjust_relative(tried.photos.of(np.array([best])), pairs, scale, _MAX_ITERATIONS)
-    precision = precision_of(final, pairs)
-    photos = TwoPhotos(final.photos.base[0], final.photos.rotation[0])
-    return _Solution(
-        photos,
-        final.parallax[0],
-        final.weight_factor[0],
-        precision.redundancy_number,
-        precision.cofactor,
-        tried.iterations + final.iterations,
-        scale,
-        bool(agreed.log_chance[agreed.best] > -min(len(pairs.error) - POINTS_NEEDED, _SURE)),
-        ambiguous,
-        meeting_points(photos, pairs),
-    )
-
-
-def _choice(tried: Adjusted, pairs: Pairs, scale: float) -> tuple[int, bool]:
-    """Return the best of several orientations, and whether another one is as good.
-
-    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones that
-    with the smallest rotation is taken.
-    """
-    in_front = meeting_points(tried.photos, pairs).in_front
-    costs = costs_in_front(tried.residuals(pairs), in_front, scale)
-    best = int(costs.argmin())
-    bases, rotations = tried.photos
-    turn = _angle(np.swapaxes(rotations, 1, 2) @ rotations[best])
-    between = np.arccos(np.clip(bases @ bases[best], -1.0, 1.0))
-    rivals = (costs <= costs[best] + _EQUALLY_GOOD) & (np.maximum(turn, between) > _SAME)
-    if not rivals.any():
-        return best, False
-    rivals[best] = True
-    return int(np.where(rivals, _angle(rotations), np.inf).argmin()), True
-
-
-def _angle(rotation: FloatArray) -> FloatArray:
-    cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1.0) / 2.0
-    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
-
-
-def _fault(solution: _Solution, pairs: Pairs) -> str | None:
+def _fault(solution: Solution, pairs: Pairs) -> str | None:
     """Return why an orientation is none, or None."""
-    typical = solution.seuw(pairs.error) * float(pairs.error.mean())
-    if solution.by_chance or typical > _NO_MODEL * float(np.abs(pairs.left[:, 2]).mean()):
+    count = len(pairs.error)
+    typical = solution.seuw * float(pairs.error.sum()) / count
+    if solution.by_chance or typical > _NO_MODEL * float(np.abs(pairs.left[:, 2]).sum()) / count:
         return f"their rays miss each other by {typical:.2g} mm; are point numbers or photos confused?"
-    scale = min(solution.scale, _LARGEST_SCALE)
-    if _left_by_rotation(pairs, scale) < _NO_BASE * scale:
+    if solution.left_by_rotation < _NO_BASE * min(solution.scale, _LARGEST_SCALE):
         return "there is no base between them; both were taken from one place"
-    usable = int(solution.usable.sum())
-    if usable < max(POINTS_NEEDED, len(pairs.error) / 2):
+    usable = int(np.count_nonzero(solution.usable))
+    if usable < max(POINTS_NEEDED, count / 2):
         return f"the rays of only {usable} of them meet in front of both photos"
     return None
-
-
-def _left_by_rotation(pairs: Pairs, scale: float) -> float:
-    """Return the median of what is left between the two photos after a rotation alone, in standard deviations."""
-    if is_compiled():
-        return kernels.rotate_only(*pairs.arrays, np.empty((9, len(pairs.error))), _PLAIN_BASE * scale, _ROTATION_STEPS)
-    length = np.linalg.norm(pairs.left, axis=1)
-    left = pairs.left / length[:, None]
-    right = pairs.right / np.linalg.norm(pairs.right, axis=1)[:, None]
-    weights = np.ones(len(length))
-    median = math.inf
-    for _ in range(_ROTATION_STEPS):
-        # least squares, then the least sum of distances, which blunders do not move (Weiszfeld 1937)
-        u, _, vt = np.linalg.svd((left * weights[:, None]).T @ right)
-        rotation = (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        distance = np.linalg.norm(left - right @ rotation.T, axis=1) * length / pairs.error
-        median = float(np.median(distance))
-        if median > _PLAIN_BASE * scale:
-            break
-        weights = 1.0 / np.maximum(distance, 1e-3)
-    return median
 
 
 def _result(
     rays: ImageRays,
     photos: tuple[int, int],
     rows: tuple[IntArray, IntArray],
-    solution: _Solution,
+    solution: Solution,
     pairs: Pairs,
     place: tuple[str, int | None, int | None],
 ) -> RelativeOrientation:
-    seuw = solution.seuw(pairs.error)
+    seuw, at_least_one = solution.seuw, max(solution.seuw, 1.0)
     unit_weight = seuw or 1.0
-    usable = solution.usable
-    length = float((1.0 / solution.meeting.along_left[usable]).mean()) / 1000.0
-    base = length * solution.photos.base
-    angles = angles_from_rotation(solution.photos.rotation)
-    whole = solution.weight_factor == 1.0
+    base = solution.length * solution.photos.base
     points = rays.point[rows[0]]
-    names = tuple(rays.points[each] for each in points)
-    block = SubBlock(
-        place[0],
-        np.array(photos, dtype=np.int64),
-        np.stack([np.eye(3), solution.photos.rotation]),
-        np.stack([np.zeros(3), base]),
-        points[usable],
-        length * solution.meeting.coordinates[usable],
-        max(seuw, 1.0) * _intersection_deviations(base, length, solution, pairs),
-    )
+    names = tuple(rays.points[each] for each in points.tolist())
     return RelativeOrientation(
         model=place[0],
         left=rays.photos[photos[0]],
@@ -266,30 +128,45 @@ def _result(
         parallax=solution.parallax,
         parallax_deviation=seuw * pairs.error * np.sqrt(solution.redundancy_number),
         weight_factor=solution.weight_factor,
-        in_front=solution.meeting.in_front,
+        in_front=solution.in_front,
         base=base,
-        base_deviation=unit_weight * _base_deviations(base, solution.cofactor[:3, :3] * length**2),
-        angles=angles,
-        angle_deviation=unit_weight * _angle_deviations(angles, solution.cofactor[3:, 3:]),
+        base_deviation=unit_weight * solution.length * solution.base_deviation,
+        angles=solution.angles,
+        angle_deviation=unit_weight * solution.angle_deviation,
         iterations=solution.iterations,
         seuw=seuw,
-        max_residual=float(np.abs(solution.parallax[whole]).max()),
-        block=block,
+        max_residual=float(np.abs(solution.parallax[solution.weight_factor == 1.0]).max()),
+        block=_model(place[0], photos, points, solution),
         remarks=remarks_on(
             names,
             solution.parallax,
-            pairs.error * max(seuw, 1.0),
+            pairs.error * at_least_one,
             solution.weight_factor,
-            solution.meeting.in_front,
+            solution.in_front,
             base=base,
             seuw=seuw,
             ambiguous=solution.ambiguous,
-            exchanged=_exchanged(solution, pairs, max(seuw, 1.0)),
+            exchanged=_exchanged(solution, pairs, at_least_one),
         ),
     )
 
 
-def _exchanged(solution: _Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> SubBlock:
+    rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
+    rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
+    centres[1] = solution.length * solution.photos.base
+    return SubBlock(
+        name,
+        np.array(photos, dtype=np.int64),
+        rotations,
+        centres,
+        points[solution.usable],
+        solution.length * solution.coordinates[solution.usable],
+        max(solution.seuw, 1.0) * solution.length * solution.deviations[solution.usable],
+    )
+
+
+def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
     """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:
@@ -300,39 +177,3 @@ def _exchanged(solution: _Solution, pairs: Pairs, unit_weight: float) -> list[tu
     fits = (sizes < _FITS * unit_weight * mixed.error).reshape(in_left.shape)
     first, second = np.nonzero(np.triu(fits & fits.T, k=1))
     return list(zip(wrong[first].tolist(), wrong[second].tolist(), strict=True))
-
-
-def _base_deviations(base: FloatArray, cofactor: FloatArray) -> FloatArray:
-    """Return the root cofactors of the base whose largest component is held."""
-    largest = int(np.abs(base).argmax())
-    partials = np.eye(3)
-    partials[:, largest] -= base / base[largest]
-    return np.sqrt(np.maximum(np.diag(partials @ cofactor @ partials.T), 0.0))
-
-
-def _angle_deviations(angles: FloatArray, cofactor: FloatArray) -> FloatArray:
-    partials = angle_rates_from_axes_rotation(angles)
-    return np.sqrt(np.maximum(np.diag(partials @ cofactor @ partials.T), 0.0))
-
-
-def _intersection_deviations(base: FloatArray, length: float, solution: _Solution, pairs: Pairs) -> FloatArray:
-    """Return a-priori standard deviations (q, 3) of the intersections of both rays, held orientation."""
-    usable = solution.usable
-    coordinates = length * solution.meeting.coordinates[usable]
-    error = pairs.error[usable] / math.sqrt(2.0)
-    if is_compiled():
-        deviations = np.empty_like(coordinates)
-        seen = Pairs(pairs.left[usable], pairs.right[usable], error)
-        kernels.deviations(*seen.arrays, base, np.ascontiguousarray(solution.photos.rotation), coordinates, deviations)
-        return deviations
-    normals = np.zeros((len(error), 3, 3))
-    for centre, rotation, vectors in (
-        (np.zeros(3), np.eye(3), pairs.left[usable]),
-        (base, solution.photos.rotation, pairs.right[usable]),
-    ):
-        rotations = np.broadcast_to(rotation, (len(error), 3, 3))
-        by_point = perspective_with_partials(coordinates - centre, rotations, -vectors[:, 2]).by_point
-        normals += np.swapaxes(by_point, 1, 2) @ by_point
-    largest = np.trace(normals, axis1=1, axis2=2)[:, None, None]
-    inverse = np.linalg.inv(normals + 1e-15 * largest * np.eye(3))
-    return np.asarray(error[:, None] * np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)))

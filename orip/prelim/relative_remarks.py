@@ -64,8 +64,8 @@ def remarks_on(
 def _on_blunders(
     points: Sequence[str], parallax: FloatArray, deviation: FloatArray, weight_factor: FloatArray
 ) -> Iterator[str]:
-    standard = np.abs(parallax) / deviation
     reduced = np.flatnonzero(weight_factor < 1.0)
+    standard = np.abs(parallax) / deviation
     worst = reduced[np.argsort(-standard[reduced], kind="stable")]
     for row in worst[:_NAMED]:
         size = f"py {parallax[row]:.3g} mm, {standard[row]:.0f} standard deviations"
@@ -79,7 +79,7 @@ def _on_blunders(
 
 
 def _on_points_behind(points: Sequence[str], weight_factor: FloatArray, in_front: NDArray[np.bool_]) -> Iterator[str]:
-    behind = [name for name, full, front in zip(points, weight_factor == 1.0, in_front, strict=True) if full > front]
+    behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front).tolist()]
     if behind:
         more = f" and {len(behind) - _NAMED} more" if len(behind) > _NAMED else ""
         yield f"rays do not meet in front of both photos, point {', '.join(behind[:_NAMED])}{more}"

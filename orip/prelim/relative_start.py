@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.essential import TwoPhotos, essential_matrices, two_photos_of
-from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.parallax import Pairs, meeting_points, parallaxes
 from orip.prelim.sampling import subsets
 
@@ -46,12 +45,14 @@ _KEPT, _STARTS = 16, 8
 """Matrices that are kept from one lot of samples to the next, and orientations that are tried in the adjustment, those
 of them that have the points in front."""
 
-_MOST_SOLUTIONS = 10
-"""Essential matrices of five points."""
-
 _ALIKE = 0.999
 """Product of two matrices of norm 1, some 2.5 degrees apart, that are taken for one: a plane has a second solution that
 fits as well, and samples of it must not crowd out those of the first."""
+
+SAMPLING = (
+    _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, _LIMIT, _ALIKE, _KEPT, _STARTS,
+)  # fmt: skip
+"""As the compiled loop takes them: `Sampling` in kernels/relative_start.h."""
 
 
 def starting_orientations(pairs: Pairs) -> TwoPhotos:
@@ -67,19 +68,18 @@ def starting_orientations(pairs: Pairs) -> TwoPhotos:
     TwoPhotos
         At most eight, many of them near to each other; none where the points determine nothing.
     """
-    samples = _samples(len(pairs.error))
-    with_samples = _compiled_with_samples if is_compiled() else _with_samples
+    samples = samples_of(len(pairs.error))
     best = _Best(np.empty((0, 3, 3)), 1.0, 0.0)
     for start in range(0, len(samples), _SAMPLES_AT_ONCE):
         drawn = samples[start : start + _SAMPLES_AT_ONCE]
-        best = with_samples(best.essential, drawn, pairs)
+        best = _with_samples(best.essential, drawn, pairs)
         if len(best.essential) and start + len(drawn) >= _samples_needed(best.share, best.scale):
             break
-    return (_compiled_in_front_first if is_compiled() else _in_front_first)(best.essential, pairs, best.scale)
+    return _in_front_first(best.essential, pairs, best.scale)
 
 
 @lru_cache(maxsize=256)
-def _samples(count: int) -> IntArray:
+def samples_of(count: int) -> IntArray:
     """Return samples of five of `count` points."""
     # all subsets come in order, and the first of them share their points
     return np.random.default_rng(_SEED).permutation(subsets(count, POINTS_NEEDED, _SAMPLES, _SEED))
@@ -102,20 +102,6 @@ def _with_samples(kept: FloatArray, drawn: IntArray, pairs: Pairs) -> _Best:
     agreed = consensus(residuals, pairs)
     scale, share = float(agreed.scale[agreed.best]), float(agreed.share[agreed.best])
     return _Best(essential[_best_unlike(essential, _costs(residuals, scale))], scale, share)
-
-
-def _compiled_with_samples(kept: FloatArray, drawn: IntArray, pairs: Pairs) -> _Best:
-    """Do what `_with_samples` does in the compiled loop."""
-    count, room = len(pairs.error), len(kept) + _MOST_SOLUTIONS * len(drawn)
-    essential, found = np.empty((room, 3, 3)), np.empty(3)
-    essential[: len(kept)] = kept
-    residuals, costs, chosen = np.empty((room, count)), np.empty(room), np.empty((_KEPT, 3, 3))
-    kernels.judge(
-        *pairs.arrays, drawn, _log_of_sets(count), essential, residuals, np.empty(count), costs, chosen, found,
-        len(kept), _NO_BETTER, _LIMIT, _ALIKE, _KEPT,
-    )  # fmt: skip
-    number, scale, share = found.tolist()
-    return _Best(essential[: int(number)], scale, share)
 
 
 class Consensus(NamedTuple):
@@ -164,27 +150,15 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     rows, n = residuals.shape
     if n <= POINTS_NEEDED:
         return Consensus(np.zeros(rows), np.ones(rows), np.ones(rows))
-    return (_compiled_consensus if is_compiled() else _consensus)(residuals, pairs)
-
-
-def _consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
-    (rows, n), unit = residuals.shape, _chance_of_unit(pairs)
+    unit = _chance_of_unit(pairs)
     ordered = np.sort(residuals, axis=1)
     agreeing = np.arange(POINTS_NEEDED + 1, n + 1)
     largest = np.clip(np.maximum(ordered[:, POINTS_NEEDED:], _NO_BETTER) * unit, 1e-300, 1.0)
-    log_chance = _log_of_sets(n) + (agreeing - POINTS_NEEDED) * np.log(largest)
+    log_chance = log_of_sets(n) + (agreeing - POINTS_NEEDED) * np.log(largest)
     which = log_chance.argmin(axis=1)
     row, count = np.arange(rows), agreeing[which]
     square = np.cumsum(ordered**2, axis=1)[row, count - 1] / (count - POINTS_NEEDED)
     return Consensus(log_chance[row, which], np.maximum(np.sqrt(square), 1.0), count / n)
-
-
-def _compiled_consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
-    """Do what `_consensus` does in the compiled loop."""
-    rows, n = residuals.shape
-    found = np.empty((rows, 3))
-    kernels.agree(*pairs.arrays, _log_of_sets(n), np.array(residuals, order="C"), found, _NO_BETTER)
-    return Consensus(found[:, 0], found[:, 1], found[:, 2])
 
 
 def _chance_of_unit(pairs: Pairs) -> float:
@@ -194,7 +168,7 @@ def _chance_of_unit(pairs: Pairs) -> float:
 
 
 @lru_cache(maxsize=256)
-def _log_of_sets(n: int) -> FloatArray:
+def log_of_sets(n: int) -> FloatArray:
     """Return the logarithm of (n - 5) C(n, m) C(m, 5) for m from 6 to n."""
     sets = [math.comb(n, m) * math.comb(m, POINTS_NEEDED) for m in range(POINTS_NEEDED + 1, n + 1)]
     return np.array([math.log(n - POINTS_NEEDED) + math.log(each) for each in sets])
@@ -236,11 +210,3 @@ def _in_front_first(essential: FloatArray, pairs: Pairs, scale: float) -> TwoPho
     which = costs.argmin(axis=1)
     order = np.argsort(costs[rows, which], kind="stable")[:_STARTS]
     return TwoPhotos(photos.base[rows, which], photos.rotation[rows, which]).of(order)
-
-
-def _compiled_in_front_first(essential: FloatArray, pairs: Pairs, scale: float) -> TwoPhotos:
-    """Do what `_in_front_first` does in the compiled loop."""
-    number = len(essential)
-    base, rotation, costs = np.empty((number, 3)), np.empty((number, 3, 3)), np.empty(number)
-    kernels.front(*pairs.arrays, essential, base, rotation, costs, np.empty(len(pairs.error)), scale, _LIMIT)
-    return TwoPhotos(base, rotation).of(np.argsort(costs, kind="stable")[:_STARTS])

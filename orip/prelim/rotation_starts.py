@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from orip.geometry.similarity import UNKNOWNS, Similarities, similarity_with_partials
 from orip.prelim.sampling import subsets
-from orip.prelim.similarity_adjustment import CommonPoints, SimilarityAdjustment, adjusted, truncated_costs
+from orip.prelim.similarity_adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity_start import truncated_costs
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""Adjustment of a spatial similarity: a start that wrong points do not spoil, then least squares with Danish weights.
+"""Adjustment of a spatial similarity by least squares with Danish weights.
 
 How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
 Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; what lies
@@ -7,7 +7,7 @@ beyond three times of it is weighted down.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
-from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, fit_similarities, similarity_with_partials
+from orip.geometry.similarity import (
+    UNKNOWNS,
+    Similarities,
+    Similarity,
+    similarity_with_partials,
+)
 from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
-from orip.prelim.sampling import subsets
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -27,23 +31,13 @@ ALL_UNKNOWNS = np.arange(UNKNOWNS)
 NO_ROTATION = np.arange(4)
 """Scale and shift: the rotation is held."""
 
-TRIPLES = 40, 500
-"""Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
-triple of eight is good; 500 miss it never."""
-
-_FITTING = 9.0
-"""d²/s² that most points stay below at a start that fits."""
-
-_MEDIAN_OF_CHI2 = 2.37
-"""Median of the square sum of three standard normal residuals."""
-
 _MEDIAN_OF_NORMAL = 0.6745
 """Median of the size of one standard normal residual."""
 
 _LIMIT = 3.0
 """Standard residuals up to it keep their weight."""
 
-_FLOOR = 1e-3
+LEAST_ERROR = 1e-3
 """Of the median: no coordinate is taken for so much better than the others that it alone decides."""
 
 _SINGULAR = 1e-9
@@ -55,6 +49,12 @@ _FREE_STEPS = _STEPS // 2
 
 _LARGEST_TURN = 0.5
 """Radians; a longer step leaves what the linear equations are good for."""
+
+_RULES = np.array(
+    [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, _LARGEST_TURN, _STEPS, _FREE_STEPS, _MEDIAN_OF_NORMAL],
+    dtype=np.float64,
+)
+"""As the compiled loop takes them: `SimilarityRules` in kernels/similarity.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,13 @@ class CommonPoints:
         """Return which points are known in all three coordinates, array (n,)."""
         return np.asarray(self.known.all(axis=1))
 
+    @property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Return coordinates and deviations, as the compiled loops take them."""
+        return tuple(
+            map(np.ascontiguousarray, (self.source, self.target, self.source_deviation, self.target_deviation))
+        )
+
     def of(self, rows: IntArray) -> CommonPoints:
         """Return some of the points."""
         return CommonPoints(
@@ -100,8 +107,10 @@ class CommonPoints:
     @property
     def extent(self) -> float:
         """Return the root mean square distance of the points from their centroid in the target system."""
-        reduced = self.target - np.nanmean(self.target, axis=0)
-        return float(np.sqrt(np.nanmean(reduced**2, axis=0).sum()))
+        known = self.known
+        counts, target = known.sum(axis=0), np.where(known, self.target, 0.0)
+        reduced = np.where(known, target - target.sum(axis=0) / counts, 0.0)
+        return math.sqrt(float(((reduced**2).sum(axis=0) / counts).sum()))
 
     def errors(self, at: Similarity) -> FloatArray:
         """Return the standard deviations (n, 3) of differences in the target system."""
@@ -109,7 +118,7 @@ class CommonPoints:
         errors = np.sqrt(moved + self.target_deviation**2)
         known = errors[self.known]
         median = float(np.median(known[known > 0])) if (known > 0).any() else 0.0
-        return np.maximum(errors, _FLOOR * median if median else 1.0)
+        return np.maximum(errors, LEAST_ERROR * median if median else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +128,8 @@ class SimilarityAdjustment:
     Parameters
     ----------
     similarity : Similarity
+    angles : array (3,)
+        omega, phi, kappa of its rotation.
     scale_deviation : float
     shift_deviation, angle_deviation : arrays (3,)
         0 for what was held.
@@ -132,6 +143,7 @@ class SimilarityAdjustment:
     """
 
     similarity: Similarity
+    angles: FloatArray
     scale_deviation: float
     shift_deviation: FloatArray
     angle_deviation: FloatArray
@@ -148,79 +160,14 @@ class SimilarityAdjustment:
     @property
     def lengths(self) -> FloatArray:
         """Return the lengths (n,) of the residuals, of the coordinates that are known."""
-        return np.asarray(np.sqrt(np.nansum(self.residuals**2, axis=1)))
+        known = np.where(np.isnan(self.residuals), 0.0, self.residuals)
+        return np.asarray(np.sqrt((known**2).sum(axis=1)))
 
     @property
     def max_residual(self) -> float:
         """Return the largest residual of full weight."""
         full = np.abs(self.residuals[(self.weight_factor == 1.0) & np.isfinite(self.residuals)])
         return float(full.max()) if full.size else 0.0
-
-
-def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> Similarity:
-    """Return the similarity of the three points that most others agree with.
-
-    Parameters
-    ----------
-    common : CommonPoints
-        Three full points at least.
-    tried : sequence of int
-        Numbers of triples, each of which is tried if nothing fits with those before.
-
-    Returns
-    -------
-    Similarity
-
-    Raises
-    ------
-    ValueError
-        When all triples lie on lines.
-    """
-    full = np.flatnonzero(common.full)
-    for number in tried:
-        triples = full[subsets(len(full), 3, number, 0)]
-        starts = fit_similarities(common.source[triples], common.target[triples])
-        if len(starts.scale):
-            costs, most = _compared(common, starts)
-            if most <= _FITTING or number == tried[-1]:
-                return starts.one(int(costs.argmin()))
-    message = "the common points lie on one line"
-    raise ValueError(message)
-
-
-def best_start(common: CommonPoints, starts: Similarities) -> Similarity:
-    """Return the start with the least of `truncated_costs`."""
-    if len(starts.scale) == 1:
-        return starts.one(0)
-    return starts.one(int(truncated_costs(common, starts).argmin()))
-
-
-def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
-    """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
-    return _compared(common, starts)[0]
-
-
-def _compared(common: CommonPoints, starts: Similarities) -> tuple[FloatArray, float]:
-    """Return the truncated costs (s,) of starts, and the least d²/s² that most points stay below at one of them."""
-    squares = _squares(common, starts)
-    count = squares.shape[1]
-    # least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm
-    rank = min(count // 2 + 2, count - 1) if count > 3 else count
-    most = float(np.partition(squares, rank - 1, axis=1)[:, rank - 1].min())
-    factor = max(1.0, most / _MEDIAN_OF_CHI2)
-    return np.asarray(np.minimum(squares / factor, 9.0).sum(axis=1)), most
-
-
-def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:
-    """Return d²/s² (s, n) of the points at each start, as of three coordinates."""
-    known = common.known
-    difference = np.where(known, starts.apply(common.source) - common.target, 0.0)
-    source = (common.source_deviation**2).mean(axis=1)
-    target = np.nanmean(np.where(known, common.target_deviation, np.nan) ** 2, axis=1)
-    variance = target + starts.scale[:, None] ** 2 * source
-    floor = _FLOOR**2 * np.median(variance, axis=1, keepdims=True)
-    variance = np.maximum(variance, np.where(floor > 0.0, floor, 1.0))
-    return np.asarray((difference**2).sum(axis=2) / variance * (3.0 / known.sum(axis=1)))
 
 
 def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_UNKNOWNS) -> SimilarityAdjustment:
@@ -245,12 +192,29 @@ def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_U
     if np.count_nonzero(common.known) < len(unknowns):
         message = f"{np.count_nonzero(common.known)} coordinates, {len(unknowns)} are needed"
         raise ValueError(message)
+    return (_compiled_adjustment(common, start, unknowns) if is_compiled() else None) or _adjustment(
+        common, start, unknowns
+    )
+
+
+def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment | None:
+    """Do what `_adjustment` does in the compiled loop; None where that is not sure to be regular."""
+    found, shape = np.empty(25), common.source.shape
+    found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
+    factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
+    if not kernels.adjust_joint(
+        *common.arrays, common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
+    ):  # fmt: skip
+        return None
+    scale, scale_deviation, s0, iterations = found[[0, 16, 23, 24]].tolist()
+    return SimilarityAdjustment(
+        Similarity(scale, found[1:10].reshape(3, 3), found[10:13]), found[13:16], scale_deviation, found[17:20],
+        found[20:23], residuals, factors, int(iterations), s0,
+    )  # fmt: skip
+
+
+def _adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment:
     equations = _Equations(common, start, unknowns)
-    return equations.result(*((_compiled_iterated(equations) if is_compiled() else None) or _iterated(equations)))
-
-
-def _iterated(equations: _Equations) -> tuple[Similarities, FloatArray, int]:
-    """Return the adjusted state, the weight factors (k,) of its known coordinates, and the number of iterations."""
     at = equations.start
     factors, previous = equations.factors(at), None
     for iteration in range(1, _STEPS + 1):
@@ -260,24 +224,7 @@ def _iterated(equations: _Equations) -> tuple[Similarities, FloatArray, int]:
             factors = equations.factors(at)
         if step < 1e-4 and np.abs(factors - previous).max() < 0.01:
             break
-    return at, factors, iteration
-
-
-def _compiled_iterated(equations: _Equations) -> tuple[Similarities, FloatArray, int] | None:
-    """Do what `_iterated` does in the compiled loop; None where that is not sure to be regular."""
-    common, start, redundancy = equations.common, equations.start, equations.redundancy
-    at = np.concatenate([start.scale, start.rotation.ravel(), start.shift.ravel()])
-    factors, iterations = np.empty(equations.known.shape), np.empty(1, dtype=np.int64)
-    spread = np.sqrt(len(equations.errors) / redundancy) / _MEDIAN_OF_NORMAL if redundancy > 0 else 0.0
-    kernels.adjust_joint(
-        np.ascontiguousarray(equations.reduced), np.ascontiguousarray(common.target), equations.all_errors,
-        common.trusted, at, factors, np.empty((2, *factors.shape)), iterations, len(equations.unknowns), _LIMIT,
-        student_limit(redundancy) if redundancy > 0 else _LIMIT, LEAST_WEIGHT, spread, _SINGULAR, _LARGEST_TURN, _STEPS,
-    )  # fmt: skip
-    if not iterations[0]:
-        return None
-    found = Similarities(at[:1], at[1:10].reshape(1, 3, 3), at[10:].reshape(1, 3))
-    return found, factors[equations.known], int(iterations[0])
+    return equations.result(at, factors, iteration)
 
 
 class _Equations:
@@ -288,8 +235,7 @@ class _Equations:
         self.centroid = common.source.mean(axis=0)
         self.reduced = common.source - self.centroid
         self.known = common.known
-        self.all_errors = common.errors(start)
-        self.errors = self.all_errors[self.known]
+        self.errors = common.errors(start)[self.known]
         self.trusted = np.repeat(common.trusted[:, None], 3, axis=1)[self.known]
         self.redundancy = len(self.errors) - len(unknowns)
         self.start = Similarities(
@@ -339,11 +285,20 @@ class _Equations:
         )
         covariance = np.zeros((UNKNOWNS, UNKNOWNS))
         covariance[np.ix_(self.unknowns, self.unknowns)] = cofactor * (s0**2 if used > 1e-6 else 1.0)
-        deviations = _deviations(similarity, self.centroid, covariance)
+        angles = angles_from_rotation(similarity.rotation)
+        deviations = _deviations(similarity, angles, self.centroid, covariance)
         residuals, weights = np.full(self.known.shape, np.nan), np.ones(self.known.shape)
         residuals[self.known], weights[self.known] = residual * self.errors, factors
         return SimilarityAdjustment(
-            similarity, float(deviations[0]), deviations[1:4], deviations[4:], residuals, weights, iterations, s0
+            similarity,
+            angles,
+            float(deviations[0]),
+            deviations[1:4],
+            deviations[4:],
+            residuals,
+            weights,
+            iterations,
+            s0,
         )
 
 
@@ -362,7 +317,7 @@ def _scaled_normals(design: FloatArray, factors: FloatArray) -> tuple[FloatArray
     return normal, scaling
 
 
-def _deviations(similarity: Similarity, centroid: FloatArray, covariance: FloatArray) -> FloatArray:
+def _deviations(similarity: Similarity, angles: FloatArray, centroid: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the deviations of scale, shift and angles from the covariance of the unknowns at the centroid."""
     unit = Similarities(np.array([similarity.scale]), similarity.rotation[None], np.zeros((1, 3)))
     lever = similarity_with_partials(unit, centroid[None]).by_unknowns[0, 0]
@@ -370,7 +325,7 @@ def _deviations(similarity: Similarity, centroid: FloatArray, covariance: FloatA
     change[0, 0] = similarity.scale
     # T = (image of the centroid) - m R centroid
     change[1:4, 0], change[1:4, 4:] = -lever[:, 0], -lever[:, 4:]
-    change[4:, 4:] = angle_rates_from_axes_rotation(angles_from_rotation(similarity.rotation))
+    change[4:, 4:] = angle_rates_from_axes_rotation(angles)
     return np.asarray(np.sqrt(np.maximum(np.diag(change @ covariance @ change.T), 0.0)))
 
 

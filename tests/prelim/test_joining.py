@@ -14,7 +14,8 @@ from orip.geometry.similarity import Similarity
 from orip.model.preliminary import NotOriented, SubBlock
 from orip.prelim.bridging import bridge, bridge_row
 from orip.prelim.joining import Joined, assembled, join, transformed
-from orip.prelim.similarity_adjustment import CommonPoints, adjusted, start_from_triples, student_limit
+from orip.prelim.similarity_adjustment import CommonPoints, adjusted, student_limit
+from orip.prelim.similarity_start import start_from_triples
 from orip.prelim.strip_connection import connect_strips
 
 

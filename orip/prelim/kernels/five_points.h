@@ -75,21 +75,23 @@ static void null_space(const double left[5][3], const double right[5][3], double
                 columns[other][i] -= factors[k] * sum * v[i];
         }
     }
-    memset(basis, 0, 36 * sizeof(double));
-    for (int b = 0; b < 4; b++) {
-        double axis[9] = {0.0};
-        axis[5 + b] = 1.0;
-        for (int k = 4; k >= 0; k--) {
-            double sum = 0.0;
-            for (int i = k; i < 9; i++)
-                sum += columns[k][i] * axis[i];
-            for (int i = k; i < 9; i++)
-                axis[i] -= factors[k] * sum * columns[k][i];
-        }
-        for (int a = 0; a < 4; a++)
-            for (int i = 0; i < 9; i++)
-                basis[a][i] += GENERAL[a][b] * axis[i];
+    double axes[9][4] = {{0.0}};
+    for (int b = 0; b < 4; b++)
+        axes[5 + b][b] = 1.0;
+    for (int k = 4; k >= 0; k--) {
+        double sums[4] = {0.0};
+        for (int i = k; i < 9; i++)
+            for (int b = 0; b < 4; b++)
+                sums[b] += columns[k][i] * axes[i][b];
+        for (int i = k; i < 9; i++)
+            for (int b = 0; b < 4; b++)
+                axes[i][b] -= factors[k] * sums[b] * columns[k][i];
     }
+    memset(basis, 0, 36 * sizeof(double));
+    for (int a = 0; a < 4; a++)
+        for (int i = 0; i < 9; i++)
+            for (int b = 0; b < 4; b++)
+                basis[a][i] += GENERAL[a][b] * axes[i][b];
 }
 
 static inline void add_quadratic(double factor, const double *a, const double *b, double *product)

@@ -6,6 +6,10 @@
 #include <math.h>
 #include <stdint.h>
 
+/* Unlike fmax and fmin, which look for what is no number, these need no call. */
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+
 static inline double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline void cross3(const double *a, const double *b, double *c)
@@ -56,6 +60,28 @@ static inline void turn3(const double *d, const double *R, double *turned)
         for (int i = 0; i < 3; i++)
             turned[3 * i + j] = column[i] + sine * once[i] + versine * twice[i];
     }
+}
+
+/* omega, phi, kappa of R = Rx Ry Rz, as in orip/geometry/rotation.py. */
+static inline void angles_of(const double *R, double *angles)
+{
+    const double cosine = hypot(R[5], R[8]);
+    angles[1] = atan2(R[2], cosine);
+    if (cosine < 1e-9) {
+        const double sign = (double)(angles[1] > 0.0) - (double)(angles[1] < 0.0);
+        angles[0] = atan2(sign * R[3], R[4]), angles[2] = 0.0;
+    } else {
+        angles[0] = atan2(-R[5], R[8]), angles[2] = atan2(-R[1], R[0]);
+    }
+}
+
+/* Partials of the angles by a small rotation about the axes that they turn to, as in orip/geometry/rotation.py. */
+static inline void angle_rates(const double *angles, double *rates)
+{
+    const double so = sin(angles[0]), co = cos(angles[0]), tp = tan(angles[1]), cp = cos(angles[1]);
+    const double rows[9] = {1.0, so * tp, -co * tp, 0.0, co, so, 0.0, -so / cp, co / cp};
+    for (int i = 0; i < 9; i++)
+        rates[i] = rows[i];
 }
 
 /* Eigenvalues, ascending, and eigenvectors (columns) of a symmetric matrix by Jacobi's rotations. */

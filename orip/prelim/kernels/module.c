@@ -16,6 +16,7 @@
 #include "relative.h"
 #include "resection.h"
 #include "similarity.h"
+#include "similarity_start.h"
 
 #define MOST_BUFFERS 24
 #define MOST_NUMBERS 12
@@ -223,157 +224,82 @@ static PyObject *corrections(PyObject *Py_UNUSED(module), PyObject *const *argum
     return done(&a);
 }
 
-static int pairs_from(const Arguments *a, Pairs *p)
+static PyObject *orient(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    const Pairs pairs = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->views[2].len / 8};
-    *p = pairs;
-    return has(a, 0, 3 * p->count) && has(a, 1, 3 * p->count);
-}
-
-static PyObject *judge(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { DRAWN = 3, SETS, ESSENTIAL, RESIDUALS, SORTED, COSTS, CHOSEN, AGREEMENT };
+    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, REDUNDANCY, COORDINATES, DEVIATIONS,
+           IN_FRONT, USABLE };
     Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 5, 6, 5))
+    if (!taken(&a, arguments, given, 6, 8, 0))
         return NULL;
-    const double *n = a.numbers;
-    Judgement judgement = {0.0, n[1], n[2], n[3], a.views[SETS].buf, (int64_t)n[4]};
-    const int64_t samples = a.views[DRAWN].len / 40, number = (int64_t)n[0], room = number + 10 * samples;
-    if (!pairs_from(&a, &p) || !has(&a, SETS, p.count > 5 ? p.count - 5 : 0) || number < 0
-        || a.views[ESSENTIAL].len < 72 * room || a.views[RESIDUALS].len < 8 * room * p.count
-        || !has(&a, SORTED, p.count) || a.views[COSTS].len < 8 * room || !has(&a, CHOSEN, 9 * judgement.kept)
-        || !has(&a, AGREEMENT, 3))
+    const RelativeRules *rules = a.views[RULES].buf;
+    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, a.views[ERROR].len / 8};
+    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    a.views[REDUNDANCY].buf,
+                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
+                                   a.views[USABLE].buf};
+    const int64_t samples = a.views[SAMPLES].len / 40;
+    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
+        || a.views[RULES].len != sizeof(RelativeRules) || a.views[FOUND].len != sizeof(RelativeFound)
+        || !has(&a, PARALLAX, p.count) || !has(&a, WEIGHTS, p.count) || !has(&a, REDUNDANCY, p.count)
+        || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
+        || a.views[IN_FRONT].len != p.count || a.views[USABLE].len != p.count)
         return refused(&a);
-    Agreement best = {INFINITY, 1.0, 1.0};
-    judgement.unit = chance_of_unit(&p);
-    const int64_t kept =
-        judge_samples(&p, &judgement, a.views[DRAWN].buf, samples, a.views[ESSENTIAL].buf, number,
-                      a.views[RESIDUALS].buf, a.views[SORTED].buf, a.views[COSTS].buf, a.views[CHOSEN].buf, &best);
-    double *agreement = a.views[AGREEMENT].buf;
-    agreement[0] = (double)kept, agreement[1] = best.scale, agreement[2] = best.share;
-    return done(&a);
-}
-
-static PyObject *front(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { ESSENTIAL = 3, BASES, ROTATIONS, COSTS, RESIDUAL };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 4, 4, 2))
-        return NULL;
-    const int64_t number = a.views[COSTS].len / 8;
-    if (!pairs_from(&a, &p) || !has(&a, ESSENTIAL, 9 * number) || !has(&a, BASES, 3 * number)
-        || !has(&a, ROTATIONS, 9 * number) || !has(&a, RESIDUAL, p.count))
-        return refused(&a);
-    for (int64_t k = 0; k < number; k++)
-        ((double *)a.views[COSTS].buf)[k] =
-            front_of(&p, (const double *)a.views[ESSENTIAL].buf + 9 * k, a.numbers[0], a.numbers[1],
-                     (double *)a.views[BASES].buf + 3 * k, (double *)a.views[ROTATIONS].buf + 9 * k,
-                     a.views[RESIDUAL].buf);
-    return done(&a);
-}
-
-static PyObject *adjust_models(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { LIMITS = 3, BASES, ROTATIONS, WEIGHTS, PARALLAX, ITERATIONS };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 4, 5, 7))
-        return NULL;
-    const double *n = a.numbers;
-    const RelativeDanish danish = {n[0], n[1], n[2], n[3], n[4], (int64_t)n[5], (int64_t)n[6]};
-    const int64_t number = a.views[LIMITS].len / 8;
-    if (!pairs_from(&a, &p) || !has(&a, BASES, 3 * number) || !has(&a, ROTATIONS, 9 * number)
-        || !has(&a, WEIGHTS, number * p.count) || !has(&a, PARALLAX, number * p.count) || !has(&a, ITERATIONS, 1))
-        return refused(&a);
-    *(int64_t *)a.views[ITERATIONS].buf =
-        adjust_pairs(&p, &danish, a.views[LIMITS].buf, number, a.views[BASES].buf, a.views[ROTATIONS].buf,
-                     a.views[WEIGHTS].buf, a.views[PARALLAX].buf);
-    return done(&a);
+    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int oriented = orient_relatively(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
+                                           a.views[FOUND].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyBool_FromLong(oriented);
 }
 
 static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { SOURCE, TARGET, ERROR, TRUSTED, AT, FACTORS, SPACE, ITERATIONS };
+    enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
     Arguments a;
-    if (!taken(&a, arguments, given, 4, 4, 8))
+    if (!taken(&a, arguments, given, 6, 4, 1))
+        return NULL;
+    const int64_t count = a.views[TRUSTED].len;
+    Common common = {NULL, a.views[TARGET].buf, NULL, a.views[TRUSTED].buf, count, (int64_t)a.numbers[0]};
+    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || a.views[RULES].len != sizeof(SimilarityRules)
+        || a.views[FOUND].len != sizeof(SimilarityFound) || !has(&a, FACTORS, 3 * count)
+        || !has(&a, RESIDUALS, 3 * count) || !has(&a, SPACE, 12 * count) || common.unknowns < 1
+        || common.unknowns > MOST_UNKNOWNS)
+        return refused(&a);
+    const int regular = adjust_similarity(&common, a.views[SOURCE].buf, a.views[SOURCE_DEVIATION].buf,
+                                          a.views[TARGET_DEVIATION].buf, a.views[RULES].buf, a.views[FACTORS].buf,
+                                          a.views[RESIDUALS].buf, a.views[SPACE].buf, a.views[FOUND].buf);
+    release(&a);
+    return PyBool_FromLong(regular);
+}
+
+static PyObject *best_triple_of(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRIPLES, START };
+    Arguments a;
+    if (!taken(&a, arguments, given, 5, 1, 4))
         return NULL;
     const double *n = a.numbers;
-    const int64_t count = a.views[TRUSTED].len;
-    const Common common = {a.views[SOURCE].buf, a.views[TARGET].buf, a.views[ERROR].buf, a.views[TRUSTED].buf, count,
-                           (int64_t)n[0]};
-    const SimilarityDanish danish = {n[1], n[2], n[3], n[4], n[5], n[6], (int64_t)n[7], (int64_t)n[7] / 2};
-    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, ERROR, 3 * count)
-        || a.views[AT].len != sizeof(At) || !has(&a, FACTORS, 3 * count) || !has(&a, SPACE, 6 * count)
-        || !has(&a, ITERATIONS, 1) || common.unknowns < 1 || common.unknowns > MOST_UNKNOWNS)
+    const int64_t count = a.views[SOURCE].len / 24, triples = a.views[TRIPLES].len / 24, rank = (int64_t)n[0];
+    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples) || rank < 1 || rank > count
+        || a.views[START].len != sizeof(At))
         return refused(&a);
-    double *space = a.views[SPACE].buf;
-    *(int64_t *)a.views[ITERATIONS].buf =
-        adjust_similarity(&common, &danish, a.views[AT].buf, a.views[FACTORS].buf, space, space + 3 * count);
-    return done(&a);
-}
-
-static PyObject *agree(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { SETS = 3, RESIDUALS, AGREEMENTS };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 4, 2, 1))
-        return NULL;
-    const int64_t rows = a.views[AGREEMENTS].len / 24;
-    if (!pairs_from(&a, &p) || p.count <= 5 || !has(&a, SETS, p.count - 5) || !has(&a, RESIDUALS, rows * p.count)
-        || !has(&a, AGREEMENTS, 3 * rows))
-        return refused(&a);
-    const Judgement judgement = {chance_of_unit(&p), a.numbers[0], 0.0, 0.0, a.views[SETS].buf, 0};
-    for (int64_t k = 0; k < rows; k++)
-        ((Agreement *)a.views[AGREEMENTS].buf)[k] =
-            consensus(&judgement, (double *)a.views[RESIDUALS].buf + p.count * k, p.count);
-    return done(&a);
-}
-
-static PyObject *relative_cofactors(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { BASE = 3, ROTATION, WEIGHTS, REDUNDANCY, INVERSE };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 6, 2, 1))
-        return NULL;
-    if (!pairs_from(&a, &p) || !has(&a, BASE, 3) || !has(&a, ROTATION, 9) || !has(&a, WEIGHTS, p.count)
-        || !has(&a, REDUNDANCY, p.count) || !has(&a, INVERSE, 25))
-        return refused(&a);
-    relative_precision(&p, a.numbers[0], a.views[BASE].buf, a.views[ROTATION].buf, a.views[WEIGHTS].buf,
-                       a.views[REDUNDANCY].buf, a.views[INVERSE].buf);
-    return done(&a);
-}
-
-static PyObject *deviations(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { BASE = 3, ROTATION, COORDINATES, DEVIATIONS };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 6, 1, 0))
-        return NULL;
-    if (!pairs_from(&a, &p) || !has(&a, BASE, 3) || !has(&a, ROTATION, 9) || !has(&a, COORDINATES, 3 * p.count)
-        || !has(&a, DEVIATIONS, 3 * p.count))
-        return refused(&a);
-    intersection_deviations(&p, a.views[BASE].buf, a.views[ROTATION].buf, a.views[COORDINATES].buf,
-                            a.views[DEVIATIONS].buf);
-    return done(&a);
-}
-
-static PyObject *rotate_only(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { SPACE = 3 };
-    Arguments a;
-    Pairs p;
-    if (!taken(&a, arguments, given, 3, 1, 2))
-        return NULL;
-    if (!pairs_from(&a, &p) || !has(&a, SPACE, 9 * p.count) || p.count < 1)
-        return refused(&a);
-    const double median = left_by_rotation(&p, a.numbers[0], (int64_t)a.numbers[1], a.views[SPACE].buf);
+    double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(At));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
+    prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
+    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, rank, n[1], n[2], n[3], space + 3 * count,
+                                    a.views[START].buf);
+    PyMem_Free(space);
     release(&a);
-    return PyFloat_FromDouble(median);
+    return PyFloat_FromDouble(most);
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
@@ -382,13 +308,8 @@ static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
     METHOD(rank, "The orientations of triples that fit all points best."),
     METHOD(settled, "Orientations improved, and the likeliest adjusted."),
-    METHOD(judge, "Essential matrices of samples of points, the best of them."),
-    METHOD(front, "Of essential matrices the orientations with the points in front."),
-    METHOD(adjust_models, "Relative orientations with Danish weights."),
-    METHOD(agree, "How many points agree in adjustments, and how well."),
-    METHOD(relative_cofactors, "Redundancy numbers and cofactors of a relative orientation."),
-    METHOD(deviations, "Precision of the points of a relative orientation."),
-    METHOD(rotate_only, "What a rotation alone leaves between two photos."),
+    METHOD(orient, "The relative orientation of two photos."),
+    METHOD(best_triple_of, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_joint, "A spatial similarity with Danish weights."),
     METHOD(residuals, "Residuals of a network."),
     METHOD(normals, "Reduced normal equations of a network."),

@@ -1,0 +1,335 @@
+/* Starting values of a relative orientation: samples of five points, judged by all the others;
+ * orip/prelim/relative_start.py does the same, and says where it comes from.
+ */
+
+#include "five_points.h"
+#include "parallax.h"
+
+#define MOST_MATRICES 10
+
+/* SAMPLING in orip/prelim/relative_start.py */
+typedef struct {
+    double at_once, missed, ordinary_scale, samples_of_large_scale, no_better, limit, alike, kept, starts;
+} Sampling;
+
+typedef struct {
+    double log_chance, scale, share;
+} Agreement;
+
+/* What matrices are judged with; `unit` is the square of the chance that a point has a parallax up to its error. */
+typedef struct {
+    const Pairs *pairs;
+    const Sampling *rules;
+    const double *log_of_sets;
+    double unit, *columns, *sorted, *bars, *essential, *squares, *costs, *chosen;
+} Judgement;
+
+static int64_t most_matrices(const Sampling *rules)
+{
+    return (int64_t)rules->kept + MOST_MATRICES * (int64_t)rules->at_once;
+}
+
+static int64_t judgement_space(const Sampling *rules, int64_t count)
+{
+    return 9 * count + most_matrices(rules) * (count + 10) + 9 * (int64_t)rules->kept;
+}
+
+/* The probability that a point placed at random has a parallax up to its a-priori error. */
+static double chance_of_unit(const Pairs *p)
+{
+    double extent = 0.0, error = 0.0;
+    for (int side = 0; side < 2; side++) {
+        const double *vectors = side ? p->right : p->left;
+        double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+        for (int64_t row = 0; row < p->count; row++)
+            for (int i = 0; i < 2; i++) {
+                low[i] = fmin(low[i], vectors[3 * row + i]);
+                high[i] = fmax(high[i], vectors[3 * row + i]);
+            }
+        extent = fmax(extent, hypot(high[0] - low[0], high[1] - low[1]));
+    }
+    for (int64_t row = 0; row < p->count; row++)
+        error += p->error[row] / (double)p->count;
+    return 2.0 * error / fmax(extent, 1e-300);
+}
+
+static Judgement judgement_of(const Pairs *p, const Sampling *rules, const double *log_of_sets, double *space)
+{
+    const int64_t most = most_matrices(rules);
+    const double chance = chance_of_unit(p);
+    Judgement j = {p, rules, log_of_sets, chance * chance, space, NULL, NULL, NULL, NULL, NULL, NULL};
+    j.sorted = j.columns + 7 * p->count, j.bars = j.sorted + p->count, j.essential = j.bars + p->count;
+    j.costs = j.essential + 9 * most, j.chosen = j.costs + most, j.squares = j.chosen + 9 * (int64_t)rules->kept;
+    for (int64_t row = 0; row < p->count; row++) {
+        for (int i = 0; i < 3; i++) {
+            j.columns[i * p->count + row] = p->left[3 * row + i];
+            j.columns[(3 + i) * p->count + row] = p->right[3 * row + i];
+        }
+        j.columns[6 * p->count + row] = 2.0 / (p->error[row] * p->error[row]);
+    }
+    return j;
+}
+
+/* Squares of the parallaxes in units of their a-priori error, from columns, so that several are computed at once. */
+static void squares_at(const Judgement *j, const double *E, double *square)
+{
+    const int64_t count = j->pairs->count;
+    const double *x = j->columns, *y = x + count, *z = y + count, *u = z + count, *v = u + count, *w = v + count;
+    const double *factor = w + count;
+    for (int64_t row = 0; row < count; row++) {
+        const double a = E[0] * u[row] + E[1] * v[row] + E[2] * w[row];
+        const double b = E[3] * u[row] + E[4] * v[row] + E[5] * w[row];
+        const double c = E[6] * u[row] + E[7] * v[row] + E[8] * w[row];
+        const double d = E[0] * x[row] + E[3] * y[row] + E[6] * z[row];
+        const double e = E[1] * x[row] + E[4] * y[row] + E[7] * z[row];
+        const double f = a * x[row] + b * y[row] + c * z[row], gradient = a * a + b * b + d * d + e * e;
+        square[row] = factor[row] * f * f / larger(gradient, 1e-300);
+    }
+}
+
+/* Sort upwards: halves about a pivot (Hoare 1961), a few numbers one by one. */
+static void sort(double *a, int64_t n)
+{
+    while (n > 16) {
+        select_smallest(a, n, n / 2);
+        sort(a, n / 2);
+        a += n / 2, n -= n / 2;
+    }
+    for (int64_t i = 1; i < n; i++) {
+        const double number = a[i];
+        int64_t k = i;
+        for (; k > 0 && a[k - 1] > number; k--)
+            a[k] = a[k - 1];
+        a[k] = number;
+    }
+}
+
+/* How many points agree, against chance. */
+static Agreement consensus(const Judgement *j, const double *squares)
+{
+    const int64_t count = j->pairs->count;
+    Agreement agreed = {INFINITY, 1.0, 1.0};
+    double sum = 0.0;
+    if (count <= 5) {
+        agreed.log_chance = 0.0;
+        return agreed;
+    }
+    memcpy(j->sorted, squares, (size_t)count * sizeof(double));
+    sort(j->sorted, count);
+    for (int64_t k = 0; k < count; k++) {
+        sum += j->sorted[k];
+        if (k < 5)
+            continue;
+        const double least = j->rules->no_better * j->rules->no_better;
+        const double largest = smaller(larger(larger(j->sorted[k], least) * j->unit, 1e-300), 1.0);
+        const double log_chance = j->log_of_sets[k - 5] + 0.5 * (double)(k - 4) * log(largest);
+        if (log_chance < agreed.log_chance) {
+            agreed.log_chance = log_chance, agreed.share = (double)(k + 1) / (double)count;
+            agreed.scale = larger(sqrt(sum / (double)(k - 4)), 1.0);
+        }
+    }
+    return agreed;
+}
+
+/* For each number of points, 6 and more, the square that the largest must not exceed if so many, or fewer, are to
+ * agree better than chance has let others agree so far.
+ */
+static void raise_bars(const Judgement *j, double log_chance)
+{
+    const double least = j->rules->no_better * j->rules->no_better * j->unit;
+    double highest = 0.0;
+    for (int64_t k = 5; k < j->pairs->count; k++) {
+        const double largest = exp(2.0 * (log_chance - j->log_of_sets[k - 5]) / (double)(k - 4));
+        if (largest > least)
+            highest = larger(highest, largest > 1.0 ? INFINITY : largest / j->unit);
+        j->bars[k] = highest;
+    }
+}
+
+/* Whether points can agree better than chance has let others agree so far: as many as the bar for so many asks for. */
+static int may_agree(const Judgement *j, const double *squares)
+{
+    for (int64_t agreeing = j->pairs->count; agreeing > 5;) {
+        const double bar = j->bars[agreeing - 1];
+        int64_t below = 0;
+        for (int64_t row = 0; row < j->pairs->count; row++)
+            below += squares[row] <= bar;
+        if (below >= agreeing)
+            return 1;
+        agreeing = below;
+    }
+    return 0;
+}
+
+/* Of several adjustments the agreement that chance explains least. */
+static Agreement best_agreement(const Judgement *j, int64_t number)
+{
+    const int64_t count = j->pairs->count;
+    Agreement best = {INFINITY, 1.0, 1.0};
+    for (int64_t k = 0; k < number; k++) {
+        const double *squares = j->squares + count * k;
+        if (isfinite(best.log_chance) && !may_agree(j, squares))
+            continue;
+        const Agreement agreed = consensus(j, squares);
+        if (agreed.log_chance < best.log_chance) {
+            best = agreed;
+            raise_bars(j, best.log_chance);
+        }
+    }
+    return best;
+}
+
+/* Move the best matrices that are not alike to the front, the best first; returns how many. Costs are used up. */
+static int64_t best_unlike(const Judgement *j, int64_t number)
+{
+    int64_t found = 0;
+    for (; found < (int64_t)j->rules->kept; found++) {
+        int64_t best = 0;
+        for (int64_t k = 1; k < number; k++)
+            if (j->costs[k] < j->costs[best])
+                best = k;
+        if (number == 0 || !isfinite(j->costs[best]))
+            break;
+        double *e = j->chosen + 9 * found;
+        memcpy(e, j->essential + 9 * best, 9 * sizeof(double));
+        for (int64_t k = 0; k < number; k++) {
+            if (!isfinite(j->costs[k]))
+                continue;
+            double product = 0.0;
+            for (int i = 0; i < 9; i++)
+                product += j->essential[9 * k + i] * e[i];
+            if (!(fabs(product) < j->rules->alike) || k == best)
+                j->costs[k] = INFINITY;
+        }
+    }
+    memcpy(j->essential, j->chosen, (size_t)found * 9 * sizeof(double));
+    return found;
+}
+
+/* Add the matrices of samples of five points to those there are, and keep the best; returns how many. */
+static int64_t judge_samples(const Judgement *j, const int64_t *drawn, int64_t samples, int64_t number, Agreement *best)
+{
+    const Pairs *p = j->pairs;
+    for (int64_t sample = 0; sample < samples; sample++) {
+        double left[5][3], right[5][3];
+        for (int k = 0; k < 5; k++) {
+            const int64_t row = drawn[5 * sample + k];
+            memcpy(left[k], p->left + 3 * row, sizeof(left[k]));
+            memcpy(right[k], p->right + 3 * row, sizeof(right[k]));
+        }
+        number += five_points(left, right, (double(*)[9])(j->essential + 9 * number));
+    }
+    for (int64_t k = 0; k < number; k++)
+        squares_at(j, j->essential + 9 * k, j->squares + p->count * k);
+    *best = best_agreement(j, number);
+    const double largest = best->scale * best->scale * j->rules->limit * j->rules->limit;
+    for (int64_t k = 0; k < number; k++) {
+        j->costs[k] = 0.0;
+        for (int64_t row = 0; row < p->count; row++)
+            j->costs[k] += smaller(j->squares[p->count * k + row], largest);
+    }
+    return best_unlike(j, number);
+}
+
+/* How many samples make it likely that one of them is free of blunders. */
+static double samples_needed(const Sampling *rules, const Agreement *best)
+{
+    const double clean = smaller(pow(best->share, 5.0), 1.0 - 1e-12), needed = log(rules->missed) / log1p(-clean);
+    return larger(needed, best->scale > rules->ordinary_scale ? rules->samples_of_large_scale : 0.0);
+}
+
+/* Left and right singular vectors of a matrix, those of the largest singular value first, right-handed. */
+static void singular_vectors(const double *M, double u[3][3], double v[3][3])
+{
+    double square[3][3], values[3], V[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            square[i][j] = M[i] * M[j] + M[3 + i] * M[3 + j] + M[6 + i] * M[6 + j];
+    eigen3(square, values, V);
+    for (int i = 0; i < 3; i++)
+        v[0][i] = V[i][2], v[1][i] = V[i][1];
+    cross3(v[0], v[1], v[2]);
+    for (int k = 0; k < 2; k++) {
+        times3(M, v[k], u[k]);
+        const double along = k ? dot3(u[0], u[1]) : 0.0;
+        for (int i = 0; i < 3; i++)
+            u[k][i] -= along * u[0][i];
+        const double length = sqrt(dot3(u[k], u[k]));
+        for (int i = 0; i < 3; i++)
+            u[k][i] /= length;
+    }
+    cross3(u[0], u[1], u[2]);
+}
+
+/* The four pairs of base and rotation of an essential matrix (Hartley and Zisserman 2004, result 9.19). */
+static void photos_of(const double *E, double bases[4][3], double rotations[4][9])
+{
+    double u[3][3], v[3][3];
+    singular_vectors(E, u, v);
+    for (int k = 0; k < 4; k++) {
+        /* U Z V^T with a quarter turn Z, forwards or back */
+        const double turn = k < 2 ? 1.0 : -1.0, sign = k % 2 ? -1.0 : 1.0;
+        for (int i = 0; i < 3; i++) {
+            bases[k][i] = sign * u[2][i];
+            for (int j = 0; j < 3; j++)
+                rotations[k][3 * i + j] = turn * (u[1][i] * v[0][j] - u[0][i] * v[1][j]) + u[2][i] * v[2][j];
+        }
+    }
+}
+
+/* Of an essential matrix the orientation with the most points in front, and what it costs. */
+static double front_of(const Judgement *j, const double *E, double largest, double *base, double *R)
+{
+    double bases[4][3], rotations[4][9], *squares = j->sorted, least = INFINITY;
+    squares_at(j, E, squares);
+    photos_of(E, bases, rotations);
+    for (int k = 0; k < 4; k += 2) {
+        /* with the base the other way round both distances change their sign */
+        double costs[2] = {0.0, 0.0};
+        for (int64_t row = 0; row < j->pairs->count; row++) {
+            double along[2];
+            along_rays(bases[k], rotations[k], j->pairs->left + 3 * row, j->pairs->right + 3 * row, along);
+            const double fitting = smaller(squares[row], largest);
+            costs[0] += along[0] > 0.0 && along[1] > 0.0 ? fitting : largest;
+            costs[1] += along[0] < 0.0 && along[1] < 0.0 ? fitting : largest;
+        }
+        for (int i = 0; i < 2; i++)
+            if (costs[i] < least) {
+                least = costs[i];
+                memcpy(base, bases[k + i], sizeof(bases[k]));
+                memcpy(R, rotations[k], sizeof(rotations[k]));
+            }
+    }
+    return least;
+}
+
+/* The best orientations that samples of five points give, best first; returns how many. `space` has room for the bases
+ * and rotations of all matrices that are kept.
+ */
+static int64_t starting_orientations(const Judgement *j, const int64_t *samples, int64_t number, double *bases,
+                                     double *rotations, double *space)
+{
+    const Sampling *rules = j->rules;
+    Agreement best = {INFINITY, 1.0, 1.0};
+    int64_t kept = 0, found = 0;
+    for (int64_t start = 0, drawn; start < number; start += drawn) {
+        drawn = start + (int64_t)rules->at_once < number ? (int64_t)rules->at_once : number - start;
+        kept = judge_samples(j, samples + 5 * start, drawn, kept, &best);
+        if (kept && (double)(start + drawn) >= samples_needed(rules, &best))
+            break;
+    }
+    double *all_bases = space, *all_rotations = space + 3 * kept;
+    const double largest = best.scale * best.scale * rules->limit * rules->limit;
+    for (int64_t k = 0; k < kept; k++)
+        j->costs[k] = front_of(j, j->essential + 9 * k, largest, all_bases + 3 * k, all_rotations + 9 * k);
+    for (; found < kept && found < (int64_t)rules->starts; found++) {
+        int64_t least = 0;
+        for (int64_t k = 1; k < kept; k++)
+            if (j->costs[k] < j->costs[least])
+                least = k;
+        j->costs[least] = INFINITY;
+        memcpy(bases + 3 * found, all_bases + 3 * least, 3 * sizeof(double));
+        memcpy(rotations + 9 * found, all_rotations + 9 * least, 9 * sizeof(double));
+    }
+    return found;
+}
