@@ -191,7 +191,7 @@ def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tupl
     """
     solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
     best = here = _stand(network, state, solver.residuals(state))
-    iteration, gain, limit, damping = 0, np.inf, 0.0, 1e-4
+    iteration, gain, limit, damping = 0, np.inf, 0.0, 1e-6
     trust, refused = _UPHILL_STEPS, False
     while iteration < sweeps and gain > limit:
         iteration += 1
