@@ -99,18 +99,18 @@ class ArraySolver:
 
     def _perspective(self, state: State) -> Perspective:
         """Return images of all rays' points, with partials."""
-        offset = state.points[self._network.rays.point] - state.centres[self._network.rays.photo]
-        return perspective_with_partials(
-            offset, state.rotations[self._network.rays.photo], -self._network.rays.vectors[:, 2]
-        )
+        rays = self._network.rays
+        offset = state.points[rays.point] - state.centres[rays.photo]
+        return perspective_with_partials(offset, state.rotations[rays.photo], -rays.vectors[:, 2])
 
     def _by_camera(self, columns: int) -> FloatArray:
         """Return the partials (m, 2, all cameras' corrections) of the residuals in mm."""
-        camera = camera_of(self._network.rays)
-        partials = np.zeros((len(camera), 2, columns // CAMERA_CORRECTIONS, CAMERA_CORRECTIONS))
+        rays = self._network.rays
+        camera, count = camera_of(rays), len(rays.photo)
+        partials = np.zeros((count, 2, columns // CAMERA_CORRECTIONS, CAMERA_CORRECTIONS))
         rows = np.flatnonzero(camera >= 0)
-        partials[rows, :, camera[rows]] = -by_corrections(self._network.rays)[rows]
-        return partials.reshape(len(camera), 2, columns)
+        partials[rows, :, camera[rows]] = -by_corrections(rays)[rows]
+        return partials.reshape(count, 2, columns)
 
     def _sparse(self, coupling: FloatArray) -> csr_array:
         """Return couplings (m, 3, 6) of points and photos as a sparse array (3 q, 6 free photos)."""

@@ -59,20 +59,25 @@ def parameters_with(camera: Camera, correction: FloatArray) -> tuple[float, ...]
 
 
 def camera_of(rays: ImageRays) -> IntArray:
-    """Return the unknown camera (n,) of each ray, -1 for a known one."""
+    """Return the unknown camera (n,) of each ray, -1 for a known one; an empty array where all are known."""
     of_photo = rays.cameras.of_photo
-    return of_photo[rays.photo] if len(of_photo) else np.full(len(rays.photo), -1)
+    return of_photo[rays.photo] if len(of_photo) else of_photo
 
 
 def by_corrections(rays: ImageRays) -> FloatArray:
-    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of photo coordinates by corrections; 0 for what is known."""
+    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of photo coordinates by corrections; 0 for what is known.
+
+    An empty array where all cameras are known.
+    """
     camera = camera_of(rays)
     partials = np.zeros((len(camera), 2, CAMERA_CORRECTIONS))
-    rows = np.flatnonzero(camera >= 0)
-    x, y, z = rays.vectors[rows].T
-    radial = (x**2 + y**2) / z**2
-    partials[rows, 0, 0], partials[rows, 1, 0] = x, y
-    partials[rows, 0, 1] = partials[rows, 1, 2] = -z
-    partials[rows, 0, 3], partials[rows, 1, 3] = radial * x, radial * y
-    partials[rows] *= rays.cameras.unknown[camera[rows], None, :]
+    if len(camera):
+        x, y, z = rays.vectors.T
+        radial = (x * x + y * y) / (z * z)
+        partials[:, 0, 0], partials[:, 1, 0] = x, y
+        partials[:, 0, 1] = partials[:, 1, 2] = -z
+        partials[:, 0, 3], partials[:, 1, 3] = radial * x, radial * y
+        # the last row is that of known cameras
+        unknown = np.vstack([rays.cameras.unknown, np.zeros(CAMERA_CORRECTIONS, dtype=bool)])
+        partials *= unknown[camera, None, :]
     return partials

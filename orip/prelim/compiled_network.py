@@ -32,6 +32,7 @@ class CompiledSolver:
         self._camera = camera_of(network.rays)
         self._seen = np.empty(len(network.rays.cameras.unknown), dtype=np.int64)
         self._by_camera = -by_corrections(network.rays)
+        self._prepared: tuple[State, tuple[NDArray[np.generic], ...]] | None = None
 
     def _band_width(self) -> int:
         """Return 6 times the largest number of places that photos of one point are apart, and the photo itself."""
@@ -44,9 +45,12 @@ class CompiledSolver:
         return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
 
     def _arrays(self, state: State) -> tuple[NDArray[np.generic], ...]:
-        rays = corrected(self._network.rays, state.corrections)
-        each = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
-        return tuple(map(np.ascontiguousarray, each))
+        # asked for twice: for the residuals of a state, and for the step from there
+        if self._prepared is None or self._prepared[0] is not state:
+            rays = corrected(self._network.rays, state.corrections)
+            each = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            self._prepared = state, tuple(map(np.ascontiguousarray, each))
+        return self._prepared[1]
 
     def residuals(self, state: State) -> Residuals:
         """Return the residuals of all rays."""

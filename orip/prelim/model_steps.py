@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
+import numpy as np
+
 from orip.model.names import record_key
 from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation
 from orip.model.project import StereoModel
@@ -48,10 +50,12 @@ def _other_partners(rays: ImageRays, pair: tuple[int, int], index: PhotoIndex) -
     common = len(index.common_points(*pair)[0])
     partners = []
     for photo in pair:
-        shared = [len(index.common_points(photo, other)[0]) for other in range(len(rays.photos))]
+        seen = np.zeros(len(rays.points), dtype=bool)
+        seen[index.points[photo]] = True
+        shared = np.bincount(rays.photo[seen[rays.point]], minlength=len(rays.photos))
         shared[photo] = 0
-        if (most := max(shared)) > max(common, POINTS_NEEDED):
-            partners.append(f"photo {rays.photos[photo]} shares {most} with photo {rays.photos[shared.index(most)]}")
+        if (most := int(shared.max())) > max(common, POINTS_NEEDED):
+            partners.append(f"photo {rays.photos[photo]} shares {most} with photo {rays.photos[shared.argmax()]}")
     return f"; {' and '.join(partners)}" if partners else ""
 
 

@@ -38,6 +38,9 @@ standard deviation: photos that hang together with the others by few points hard
 _UPHILL, _UPHILL_STEPS = 10.0, 2
 """Times the weighted square sum up to which steps uphill are taken, and how many of them one after the other."""
 
+_FIRST_DAMPING = 1e-6
+"""What adding photo after photo leaves is mostly the bending of strips, whose eigenvalues are small."""
+
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
 
@@ -191,7 +194,7 @@ def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tupl
     """
     solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
     best = here = _stand(network, state, solver.residuals(state))
-    iteration, gain, limit, damping = 0, np.inf, 0.0, 1e-6
+    iteration, gain, limit, damping = 0, np.inf, 0.0, _FIRST_DAMPING
     trust, refused = _UPHILL_STEPS, False
     while iteration < sweeps and gain > limit:
         iteration += 1

@@ -182,7 +182,8 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
         return NULL;
     const int64_t cameras = a.views[CAMERA_RIGHT].len / (8 * OF_CAMERA), width = OF_CAMERA * cameras;
     if (!network_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
-        || !has(&a, FACTORS, n.count) || !has(&a, CAMERA, n.count) || !has(&a, BY_CAMERA, 2 * OF_CAMERA * n.count)
+        || !has(&a, FACTORS, n.count) || !has(&a, CAMERA, cameras ? n.count : 0)
+        || !has(&a, BY_CAMERA, cameras ? 2 * OF_CAMERA * n.count : 0)
         || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
         || !has(&a, POINT_RIGHT, 3 * n.point_count) || a.views[PHOTO_NORMALS].len != 6 * a.views[RIGHT].len
         || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len)

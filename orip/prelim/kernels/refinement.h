@@ -102,7 +102,8 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
         for (int j = 0; j < 3; j++)
             V[3 * i + j] += wp[3 + i] * p[3 + j] + wq[3 + i] * q[3 + j];
     }
-    add_camera(n, point, row, weight, residual, p, q);
+    if (n->cameras > 0)
+        add_camera(n, point, row, weight, residual, p, q);
     if (place < 0)
         return;
     double *normals = n->photo_normals + 36 * place, *right = n->right + 6 * place;
@@ -119,7 +120,7 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
 static void see_cameras(Network *n, int64_t point)
 {
     n->seen_count = 0;
-    for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
+    for (int64_t row = n->start[point]; row < n->start[point + 1] && n->cameras > 0; row++) {
         const int64_t camera = n->camera[row];
         int64_t k = 0;
         while (k < n->seen_count && n->seen[k] != camera)
