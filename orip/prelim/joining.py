@@ -323,8 +323,10 @@ def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
     Returns
     -------
     SubBlock
-        Photos and points in ascending order.
+        Photos and points of several in ascending order; of one as they are.
     """
+    if len(blocks) == 1:
+        return blocks[0]
     photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
     all_points = np.concatenate([each.points for each in blocks])
     order = np.argsort(all_points, kind="stable")
