@@ -121,6 +121,7 @@ class _Chain:
         kept = np.array([name in known for name in block.point_names], dtype=bool)
         self.rays = thinned(self.all_rays, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
         self.row_of = {name: row for row, name in enumerate(self.rays.points)}
+        self.control_errors = self._control_errors()
         self.index = photo_index(self.rays)
         self.common = common_point_counts(self.rays)
         self.by_models: Route | None = None
@@ -134,7 +135,7 @@ class _Chain:
         ends: list[tuple[frozenset[int], float]] = []
         for number, route in enumerate(self._routes()):
             for outcome in self._outcomes(route):
-                lengths = residual_lengths(self.rays, outcome.placed)
+                lengths = self._residual_lengths(outcome)
                 misfit = self._misfit(outcome.placed, lengths)
                 found = (outcome.on_ground or bool(outcome.findings), -misfit)
                 if found > rank:
@@ -170,7 +171,8 @@ class _Chain:
     def _growth(self, held: FloatArray | None = None) -> Growth:
         nothing = np.full((len(self.rays.points), 3), np.nan)
         everyone = np.ones(len(self.rays.photos), dtype=bool)
-        return Growth(self.rays, self.index, self.common, nothing if held is None else held, everyone, self.models)
+        held = nothing if held is None else held
+        return Growth(self.rays, self.index, self.common, held, everyone, self.models, held_errors=self.control_errors)
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
@@ -179,6 +181,14 @@ class _Chain:
             if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
                 held[self.row_of[name]] = xyz
         return held
+
+    def _control_errors(self) -> FloatArray:
+        """Return the root mean square a-priori errors (number of points,) of coordinates of control, 0 for others."""
+        errors = np.zeros(len(self.rays.points))
+        for name, error in zip(self.control.names, self.control.errors, strict=True):
+            if name in self.row_of:
+                errors[self.row_of[name]] = np.sqrt(np.mean(np.nan_to_num(error) ** 2))
+        return errors
 
     def _outcomes(self, route: Route) -> Iterator[_Outcome]:
         if not route.systems:
@@ -282,6 +292,10 @@ class _Chain:
 
     # how good it is
 
+    def _residual_lengths(self, outcome: _Outcome) -> FloatArray:
+        growth = self._growth(self._fitting_control(outcome.absolute) if outcome.on_ground else None)
+        return residual_lengths(growth.seen(outcome.placed), outcome.placed)
+
     def _misfit(self, placed: Placed, lengths: FloatArray) -> float:
         """Return the mean residual over the a-priori error; what is far off or has no place counts with a limit."""
         counted = np.where(placed.oriented[self.rays.photo], lengths, np.inf)
@@ -354,7 +368,7 @@ class _Chain:
         """Name the photos that are probably in the wrong place."""
         if not best.on_ground:
             return
-        lengths = residual_lengths(self.rays, best.placed)
+        lengths = self._residual_lengths(best)
         for photo in np.flatnonzero(misplaced(self.rays, best.placed, lengths)):
             mine = lengths[(self.rays.photo == photo) & ~np.isnan(lengths)]
             limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)

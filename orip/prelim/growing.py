@@ -89,6 +89,8 @@ class Growth:
         Relative orientations by pairs of photos, kept since many are asked for again.
     branching : bool
         Sub-blocks may grow by themselves before they are joined on; they do not branch again.
+    held_errors : array (number of points,) or None
+        A-priori errors of the coordinates of points that do not change; None: they are exact.
     """
 
     rays: ImageRays
@@ -98,11 +100,28 @@ class Growth:
     allowed: BoolArray
     models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
     branching: bool = True
+    held_errors: FloatArray | None = None
 
     @property
     def held_points(self) -> BoolArray:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
+
+    def seen(self, placed: Placed) -> ImageRays:
+        """Return the rays as a system shows them: cameras corrected, points that are held as accurate as they are."""
+        return placed.corrected(self._with_errors_of_held(placed))
+
+    def _with_errors_of_held(self, placed: Placed) -> ImageRays:
+        """Return the rays with the errors of points that are held counted as errors of their photo points."""
+        rays = self.rays
+        if self.held_errors is None or not self.held_errors.any():
+            return rays
+        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & placed.oriented[rays.photo])
+        photo, point = rays.photo[rows], rays.point[rows]
+        distance = np.linalg.norm(self.held[point] - placed.centres[photo], axis=1)
+        error = rays.error.copy()
+        error[rows] = np.hypot(error[rows], -rays.vectors[rows, 2] * self.held_errors[point] / distance)
+        return replace(rays, error=error)
 
     def grown(self, start: Placed, enough: float = 0.0) -> Placed:
         """Return the system with all photos that can be added to it, adjusted as a whole.
@@ -133,7 +152,8 @@ class Growth:
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
             placed, refined = self.refined(placed, enough if added is None else ROUGH), count
-            wrong = misplaced(self.rays, placed, residual_lengths(self.rays, placed)) & (removals < _REMOVALS)
+            lengths = residual_lengths(self.seen(placed), placed)
+            wrong = misplaced(self.rays, placed, lengths) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
                 refused = _Refused()
@@ -163,7 +183,7 @@ class Growth:
     def refined(self, placed: Placed, enough: float) -> Placed:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         found = refine(
-            self.rays,
+            self._with_errors_of_held(placed),
             placed.rotations,
             placed.centres,
             placed.oriented,
@@ -180,7 +200,8 @@ class Growth:
         if not rows.any():
             return placed
         coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
-        coordinates[rows], deviations[rows] = self.held[rows], 0.0
+        coordinates[rows] = self.held[rows]
+        deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
         return replace(placed, coordinates=coordinates, deviations=deviations)
 
     def _with_more_photos(self, placed: Placed, refused: _Refused) -> Placed | None:
@@ -257,7 +278,7 @@ class Growth:
     def _rays_that_meet(self, placed: Placed, photo: int) -> int:
         """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
         found = self._intersected_anew(placed, np.arange(len(placed.oriented)) == photo)
-        lengths = residual_lengths(self.rays, found)[self.index.rows[photo]]
+        lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
     def _with_model(self, placed: Placed, refused: _Refused) -> Placed | None:

@@ -22,12 +22,11 @@ _OUT_OF_PLACE = 0.2
 
 
 def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
-    """Return the lengths (n,) of the rays' residuals over their a-priori errors, the cameras as the system shows them.
+    """Return the lengths (n,) of the residuals of rays, as the system shows them, over their a-priori errors.
 
     Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
     photo is not oriented, or alone in seeing its point.
     """
-    rays = placed.corrected(rays)
     offset = placed.coordinates[rays.point] - placed.centres[rays.photo]
     u = np.einsum("ni,nij->nj", offset, placed.rotations[rays.photo])
     with np.errstate(divide="ignore", invalid="ignore"):

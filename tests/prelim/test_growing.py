@@ -12,6 +12,7 @@ from support.synthetic_block import SyntheticBlock, synthetic_block
 from orip.model.preliminary import ImageRays
 from orip.prelim.growing import Growth
 from orip.prelim.image_rays import image_rays
+from orip.prelim.misplaced import residual_lengths
 from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import Placed, nothing_placed
@@ -144,3 +145,36 @@ def test_three_known_points_and_the_rays_of_the_others_orient_a_photo(convergent
     assert found is not None
     assert found.how[2].startswith("space resection from 3 points, which nothing checks")
     assert errors(found, convergent)[2] < 1e-6
+
+
+def test_errors_of_held_points_count_as_errors_of_their_photo_points(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    held = convergent.points.copy()
+    held[::2] = np.nan
+    exact = growth(rays, held)
+    weighted = replace(exact, held_errors=np.full(len(held), 0.02))
+    placed = exact.intersected(first_two(convergent, rays))
+    assert exact.seen(placed) is rays
+    seen = weighted.seen(placed)
+    counted = (rays.photo < 2) & (rays.point % 2 == 1)
+    assert counted.sum() > 10
+    assert (seen.error[~counted] == rays.error[~counted]).all()
+    distance = np.linalg.norm(convergent.points[rays.point] - convergent.orientations[rays.photo, :3], axis=1)
+    in_photo = convergent.block.cameras[0].parameters[0] * 0.02 / distance
+    assert seen.error[counted] ** 2 == pytest.approx((rays.error**2 + in_photo**2)[counted])
+    assert (weighted.intersected(placed).deviations[1::2] == 0.02).all()
+    assert (placed.deviations[1::2] == 0.0).all()
+
+
+def test_control_with_errors_puts_no_photo_in_the_wrong_place(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    distance = np.median(np.linalg.norm(convergent.points.mean(axis=0) - convergent.orientations[:, :3], axis=1))
+    error = 20.0 * float(rays.error[0]) * distance / convergent.block.cameras[0].parameters[0]
+    noise = np.random.default_rng(7).normal(size=convergent.points.shape)
+    held = convergent.points + error * noise
+    exact = growth(rays, held)
+    weighted = replace(exact, held_errors=np.full(len(held), error))
+    for grower, fits in ((exact, False), (weighted, True)):
+        placed = grower.grown(grower.intersected(first_two(convergent, rays)))
+        lengths = residual_lengths(grower.seen(placed), placed)
+        assert (np.median(lengths) < 2.0) == fits
