@@ -33,11 +33,12 @@ from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
 from orip.prelim.joining import Joined
-from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
+from orip.prelim.misplaced import misplaced, residual_lengths
 from orip.prelim.own_system import in_own_system
 from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
-from orip.prelim.placed import Placed
+from orip.prelim.placed import Placed, nothing_placed
+from orip.prelim.reasons import doubtful_photos, why_not_oriented
 from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
 from orip.prelim.thinning import thinned
 from orip.prelim.weak_joints import weak_joints
@@ -319,8 +320,8 @@ class _Chain:
         # the user's models are listed in any case: what failed there is what is to be mended
         steps = self.by_models or (best.route if best is not None else Route(()))
         if best is None:
-            reasons = [self._why_not(photo, None) for photo in range(len(self.rays.photos))]
-            photos = [PhotoStart(name, None, None, why) for name, why in zip(self.rays.photos, reasons, strict=True)]
+            nothing = nothing_placed(self.rays)
+            photos = [self._not_oriented(nothing, photo) for photo in range(len(self.rays.photos))]
             return PreliminaryValues(
                 steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), NO_POINTS, ()
             )
@@ -355,26 +356,22 @@ class _Chain:
         known = np.isfinite(coordinates[:, 0])
         return PointStarts(tuple(compress(self.all_rays.points, known)), coordinates[known], deviations[known])
 
+    def _not_oriented(self, placed: Placed, photo: int) -> PhotoStart:
+        why = why_not_oriented(self.rays, self.index, self.common, placed, photo)
+        return PhotoStart(self.rays.photos[photo], None, None, why)
+
     def _photo(self, best: _Outcome, photo: int) -> PhotoStart:
         name, placed = self.rays.photos[photo], best.placed
         if not placed.oriented[photo]:
-            return PhotoStart(name, None, None, self._why_not(photo, best))
+            return self._not_oriented(placed, photo)
         if not best.on_ground:
             how = f"oriented in the block, but the block is not on the ground: {best.reason}"
             return PhotoStart(name, None, None, how)
         return PhotoStart(name, placed.rotations[photo], placed.centres[photo], placed.how[photo])
 
     def _doubtful_photos(self, best: _Outcome) -> Iterator[str]:
-        """Name the photos that are probably in the wrong place."""
-        if not best.on_ground:
-            return
-        lengths = self._residual_lengths(best)
-        for photo in np.flatnonzero(misplaced(self.rays, best.placed, lengths)):
-            mine = lengths[(self.rays.photo == photo) & ~np.isnan(lengths)]
-            limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)
-            unfit = f"{int(np.sum(~(mine <= limit)))} of the {len(mine)} points that it shares with other photos"
-            name = self.rays.photos[photo]
-            yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
+        if best.on_ground:
+            yield from doubtful_photos(self.rays, best.placed, self._residual_lengths(best))
 
     def _weak_joints(self, best: _Outcome) -> Iterator[str]:
         """Name the parts whose scale hangs on a few points, where the first way did not lead to the end."""
@@ -382,23 +379,6 @@ class _Chain:
         if not self.at_once and best.placed.oriented.all():
             known: BoolArray = np.asarray(np.isfinite(self._full_control()).all(axis=1))
             yield from weak_joints(self.rays, self.common, known)
-
-    def _why_not(self, photo: int, best: _Outcome | None) -> str:
-        """Say what is missing for the orientation of a photo."""
-        shared = self.common[photo].copy()
-        shared[photo] = 0
-        name = self.rays.photos[photo]
-        most = int(shared.max(initial=0))
-        if best is None or not best.placed.oriented.any():
-            return f"photo {name} shares {most} points with its neighbours, 5 are needed"
-        placed = best.placed
-        known = int(placed.known[self.index.points[photo]].sum())
-        shared[~placed.oriented] = 0
-        most = int(shared.max(initial=0))
-        if most < 5 and known < 3:
-            shortage = f"photo {name} shares {most} points with its neighbours, 5 are needed"
-            return f"{shortage}; of its points {known} are known, 3 are needed"
-        return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
 def _is_enough(ends: list[tuple[frozenset[int], float]]) -> bool:

@@ -1,0 +1,64 @@
+"""Why a photo could not be oriented, or is probably in the wrong place, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.model.preliminary import ImageRays
+from orip.prelim.misplaced import MISFIT, misplaced
+from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.placed import Placed
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SHARED_NEEDED, _KNOWN_NEEDED = 5, 3
+
+
+def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, placed: Placed, photo: int) -> str:
+    """Say what is missing for the orientation of a photo.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    index : PhotoIndex
+    common : array (photos, photos)
+        Numbers of common points.
+    placed : Placed
+        What has been oriented.
+    photo : int
+    """
+    oriented = placed.oriented
+    shared = common[photo].copy()
+    shared[photo] = 0
+    if oriented.any():
+        shared[~oriented] = 0
+    most, name = int(shared.max(initial=0)), rays.photos[photo]
+    shortage = f"photo {name} shares {most} points with its neighbours, {_SHARED_NEEDED} are needed"
+    if not oriented.any():
+        return shortage
+    known = int(placed.known[index.points[photo]].sum())
+    if most < _SHARED_NEEDED and known < _KNOWN_NEEDED:
+        return f"{shortage}; of its points {known} are known, {_KNOWN_NEEDED} are needed"
+    return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
+
+
+def doubtful_photos(rays: ImageRays, placed: Placed, lengths: FloatArray) -> Iterator[str]:
+    """Yield a sentence for each photo that is probably in the wrong place.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    placed : Placed
+    lengths : array (n,)
+        The system's `residual_lengths`.
+    """
+    for photo in np.flatnonzero(misplaced(rays, placed, lengths)):
+        mine = lengths[(rays.photo == photo) & ~np.isnan(lengths)]
+        limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)
+        unfit = f"{int(np.sum(~(mine <= limit)))} of the {len(mine)} points that it shares with other photos"
+        name = rays.photos[photo]
+        yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
