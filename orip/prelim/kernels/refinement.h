@@ -68,18 +68,22 @@ static void add_camera(Network *n, int64_t point, int64_t row, double weight, co
     const int64_t camera = n->camera[row], place = n->place[n->photo[row]], width = OF_CAMERA * n->cameras;
     if (camera < 0)
         return;
+    const double *by_x = n->by_camera + 2 * OF_CAMERA * row, *by_y = by_x + OF_CAMERA;
+    double x[OF_CAMERA], y[OF_CAMERA];
     for (int k = 0; k < OF_CAMERA; k++) {
-        const int64_t column = OF_CAMERA * camera + k;
-        const double x = weight * n->by_camera[8 * row + k], y = weight * n->by_camera[8 * row + 4 + k];
-        n->camera_right[column] += x * residual[0] + y * residual[1];
-        for (int l = 0; l < OF_CAMERA; l++)
-            n->camera_normals[width * column + OF_CAMERA * camera + l] +=
-                x * n->by_camera[8 * row + l] + y * n->by_camera[8 * row + 4 + l];
-        for (int i = 0; i < 3; i++)
-            n->point_border[width * (3 * point + i) + column] -= p[3 + i] * x + q[3 + i] * y;
-        for (int i = 0; i < 6 && place >= 0; i++)
-            n->border[width * (6 * place + i) + column] += p[i] * x + q[i] * y;
+        x[k] = weight * by_x[k], y[k] = weight * by_y[k];
+        n->camera_right[OF_CAMERA * camera + k] += x[k] * residual[0] + y[k] * residual[1];
     }
+    for (int k = 0; k < OF_CAMERA; k++)
+        for (int l = 0; l < OF_CAMERA; l++)
+            n->camera_normals[width * (OF_CAMERA * camera + k) + OF_CAMERA * camera + l] +=
+                x[k] * by_x[l] + y[k] * by_y[l];
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < OF_CAMERA; k++)
+            n->point_border[width * (3 * point + i) + OF_CAMERA * camera + k] -= p[3 + i] * x[k] + q[3 + i] * y[k];
+    for (int i = 0; i < 6 && place >= 0; i++)
+        for (int k = 0; k < OF_CAMERA; k++)
+            n->border[width * (6 * place + i) + OF_CAMERA * camera + k] += p[i] * x[k] + q[i] * y[k];
 }
 
 static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double g[3])
