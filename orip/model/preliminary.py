@@ -19,7 +19,7 @@ BoolArray = NDArray[np.bool_]
 
 
 CAMERA_CORRECTIONS = 4
-"""Scale of the image, shift in x and y as parts of the principal distance, radial distortion at 45 degrees."""
+"""Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ class ArraySolver:
         return _Rows(
             by_photo * network.photo_free[rays.photo, None, None],
             image.by_point * scaled * network.point_free[rays.point, None, None],
-            self._by_camera(state.corrections.size) * scaled,
+            self._by_camera(image.xy, state.corrections.size) * scaled,
             (at.residual * root)[:, :, None],
         )
 
@@ -99,17 +99,18 @@ class ArraySolver:
 
     def _perspective(self, state: State) -> Perspective:
         """Return images of all rays' points, with partials."""
-        rays = self._network.rays
+        rays = corrected(self._network.rays, state.corrections)
         offset = state.points[rays.point] - state.centres[rays.photo]
         return perspective_with_partials(offset, state.rotations[rays.photo], -rays.vectors[:, 2])
 
-    def _by_camera(self, columns: int) -> FloatArray:
+    def _by_camera(self, image: FloatArray, columns: int) -> FloatArray:
         """Return the partials (m, 2, all cameras' corrections) of the residuals in mm."""
         rays = self._network.rays
         camera, count = camera_of(rays), len(rays.photo)
         partials = np.zeros((count, 2, columns // CAMERA_CORRECTIONS, CAMERA_CORRECTIONS))
         rows = np.flatnonzero(camera >= 0)
-        partials[rows, :, camera[rows]] = -by_corrections(rays)[rows]
+        partials[rows, :, camera[rows]] = by_corrections(rays)[rows]
+        partials[:, :, :, 0] *= image[:, :, None]
         return partials.reshape(count, 2, columns)
 
     def _sparse(self, coupling: FloatArray) -> csr_array:

@@ -2,11 +2,13 @@
 
 Where the interior orientation is to be estimated it may be off by per cent, and what is adjusted without it then does
 not fit: photos seem to be in the wrong place that are not. A few corrections a camera, linear in the photo coordinates,
-are enough for that: x' = x + a x + C b + k (r / C)² x, y alike. They are what an adjustment starts the camera with.
+are enough for that: C' = C exp(s), x' = x + C b + k (r / C)² x, and y alike. They are what an adjustment starts the
+camera with.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -40,8 +42,9 @@ def corrected(rays: ImageRays, corrections: FloatArray) -> ImageRays:
     # the last row is that of known cameras
     scale, right, up, radial = np.vstack([corrections, np.zeros(CAMERA_CORRECTIONS)])[camera_of(rays)].T
     x, y, z = rays.vectors.T
-    factor = 1.0 + scale + radial * (x * x + y * y) / (z * z)
-    return replace(rays, vectors=np.column_stack([factor * x - right * z, factor * y - up * z, z]))
+    factor = 1.0 + radial * (x * x + y * y) / (z * z)
+    vectors = np.column_stack([factor * x - right * z, factor * y - up * z, z * np.exp(scale)])
+    return replace(rays, vectors=vectors)
 
 
 def parameters_with(camera: Camera, correction: FloatArray) -> tuple[float, ...]:
@@ -54,8 +57,7 @@ def parameters_with(camera: Camera, correction: FloatArray) -> tuple[float, ...]
     """
     c, dx, dy, a1, a3, *others = camera.parameters
     scale, x, y, radial = correction.tolist()
-    c_found = c / (1.0 + scale)
-    return (c_found, dx - c_found * x, dy - c_found * y, a1, a3 - radial / (c * c * (1.0 + scale)), *others)
+    return (c * math.exp(scale), dx - c * x, dy - c * y, a1, a3 - radial / (c * c), *others)
 
 
 def camera_of(rays: ImageRays) -> IntArray:
@@ -65,18 +67,19 @@ def camera_of(rays: ImageRays) -> IntArray:
 
 
 def by_corrections(rays: ImageRays) -> FloatArray:
-    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of photo coordinates by corrections; 0 for what is known.
+    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of residuals, computed minus measured, by corrections.
 
-    An empty array where all cameras are known.
+    Those by the first are the computed coordinates themselves, for which a factor of 1 stands here. 0 for what is
+    known; an empty array where all cameras are known.
     """
     camera = camera_of(rays)
     partials = np.zeros((len(camera), 2, CAMERA_CORRECTIONS))
     if len(camera):
         x, y, z = rays.vectors.T
         radial = (x * x + y * y) / (z * z)
-        partials[:, 0, 0], partials[:, 1, 0] = x, y
-        partials[:, 0, 1] = partials[:, 1, 2] = -z
-        partials[:, 0, 3], partials[:, 1, 3] = radial * x, radial * y
+        partials[:, :, 0] = 1.0
+        partials[:, 0, 1] = partials[:, 1, 2] = z
+        partials[:, 0, 3], partials[:, 1, 3] = -radial * x, -radial * y
         # the last row is that of known cameras
         unknown = np.vstack([rays.cameras.unknown, np.zeros(CAMERA_CORRECTIONS, dtype=bool)])
         partials *= unknown[camera, None, :]

@@ -31,7 +31,7 @@ class CompiledSolver:
         self._width = self._band_width()
         self._camera = camera_of(network.rays)
         self._seen = np.empty(len(network.rays.cameras.unknown), dtype=np.int64)
-        self._by_camera = -by_corrections(network.rays)
+        self._by_camera = by_corrections(network.rays)
         self._prepared: tuple[State, tuple[NDArray[np.generic], ...]] | None = None
 
     def _band_width(self) -> int:

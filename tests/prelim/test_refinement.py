@@ -83,9 +83,9 @@ def test_without_blunders_it_is_scipys_least_squares(unknown):
             "nji,nj->ni", (Rotation.from_rotvec(turns).as_matrix() @ rotations)[photo],
             points[point] - (centres + 100.0 * shifts)[photo],
         )  # fmt: skip
-        image = -150.0 * in_photo[:, :2] / in_photo[:, 2:]
+        image = -150.0 * np.exp(scale) * in_photo[:, :2] / in_photo[:, 2:]
         square = (xy**2).sum(axis=1, keepdims=True) / 150.0**2
-        corrected = xy * (1.0 + scale + radial * square) + 150.0 * np.array([dx, dy])
+        corrected = xy * (1.0 + radial * square) + 150.0 * np.array([dx, dy])
         return np.r_[(np.sqrt(factors)[:, None] * (image - corrected) / 0.005).ravel(), corrections / EXPECTED]
 
     nothing = np.zeros(18 + 3 * len(free) + len(unknown))

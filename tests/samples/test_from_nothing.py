@@ -78,7 +78,7 @@ def test_the_same_minimum_as_from_given_values(sample: str, tmp_path: Path) -> N
         assert difference.max(initial=0.0) < 1e-4
 
 
-@pytest.mark.parametrize("principal_distance", [8.0, 14.0])
+@pytest.mark.parametrize("principal_distance", [6.0, 25.0])
 def test_a_camera_far_from_its_record_is_found(principal_distance: float, tmp_path: Path) -> None:
     """DCS260's principal distance is 10.33 mm."""
     given = solved(copied("dcs260_calibration", tmp_path / "given"))
@@ -94,7 +94,7 @@ def test_a_camera_far_from_its_record_is_found(principal_distance: float, tmp_pa
         assert orip(folder, command).code == 0
     camera = orip(folder, "prelim", "--json").document["cameras"]["DCS"]
     expected = dict(zip(CAMERA_PARAMETERS, given.cameras.values[0], strict=True))
-    assert camera["C"] == pytest.approx(expected["C"], rel=0.1)
+    assert camera["C"] == pytest.approx(expected["C"], rel=0.2)
     found = solved(folder)
     assert found.status == "converged"
     assert found.sigma0 == pytest.approx(given.sigma0, rel=1e-9)

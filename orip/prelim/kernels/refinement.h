@@ -68,8 +68,11 @@ static void add_camera(Network *n, int64_t point, int64_t row, double weight, co
     const int64_t camera = n->camera[row], place = n->place[n->photo[row]], width = OF_CAMERA * n->cameras;
     if (camera < 0)
         return;
-    const double *by_x = n->by_camera + 2 * OF_CAMERA * row, *by_y = by_x + OF_CAMERA;
-    double x[OF_CAMERA], y[OF_CAMERA];
+    double by_x[OF_CAMERA], by_y[OF_CAMERA], x[OF_CAMERA], y[OF_CAMERA];
+    memcpy(by_x, n->by_camera + 2 * OF_CAMERA * row, sizeof(by_x));
+    memcpy(by_y, n->by_camera + 2 * OF_CAMERA * row + OF_CAMERA, sizeof(by_y));
+    /* the partials by the first correction are the computed coordinates */
+    by_x[0] *= residual[0] + n->vectors[3 * row], by_y[0] *= residual[1] + n->vectors[3 * row + 1];
     for (int k = 0; k < OF_CAMERA; k++) {
         x[k] = weight * by_x[k], y[k] = weight * by_y[k];
         n->camera_right[OF_CAMERA * camera + k] += x[k] * residual[0] + y[k] * residual[1];
