@@ -1,9 +1,8 @@
 """What the cameras of a block differ from their records by, roughly, while the block grows.
 
 Where the interior orientation is to be estimated it may be off by per cent, and what is adjusted without it then does
-not fit: photos seem to be in the wrong place that are not. A few corrections a camera, linear in the photo coordinates,
-are enough for that: C' = C exp(s), x' = x + C b + k (r / C)² x, and y alike. They are what an adjustment starts the
-camera with.
+not fit: photos seem to be in the wrong place that are not. A few corrections a camera are enough to prevent that:
+C' = C exp(s), x' = x + C b + k (r / C)² x, and y alike. They are what an adjustment starts the camera with.
 """
 
 from __future__ import annotations
