@@ -1,5 +1,6 @@
 # 'make demo' and 'make test' work on a machine that has nothing but make and Python 3.11 or newer (with venv).
-# The first of them makes .venv from the package registry; after that nothing is fetched until pyproject.toml changes.
+# The first of them makes .venv from the package registry; after that nothing is fetched until pyproject.toml or what
+# is compiled changes.
 #
 #   make PYTHON=/path/to/python3 test      use that Python for a new .venv
 #   make PYTEST_ARGS='-k rotation' test    hand options to pytest
@@ -10,7 +11,7 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
-# Written last: says for which folder, and for which text of pyproject.toml and Makefile, .venv is complete.
+# Written last: says for which folder, and for which text of pyproject.toml, Makefile and C sources, .venv is complete.
 READY := $(VENV)/orip-ready
 # There while .venv is being made or changed; still there, the run was interrupted and .venv is not to be trusted.
 UNFINISHED := $(VENV)/orip-unfinished
@@ -19,7 +20,7 @@ SAMPLE := zurich_city_hall
 DOCS := build/docs
 build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
-state_wanted := $(shell pwd -P; cat pyproject.toml Makefile | cksum)
+state_wanted := $(shell pwd -P; cat pyproject.toml Makefile orip/*/*/*.[ch] | cksum)
 state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
 
 .PHONY: help
@@ -145,7 +146,7 @@ $(READY):
 	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
 	  exit 1; \
 	}; \
-	{ printf '%s\n' "$$place"; cat pyproject.toml Makefile | cksum; } >$(READY); \
+	{ printf '%s\n' "$$place"; cat pyproject.toml Makefile orip/*/*/*.[ch] | cksum; } >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 
