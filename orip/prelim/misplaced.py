@@ -38,6 +38,13 @@ def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
     return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
 
 
+def unfit(lengths: FloatArray) -> BoolArray:
+    """Return which of `residual_lengths` (n,) are far larger than usual; NaN is not among them."""
+    judged = ~np.isnan(lengths)
+    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
+    return judged & ~(lengths <= MISFIT * max(overall, 1.0))
+
+
 def misplaced(rays: ImageRays, placed: Placed, lengths: FloatArray) -> BoolArray:
     """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
 
@@ -50,9 +57,7 @@ def misplaced(rays: ImageRays, placed: Placed, lengths: FloatArray) -> BoolArray
     lengths : array (n,)
         The system's `residual_lengths`.
     """
-    judged = ~np.isnan(lengths)
-    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
     count = len(rays.photos)
-    number = np.bincount(rays.photo[judged], minlength=count)
-    misfits = np.bincount(rays.photo[judged & ~(lengths <= MISFIT * max(overall, 1.0))], minlength=count)
+    number = np.bincount(rays.photo[~np.isnan(lengths)], minlength=count)
+    misfits = np.bincount(rays.photo[unfit(lengths)], minlength=count)
     return np.asarray(placed.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number))))

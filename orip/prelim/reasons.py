@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.model.preliminary import ImageRays
-from orip.prelim.misplaced import MISFIT, misplaced
+from orip.prelim.misplaced import misplaced, unfit
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed
 
@@ -56,9 +56,11 @@ def doubtful_photos(rays: ImageRays, placed: Placed, lengths: FloatArray) -> Ite
     lengths : array (n,)
         The system's `residual_lengths`.
     """
+    far_off = unfit(lengths)
     for photo in np.flatnonzero(misplaced(rays, placed, lengths)):
-        mine = lengths[(rays.photo == photo) & ~np.isnan(lengths)]
-        limit = MISFIT * max(float(np.median(lengths[~np.isnan(lengths)])), 1.0)
-        unfit = f"{int(np.sum(~(mine <= limit)))} of the {len(mine)} points that it shares with other photos"
-        name = rays.photos[photo]
-        yield f"photo {name} is probably in the wrong place: {unfit} do not fit; measure more points in it"
+        mine = (rays.photo == photo) & ~np.isnan(lengths)
+        count = f"{np.count_nonzero(far_off & mine)} of the {np.count_nonzero(mine)}"
+        yield (
+            f"photo {rays.photos[photo]} is probably in the wrong place: {count} points that it shares with other "
+            "photos do not fit; measure more points in it"
+        )
