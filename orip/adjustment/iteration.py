@@ -63,7 +63,7 @@ class IterationSettings:
 
 @dataclass(frozen=True, slots=True)
 class PassRecord:
-    """One printed line: see `orip.model.solution.IterationPass`; sigma0 is that after the iteration.
+    """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed.
     """

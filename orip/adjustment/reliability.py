@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.solution import Reliability, Residuals
+from orip.records.solution import Reliability, Residuals
 
 FloatArray = NDArray[np.float64]
 

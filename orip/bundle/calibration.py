@@ -19,9 +19,9 @@ from scipy.special import fdtri
 
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.solution import Diagnosis
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.solution import Diagnosis
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations
-from orip.bundle.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT
 

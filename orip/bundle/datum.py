@@ -22,7 +22,7 @@ from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
-from orip.model.block import Block
+from orip.records.block import Block
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

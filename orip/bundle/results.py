@@ -12,10 +12,10 @@ from orip.adjustment.iteration import PassRecord
 from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.control import PointKind
-from orip.model.solution import (
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import PointKind
+from orip.records.solution import (
     AdditionalEstimate,
     CheckPoint,
     Correlation,

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
-from orip.bundle.control_point import ControlPointObservations
-from orip.bundle.observation import Observations
-from orip.bundle.photo_point import PhotoPointObservations
+from orip.bundle.kinds.control_point import ControlPointObservations
+from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
-from orip.model.block import Block
-from orip.model.control import ControlPoint
-from orip.model.solution import Blunder
 from orip.progress import stage
+from orip.records.block import Block
+from orip.records.control import ControlPoint
+from orip.records.solution import Blunder
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

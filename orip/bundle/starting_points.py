@@ -12,8 +12,8 @@ from orip.errors import ProjectWarning
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.model.block import Block
-from orip.model.control import PreliminaryPoint
+from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 
 FloatArray = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from orip.adjustment.equations import Layout
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.photo import PHOTO_PARAMETERS
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.photo import PHOTO_PARAMETERS
 
 IntArray = NDArray[np.int64]
 

@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.camera import AdditionalSet
+from orip.records.camera import AdditionalSet
 
 FloatArray = NDArray[np.float64]
 Term = tuple[int, int, float]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import IDENTITY, MARKS_NEEDED, PlaneTransformation, fit_plane_transformation
 from orip.interior.orientation import given_coordinates_of_photo, given_coordinates_of_template
-from orip.model.camera import Camera, Mark
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 
 FloatArray = NDArray[np.float64]
 

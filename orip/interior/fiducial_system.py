@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.plane import PlaneTransformation
-from orip.model.camera import Mark
-from orip.model.measurement import MeasuredMarks
+from orip.records.camera import Mark
+from orip.records.measurement import MeasuredMarks
 
 FloatArray = NDArray[np.float64]
 

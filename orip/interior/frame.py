@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.camera import Camera
+from orip.records.camera import Camera
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.interior.distortion import correction_with_partials, remove_distortion
-from orip.model.block import Block
+from orip.records.block import Block
 
 FloatArray = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS
-from orip.model.interior import MarkAdjustment
-from orip.model.names import counted_names
+from orip.records.interior import MarkAdjustment
+from orip.records.names import counted_names
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.model.measurement import BoolArray, EditRecord, FloatArray, IntArray, PhotoObservations, PointsRecord
-from orip.model.names import record_key
-from orip.model.photo import Photo
+from orip.records.measurement import BoolArray, EditRecord, FloatArray, IntArray, PhotoObservations, PointsRecord
+from orip.records.names import record_key
+from orip.records.photo import Photo
 
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""

@@ -19,11 +19,11 @@ from orip.geometry.plane import (
 )
 from orip.interior.known_names import listed_names
 from orip.interior.pixels import sensor_transformation
-from orip.model.camera import Camera, Mark
-from orip.model.interior import MarkAdjustment
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.model.photo import Stage
-from orip.model.solution import InteriorSummary
+from orip.records.camera import Camera, Mark
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.photo import Stage
+from orip.records.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.model.camera import Camera
-from orip.model.measurement import PhotoObservations
-from orip.model.names import counted_names, record_key
-from orip.model.photo import Photo
+from orip.records.camera import Camera
+from orip.records.measurement import PhotoObservations
+from orip.records.names import counted_names, record_key
+from orip.records.photo import Photo
 
 FloatArray = NDArray[np.float64]
 

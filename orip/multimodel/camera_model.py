@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.drive_table import DriveCamera, DriveParameterSet
+from orip.records.drive_table import DriveCamera, DriveParameterSet
 
 FloatArray = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
-from orip.model.photo import Stage
 from orip.multimodel.camera_model import Number
 from orip.multimodel.photo_loop import PhotoLoop
+from orip.records.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
+from orip.records.photo import Stage
 
 FloatArray = NDArray[np.float64]
 

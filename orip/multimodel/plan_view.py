@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.control import PointKind
-from orip.model.drive_table import Triple
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.switching import inside_model
+from orip.records.control import PointKind
+from orip.records.drive_table import Triple
 
 FloatArray = NDArray[np.float64]
 

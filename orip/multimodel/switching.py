@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import Triple
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PlatePlace
+from orip.records.drive_table import Triple
 
 FloatArray = NDArray[np.float64]
 

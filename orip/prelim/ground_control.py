@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.block import Block
-from orip.prelim.absolute_orientation import KnownPositions
+from orip.prelim.similarity.absolute_orientation import KnownPositions
+from orip.records.block import Block
 
 FloatArray = NDArray[np.float64]
 

@@ -13,18 +13,18 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
-from orip.prelim.configuration import image_configuration
 from orip.prelim.intersection import intersect
-from orip.prelim.joining import Joined, join
 from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed, placed_block
-from orip.prelim.refinement import ROUGH, refine
-from orip.prelim.relative_orientation import orient_pair
-from orip.prelim.resection import Resected, resect
-from orip.prelim.rotation_starts import upright
+from orip.prelim.refinement.refinement import ROUGH, refine
+from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.resection.configuration import image_configuration
+from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.geometry.rotation import angles_from_rotation
-from orip.model.control import PreliminaryPoint
-from orip.model.ground import GroundSystem, PlainGround
-from orip.model.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
+from orip.records.control import PreliminaryPoint
+from orip.records.ground import GroundSystem, PlainGround
+from orip.records.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
 from orip.units import DEGREES_PER_RADIAN
 
 FloatArray = NDArray[np.float64]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
-from orip.model.preliminary import ImageRays
 from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
+from orip.records.preliminary import ImageRays
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

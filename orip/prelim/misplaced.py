@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
 from orip.prelim.placed import Placed
+from orip.records.preliminary import ImageRays
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.records.preliminary import ImageRays
 
 IntArray = NDArray[np.int64]
 

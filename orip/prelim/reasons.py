@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
 from orip.prelim.misplaced import misplaced, unfit
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed
+from orip.records.preliminary import ImageRays
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -8,7 +8,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.records.preliminary import ImageRays
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]

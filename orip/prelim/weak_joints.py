@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.records.preliminary import ImageRays
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.frame import frame_corners
-from orip.model.camera import Camera
-from orip.model.names import record_key
-from orip.model.solution import Solution
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.solution import Solution
 from orip.report.ellipses import drawn_points
 from orip.report.matter import Matter
 from orip.report.residual_vectors import measured_reach

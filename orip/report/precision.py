@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Estimates, Solution
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Estimates, Solution
 from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
 from orip.report.table import Column, Table
 

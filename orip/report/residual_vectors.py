@@ -10,8 +10,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from orip.interior.frame import frame_corners
-from orip.model.names import record_key
-from orip.model.solution import Residuals
+from orip.records.names import record_key
+from orip.records.solution import Residuals
 from orip.report.drawing import drawing, element, number, round_step, text
 from orip.report.matter import Matter
 from orip.report.numbers import counted, probability

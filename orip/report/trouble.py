@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.solution import Residuals, Solution
+from orip.records.solution import Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table
 
