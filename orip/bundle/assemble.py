@@ -24,9 +24,6 @@ from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project import BundleDefinition
 from orip.units import RADIANS_PER_DEGREE
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True)
 class Ingredients:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orip.arrays import FloatArray
 from orip.records.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 
 def figure(solution: Solution, name: str) -> float:

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.starting_points import given_coordinates
 from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
@@ -22,8 +22,6 @@ from orip.records.block import Block
 from orip.records.control import ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import PHOTO_PARAMETERS, Photo
-
-FloatArray = NDArray[np.float64]
 
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 

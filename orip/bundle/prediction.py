@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_from_angles
@@ -15,8 +15,6 @@ from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
 
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_MM = 1e-9

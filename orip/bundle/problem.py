@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
 from orip.bundle.consensus import moves_to_consensus
@@ -25,9 +26,6 @@ from orip.bundle.state import State, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
@@ -27,8 +26,6 @@ from orip.records.solution import (
     Solution,
     Status,
 )
-
-FloatArray = NDArray[np.float64]
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
+from orip.arrays import FloatArray
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -26,9 +26,6 @@ from orip.progress import stage
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.solution import Blunder
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NEAR_THE_WORST = 0.5
 """In one round only candidates within this part of the worst are left out: smaller ones may be its shadows."""

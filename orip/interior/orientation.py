@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import OripError
 from orip.geometry.plane import (
     IDENTITY,
@@ -25,8 +25,6 @@ from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOr
 from orip.records.photo import Stage
 from orip.records.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""

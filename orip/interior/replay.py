@@ -11,9 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
@@ -43,8 +40,6 @@ from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

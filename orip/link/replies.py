@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.link.request_words import shown
 from orip.multimodel.driving import DrivenPoints
@@ -14,8 +13,6 @@ from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Event, Position, Status
 from orip.records.drive_table import DriveFault, DriveTable, StageLimits
-
-FloatArray = NDArray[np.float64]
 
 _NO_PARALLAX = 0.00005
 """mm: what prints as 0.0000."""

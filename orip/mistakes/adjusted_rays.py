@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.prediction import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
@@ -15,9 +15,6 @@ from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block, PhotoPoints
 from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ERRORS = 5.0
 """Standard errors within which a photo point is where a place is seen."""

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
 from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
 
 ANGLE_UNITS = {0.9: "gon", 1.0 / RADIANS_PER_DEGREE: "radians"}
 """Degrees of a unit, and its name."""

@@ -6,14 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.mistakes.hypotheses import Hypothesis, plainly, stay_near
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.ground import PlainGround
-
-FloatArray = NDArray[np.float64]
 
 _FOOT = 0.3048
 _GON = 0.9

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import PhotoSight
 from orip.mistakes.misnamed_points import doubted_photo_points
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 _ERRORS = 4.0
 """Standard errors within which a coordinate is the one that was meant."""

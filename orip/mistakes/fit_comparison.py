@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.records.solution import Solution
-
-FloatArray = NDArray[np.float64]
 
 _FITS = 3.0
 """Standard errors, taken from the better one of the two adjustments."""

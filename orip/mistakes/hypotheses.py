@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
@@ -22,8 +23,6 @@ from orip.mistakes.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
 from orip.mistakes.principal_distance import principal_distance_seen
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
-
-FloatArray = NDArray[np.float64]
 
 _NEAR = 0.5
 _WORST_PHOTOS = 12

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
-
-FloatArray = NDArray[np.float64]
 
 _NEAR_AXIS = 0.02
 """Tangent of the angle from the axis of the camera within which a point says nothing of the principal distance."""

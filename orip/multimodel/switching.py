@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PlatePlace
 from orip.records.drive_table import Triple
-
-FloatArray = NDArray[np.float64]
 
 _LARGEST_CHUNK = 8192
 _CHUNK_ENTRIES = 1 << 20

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
@@ -40,8 +40,6 @@ from orip.records.photo import Photo, Stage
 from orip.records.project import StereoModel
 from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
 
 STAGE_TRAVEL_MM = 240.0
 LEAST_COUNT = 0.001

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.ground_control import known_centres, known_points
 from orip.prelim.growing import Growth
@@ -42,9 +42,6 @@ from orip.records.preliminary import (
     RelativeOrientation,
     SimilarityStep,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points of a photo that orient it; and where models are listed, point by point."""

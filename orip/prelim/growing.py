@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.intersection import intersect
 from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
@@ -25,10 +25,6 @@ from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
 from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""

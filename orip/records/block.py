@@ -7,18 +7,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.camera import Camera
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 class ProjectCoordinates(NamedTuple):

@@ -6,13 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.photo import Stage
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 TransformationKind = Literal["A", "C", "W"]
 """Plane transformations: A affine, C conform, W conform without scale."""

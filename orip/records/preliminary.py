@@ -11,12 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 CAMERA_CORRECTIONS = 4
 """Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""

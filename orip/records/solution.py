@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.records.control import PointKind
-
-FloatArray = NDArray[np.float64]
 
 Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.frame import frame_corners
 from orip.records.camera import Camera
@@ -17,9 +17,6 @@ from orip.report.ellipses import drawn_points
 from orip.report.matter import Matter
 from orip.report.residual_vectors import measured_reach
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_POINTS = 10_000
 _DEPTH = 0.25

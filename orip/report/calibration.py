@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
 from orip.interior.frame import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
@@ -19,8 +19,6 @@ from orip.report.matter import Matter
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.residual_vectors import measured_reach
 from orip.report.table import Column, Table
-
-FloatArray = NDArray[np.float64]
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05

@@ -8,13 +8,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 _CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 11, 20
 _MOST_ADDITIONAL, _POLYNOMIALS = 44, 5

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
 from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.state import State
@@ -28,9 +29,7 @@ except ImportError:  # the extension is built where there is a compiler
 else:
     _IS_COMPILED = True
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 
 _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)

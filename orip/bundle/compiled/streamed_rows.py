@@ -13,10 +13,9 @@ from orip.adjustment.band import Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
+from orip.arrays import FloatArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoLoop, StreamedCoupling
 from orip.bundle.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,6 @@ from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.units import DEGREES_PER_RADIAN
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class DirectionObservations(Observations):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
@@ -19,8 +20,6 @@ from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
 from orip.records.control import ControlDistance, DistanceCode
 from orip.records.ground import GroundSystem, ProjectCoordinates
-
-FloatArray = NDArray[np.float64]
 
 AXES: dict[DistanceCode, tuple[int, ...]] = {
     "X": (0,),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
@@ -23,9 +24,6 @@ from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _LEAST_COSINE_OF_PHI = 0.02
 """Nearer to phi = ±90 degrees omega and kappa turn about the same axis, and neither can be observed alone."""

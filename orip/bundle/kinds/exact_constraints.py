@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.state import State
 from orip.records.block import Block
-
-FloatArray = NDArray[np.float64]
 
 _PART_OF_PHOTO_ERROR = 0.01
 """Error of a constant in its equation, as a part of what a photo error does to it."""

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.unknowns import CONSTANT
 from orip.records.ground import GroundSystem
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Coordinates(NamedTuple):

@@ -9,6 +9,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
@@ -18,8 +19,6 @@ from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
 from orip.records.block import Block
 from orip.records.camera import AdditionalSet
-
-FloatArray = NDArray[np.float64]
 
 _CAMERA, _CENTRE, _ROTATION, POINT_PARTIALS = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
 

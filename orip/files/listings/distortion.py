@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from orip.arrays import FloatArray
 from orip.files.text.numbers import fixed, root_mean_square
 from orip.files.text.table import Column, table_lines
-
-FloatArray = NDArray[np.float64]
 
 
 def distortion_lines(

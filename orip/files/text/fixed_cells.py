@@ -13,9 +13,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orip.arrays import FloatArray
 from orip.files.text.numbers import CONSTANT, HUGE, MISSING, SINGULAR, fixed
 
-FloatArray = NDArray[np.float64]
 Characters = NDArray[np.uint32]
 """One code point each, rows one under the other."""
 

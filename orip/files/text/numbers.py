@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 CONSTANT = "constant"
 SINGULAR = "singular"

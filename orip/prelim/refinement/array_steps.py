@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.prelim.intersection import group_sums
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
@@ -17,7 +17,6 @@ from orip.records.preliminary import CAMERA_CORRECTIONS
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-FloatArray = NDArray[np.float64]
 
 _DENSE = 0.1
 """Part of the couplings between photos and points above which a product of full matrices is faster."""

@@ -11,13 +11,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.records.camera import Camera
 from orip.records.preliminary import CAMERA_CORRECTIONS, ImageRays
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
 """Standard deviations of the corrections before anything is known: they keep in bounds what a block does not tell."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
 from orip.prelim.refinement.problem import Arrangement, Network, Residuals, State
 from orip.prelim.refinement.reduced_equations import ReducedEquations
 from orip.records.preliminary import CAMERA_CORRECTIONS
-
-FloatArray = NDArray[np.float64]
 
 
 class CompiledSolver:

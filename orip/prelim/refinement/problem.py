@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.refinement.camera_corrections import EXPECTED
 from orip.records.preliminary import ImageRays
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _MEDIAN = np.sqrt(2.0 * np.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""

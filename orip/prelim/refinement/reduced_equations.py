@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.prelim.refinement.camera_corrections import EXPECTED
-
-FloatArray = NDArray[np.float64]
 
 
 class ReducedEquations(NamedTuple):

@@ -11,19 +11,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.compiled_steps import CompiledSolver
 from orip.prelim.refinement.problem import Network, Residuals, State
 from orip.records.preliminary import ImageRays
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _LIMIT = 3.5
 """3.5: of residuals with two components one good one in 460 is longer."""

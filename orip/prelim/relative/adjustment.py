@@ -9,15 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
+from orip.arrays import FloatArray
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.rotation import cross_matrix, rotation_about_axes
 from orip.prelim.compiled import LEAST_WEIGHT
 from orip.prelim.relative.parallax import Pairs, Parallaxes, parallaxes, parallaxes_with_partials
-
-FloatArray = NDArray[np.float64]
 
 MAX_STANDARD_RESIDUAL = 5.0
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
@@ -12,8 +12,6 @@ from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import Solution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
-
-IntArray = NDArray[np.int64]
 
 _NO_BASE = 3.0
 """Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
@@ -28,9 +28,6 @@ from orip.prelim.relative.start import (
     samples_of,
     starting_orientations,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _ITERATIONS_TO_COMPARE, _MAX_ITERATIONS = 5, 20
 

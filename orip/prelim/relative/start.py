@@ -14,12 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.essential import TwoPhotos, essential_matrices, two_photos_of
 from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
 from orip.prelim.sampling import subsets
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 POINTS_NEEDED = 5
 

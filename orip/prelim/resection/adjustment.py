@@ -8,15 +8,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 _BLUNDERS = 0.35
 """Largest part of the points that may be blunders."""

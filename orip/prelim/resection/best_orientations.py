@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
 from orip.prelim.resection.adjustment import (
     IMPROVEMENTS,
@@ -18,9 +18,6 @@ from orip.prelim.resection.adjustment import (
     adjusted,
     improved,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ALIKE = 3.0
 """Excess of squared residuals, over those expected, up to which a second orientation is another possibility."""

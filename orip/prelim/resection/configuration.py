@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 SMALLEST_AREA = 0.05
 """Part of the image that the known points should span (the test of the on-line triangulation system OLTRIS)."""

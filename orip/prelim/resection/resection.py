@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.prelim.resection.adjustment import Adjusted, KnownPoints, Orientations, adjusted
 from orip.prelim.resection.best_orientations import settled
 from orip.prelim.resection.configuration import on_one_line
 from orip.prelim.resection.start import starting_orientations
-
-FloatArray = NDArray[np.float64]
 
 _WORTHLESS_ANGLE = 0.1
 """Standard deviation of a rotation, radians: off by 6 degrees no adjustment starts well."""

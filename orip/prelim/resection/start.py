@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.homography import plane_orientations
 from orip.geometry.three_point_resection import three_point_resection
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.resection.adjustment import KnownPoints, Orientations
 from orip.prelim.sampling import subsets
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _TRIPLES = 50
 """With 35 % blunders a triple is free of them with probability 0.27: 50 of them all miss with probability 1e-7, and

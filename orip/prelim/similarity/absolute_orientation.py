@@ -6,18 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
 from orip.prelim.similarity.joining import Joined, Names, similarity_step, steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import NotOriented, SubBlock
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _CONSTANT = 0.1
 """Of the median a-priori error: what stands for the error 0 of a constant coordinate."""

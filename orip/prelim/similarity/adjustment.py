@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.geometry.similarity import (
     UNKNOWNS,
@@ -22,10 +22,6 @@ from orip.geometry.similarity import (
     similarity_with_partials,
 )
 from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 ALL_UNKNOWNS = np.arange(UNKNOWNS)
 NO_ROTATION = np.arange(4)

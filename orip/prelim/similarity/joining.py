@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
@@ -25,9 +25,6 @@ from orip.prelim.similarity.adjustment import (
 from orip.prelim.similarity.medians import median, medians
 from orip.prelim.similarity.start import best_start, start_from_triples
 from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 Step = Literal["bridge", "connect", "absolute"]
 

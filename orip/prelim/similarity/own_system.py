@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.placed import Placed
 from orip.records.control import ControlDistance
 from orip.records.preliminary import ImageRays
-
-FloatArray = NDArray[np.float64]
 
 
 def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDistance]) -> tuple[Placed, str]:

@@ -10,15 +10,12 @@ from contextlib import suppress
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import UNKNOWNS, Similarities, similarity_with_partials
 from orip.prelim.sampling import subsets
 from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
 from orip.prelim.similarity.start import truncated_costs
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _STEPS = 40
 _SETTLED = 1e-3

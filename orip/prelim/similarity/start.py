@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarities, Similarity, fit_similarities, several
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.sampling import subsets
 from orip.prelim.similarity.adjustment import LEAST_ERROR, CommonPoints
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TRIPLES = 40, 500
 """Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.transaction import writing
@@ -23,8 +23,6 @@ from orip.workflow.project.definitions import read_definitions, write_definition
 from orip.workflow.project.folder import Project
 from orip.workflow.project.preliminary_outputs import listed_values, write_preliminary_listing
 from orip.workflow.project.texts import raise_complaints
-
-FloatArray = NDArray[np.float64]
 
 _SAME = 1e-6
 """Of the distance from photos to points, and in radians: below it values are the same, found a second time."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.local_frame import ground_system
 from orip.bundle.prediction import predict_photo_coordinates
 from orip.interior.frame import frame_corners
@@ -15,8 +16,6 @@ from orip.records.listed_observation import Pair
 from orip.records.names import record_key
 from orip.workflow.observations.at_hand import BundleAtHand
 from orip.workflow.project.texts import raise_complaints, read_ground
-
-FloatArray = NDArray[np.float64]
 
 NOWHERE: Pair = (np.nan, np.nan)
 

@@ -6,9 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from orip.arrays import FloatArray
 from orip.errors import OripError
 from orip.files.listings.preliminary import preliminary_listing
 from orip.files.text.atomic import replace_text
@@ -18,8 +16,6 @@ from orip.records.ground import GroundSystem
 from orip.records.preliminary import PreliminaryValues
 from orip.workflow.project.folder import Project
 from orip.workflow.project.run_id import run_id
-
-FloatArray = NDArray[np.float64]
 
 _DIGITS = 3
 """Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""

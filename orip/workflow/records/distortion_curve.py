@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import UsageError
 from orip.files.stores.transaction import reading
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
@@ -19,8 +19,6 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.workflow.project.definitions import read_definitions, require_initialised
 from orip.workflow.project.folder import open_project
-
-FloatArray = NDArray[np.float64]
 
 DistortionForm = Literal["polynomial", "isp", "curve"]
 
