@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.records.measurement import BoolArray, EditRecord, FloatArray, IntArray, PhotoObservations, PointsRecord
+from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.names import record_key
 from orip.records.photo import Photo
 

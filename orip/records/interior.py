@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from orip.arrays import FloatArray
 from orip.records.measurement import MeasuredMarks, TransformationKind
 from orip.records.photo import Stage
-from orip.records.solution import FloatArray, InteriorSummary
+from orip.records.solution import InteriorSummary
 
 
 @dataclass(frozen=True, slots=True)

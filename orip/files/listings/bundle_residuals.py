@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.files.listings.bundle_estimates import CAMERA_UNITS
 from orip.files.text.fixed_cells import FixedCells
 from orip.files.text.numbers import decimals_for, fixed, measure, root_mean_square
 from orip.files.text.table import Column, Table, table_lines, xy_pair
-from orip.records.measurement import IntArray, PhotoObservations
+from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
-from orip.records.solution import FloatArray, Reliability, Residuals, Solution
+from orip.records.solution import Reliability, Residuals, Solution
 
 LARGEST = 10
 """So many of the largest standard residuals stand at the front of the listing."""

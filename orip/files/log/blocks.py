@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.files.text.field_reader import FieldReader
-from orip.records.measurement import BoolArray, FloatArray, LogRecord, MeasuredMarks
+from orip.records.measurement import LogRecord, MeasuredMarks
 
 BlockKind = Literal["TEMPLATE", "PHOTO", "POINTS", "FIDUCIALS", "TICKS"]
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.arrays import FloatArray
 from orip.files.text.numbers import shortest_texts
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Estimates, FloatArray, InteriorSummary, Residuals, Solution
+from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
 
 SCHEMA = "orip.result/1"
 SINGULAR = "singular"

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from orip.arrays import FloatArray
 from orip.files.text.numbers import shortest_texts
-from orip.records.solution import FloatArray, Reliability, Residuals
+from orip.records.solution import Reliability, Residuals
 
 HEADER = (
     "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w,"

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from orip.adjustment.reliability import reliability
+from orip.arrays import FloatArray
 from orip.errors import InputError, ProjectWarning
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
 from orip.records.names import record_key
-from orip.records.solution import FloatArray, Solution
+from orip.records.solution import Solution
 from orip.workflow.observations.at_hand import BundleAtHand, bundle_at_hand
 from orip.workflow.observations.places import NOWHERE, Places
 from orip.workflow.observations.rays import photos_of_points
