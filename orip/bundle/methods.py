@@ -32,14 +32,22 @@ class Method:
     prune: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class AdjustedBlock:
+    """An adjustment in the user's names, diagnosed, and the block as it was solved last."""
+
+    solution: Solution
+    solved: SolvedBlock
+
+
 def adjust_block(
     block: Block,
     method: Method,
     ground_unit: str,
     on_pass: Callable[[PassRecord], None],
     stop_asked: Callable[[], bool],
-) -> Solution:
-    """Adjust a block by a method and return its solution, diagnosed.
+) -> AdjustedBlock:
+    """Adjust a block by a method.
 
     Parameters
     ----------
@@ -52,7 +60,7 @@ def adjust_block(
 
     Returns
     -------
-    Solution
+    AdjustedBlock
     """
     passes: list[PassRecord] = []
 
@@ -70,13 +78,14 @@ def adjust_block(
     solution = solution_of(solved)
     # the last adjustment may have converged, but the search for blunders or parameters has not come to its end
     cut_short = method != Method() and stop_asked()
-    return replace(
+    solution = replace(
         solution,
         status="stopped" if cut_short else solution.status,
         iterations=tuple(iteration_pass(record) for record in passes),
         blunders=blunders,
         diagnosis=(*advice, *diagnose(solved)),
     )
+    return AdjustedBlock(solution, solved)
 
 
 def _solved(

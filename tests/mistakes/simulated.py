@@ -22,7 +22,7 @@ def explained(block: Block) -> list[ProjectWarning]:
         return with_starting_values(other, ())[0]
 
     started = start(gathered)
-    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
+    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False).solution
     return explanations_of(solution, started, Trials(gathered, start, block.cameras))
 
 

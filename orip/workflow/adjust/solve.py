@@ -142,7 +142,7 @@ def _adjusted(
         with watcher.stoppable() as stop_asked:
             solution = adjust_block(
                 block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
-            )
+            ).solution
     except NotSolvableError as error:
         causes = explanations_of_failure(trials, not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
