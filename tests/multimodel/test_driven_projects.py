@@ -43,7 +43,7 @@ def add_models(folder, models):
 
 def sample(folder, name):
     ignored = shutil.ignore_patterns("*.OUT", "*.EXT", "*.EXO", "*.PHO", "*.TEM", "*.CAM", "*.TIK", "*.json", "*.csv")
-    return Path(shutil.copytree(REPOSITORY / "orip" / "sample_projects" / name, folder / name, ignore=ignored))
+    return Path(shutil.copytree(REPOSITORY / "sample_projects" / name, folder / name, ignore=ignored))
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:
@@ -107,7 +107,7 @@ def check_photos(solution, table, expected, tolerance, xyz_of=lambda xyz: xyz):
 
 def test_zurich_in_pixels(zurich):
     solution, outcome = zurich
-    log = measured(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
+    log = measured(REPOSITORY / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
     expected = expected_positions(solution, outcome.table, log)
     assert outcome.table.plate_unit == "px"
     assert len(expected) > 100
@@ -124,7 +124,7 @@ def test_zurich_from_model_to_model(zurich):
     """In every model every point that both photos show is driven to, and read back."""
     solution, outcome = zurich
     block, state = loaded(outcome.table)
-    log = measured(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
+    log = measured(REPOSITORY / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
     expected = expected_positions(solution, outcome.table, log)
     rows = {name: row for row, name in enumerate(solution.points.names)}
     state, _ = automatic(block, state, False)

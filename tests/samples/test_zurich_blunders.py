@@ -28,7 +28,7 @@ def project(tmp_path: Path) -> Path:
     folder = tmp_path / "zurich"
     folder.mkdir()
     for name in ("orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.PRE"):
-        shutil.copy(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / name, folder)
+        shutil.copy(REPOSITORY / "sample_projects" / "zurich_city_hall" / name, folder)
     return folder
 
 
