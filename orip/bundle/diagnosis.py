@@ -20,6 +20,7 @@ from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Diagnosis
 
@@ -89,11 +90,11 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     Photo points do not determine any: they only see how photos and points lie to one another.
     """
     problem, state = solved.problem, solved.adjusted.linearised.state
-    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != "photo")
+    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
     rows = [each.rows for each in problem.observations]
-    is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
+    is_photo = np.concatenate([np.full(len(each.used), each.kind == PHOTO_POINT) for each in rows])
     active = solved.adjusted.linearised.equations.active[~is_photo]
     design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
