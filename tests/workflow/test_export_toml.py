@@ -25,12 +25,7 @@ from orip.workflow.record_commands import add_record, delete_record, edit_record
 from orip.workflow.record_edits import RecordName
 from orip.workflow.records import StoredDefinitions, read_definitions
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    initialise(folder)
-    return folder
+pytestmark = pytest.mark.usefixtures("initialised")
 
 
 def stored(folder: Path) -> StoredDefinitions:
