@@ -18,11 +18,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.model.block import Block, PhotoPoints
-from orip.model.camera import Camera
-from orip.model.control import ControlPoint
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition, Precision
+from orip.records.block import Block, PhotoPoints
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition, Precision
 
 PRINCIPAL_DISTANCE_MM = 120.0
 FRAME_MM = (70.0, 100.0)

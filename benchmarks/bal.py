@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orip.geometry.rotation import angles_from_rotation
-from orip.model.block import Block, PhotoPoints
-from orip.model.camera import Camera
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition, Precision
+from orip.records.block import Block, PhotoPoints
+from orip.records.camera import Camera
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition, Precision
 
 LADYBUG = Path(__file__).parents[2] / "shared" / "reference-data" / "bal" / "problem-49-7776-pre.txt"
 ALL_RAYS_COST = 13344.24

@@ -25,14 +25,14 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 
-from orip.files.drive_table_text import drive_table_text
+from orip.files.drive.table_text import drive_table_text
 from orip.link.client import open_link
-from orip.model.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits
 from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import drive_object
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.state import State
+from orip.records.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits
 
 TIMES = 5
 STRIPS, MODELS = 5, 20

@@ -14,7 +14,7 @@ from aerial_blocks import FRAME_MM, NOISE_MM, POINTS_A_PHOTO, aerial_block
 from bal import LADYBUG, bal_block
 
 from orip.bundle.problem import starting_state
-from orip.model.block import Block
+from orip.records.block import Block
 
 BAL = "BAL"
 _PIXEL_MM = 2.0 * NOISE_MM

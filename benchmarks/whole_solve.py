@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 from aerial_blocks import aerial_block
 
-from orip.files.toml_text import toml_table
-from orip.model.block import Block
-from orip.model.photo import PHOTO_PARAMETERS
+from orip.files.project.toml_text import toml_table
+from orip.records.block import Block
+from orip.records.photo import PHOTO_PARAMETERS
 
 COMMANDS = ("init", "measure", "solve")
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

@@ -9,13 +9,11 @@ by it, nor is the solution.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import SolvedNormals
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _MEMORY = 3
 _STARTING_ENP = 0.0

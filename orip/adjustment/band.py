@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.arrays import FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
 """Below, a full matrix is as fast."""

@@ -15,8 +15,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.band import Arrangement, BandMatrix
 from orip.adjustment.cholesky import DEFERRAL_DIGITS, LOST_ALL, Elimination
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _PANEL = 64
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import BlockNormals, Equations, Layout, Linearised, Problem, State
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _PASSES = 2
 _FIRST, _STEP = 1e-2, 10.0

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_triangular
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.arrays import FloatArray, IntArray
 
 DEFERRAL_DIGITS = 5.0
 LOST_ALL = 99.0

@@ -10,15 +10,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from orip.adjustment.band import Symmetric
 from orip.adjustment.cholesky import LOST_ALL
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-
+from orip.arrays import BoolArray, FloatArray
 
 _AS_LARGE = 1e-9
 """Pivots that differ by less than this part are taken in their order: rounding is not to say which is removed."""

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from orip.arrays import BoolArray, FloatArray
 
 State = TypeVar("State")
 

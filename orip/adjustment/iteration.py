@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Generic
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.block_fit import with_blocks_fitted
@@ -22,8 +21,7 @@ from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _GIVING_BACK_ENP = 2.0
 """Corrections this far below their deviations change no standard residual enough to matter for giving weight back."""
@@ -63,7 +61,7 @@ class IterationSettings:
 
 @dataclass(frozen=True, slots=True)
 class PassRecord:
-    """One printed line: see `orip.model.solution.IterationPass`; sigma0 is that after the iteration.
+    """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed.
     """

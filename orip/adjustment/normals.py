@@ -12,8 +12,7 @@ from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
 from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.equations import Equations, Layout
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

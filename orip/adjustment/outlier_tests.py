@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, fdtri, ndtri, stdtrit
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

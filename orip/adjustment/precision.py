@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.band import Symmetric, scale_matrix
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

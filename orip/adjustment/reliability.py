@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.solution import Reliability, Residuals
-
-FloatArray = NDArray[np.float64]
+from orip.records.solution import Reliability, Residuals
 
 NON_CENTRALITY = 4.132
 """Shift of a normalised residual that a test with error probability 0.001 finds with probability 0.80 (Baarda 1968)."""

@@ -19,8 +19,7 @@ from orip.adjustment.elimination import (
     factorise_blocks,
 )
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _CHUNK_NUMBERS = 4_000_000
 """Numbers gathered at a time: bounds the memory of the blockwise products."""

@@ -9,14 +9,12 @@ minimum: iterations do not end with a damped correction.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.block_fit import judged_residuals
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.normals import SolvedNormals
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations
 from orip.adjustment.weights import danish_weights, settling_weights
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _SETTLED_ENP = 1.0
 """Corrections a tenth of their deviations: residuals are now those of the observations, and no longer of the start."""

@@ -7,9 +7,8 @@ program's choice among those found under that name: it does not diverge where th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _FLOOR = 1e-10
 """Least weight: next to nothing, and yet what hangs on down-weighted observations alone remains determined."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from orip.bundle.calibration import ParameterTest
-from orip.model.solution import Blunder, Diagnosis
+from orip.records.solution import Blunder, Diagnosis
 
 
 def blunder_advice(blunders: Sequence[Blunder], ground_unit: str) -> Iterator[Diagnosis]:

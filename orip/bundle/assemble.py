@@ -8,24 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.additional_parameter import base_of_camera
+from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.name_warnings import name_warnings
 from orip.bundle.same_photo import photos_under_two_names
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
-from orip.model.block import Block, PhotoPoints, TheodoliteSet
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.control import Control, ControlElement, PreliminaryPoint
-from orip.model.measurement import PhotoObservations
-from orip.model.names import record_key
-from orip.model.photo import PHOTO_PARAMETERS, Photo
-from orip.model.project import BundleDefinition
+from orip.records.block import Block, PhotoPoints, TheodoliteSet
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.control import Control, ControlElement, PreliminaryPoint
+from orip.records.measurement import PhotoObservations
+from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project import BundleDefinition
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtri
 
+from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.solution import Diagnosis
-
-FloatArray = NDArray[np.float64]
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.solution import Diagnosis
 
 ALPHA = 0.05
 MOST_LOST_DIGITS = 5.0

@@ -9,15 +9,12 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations
-from orip.bundle.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _FEWEST, _MOST = 3, 10
 """Rays of a point that is looked at: with two none can be called wrong, with many none takes over."""

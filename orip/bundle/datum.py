@@ -18,14 +18,12 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
-from orip.model.block import Block
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.records.block import Block
 
 _DETERMINED = 1e-8
 """An observation fixes a movement when that changes it by more than this part of what its partials allow."""

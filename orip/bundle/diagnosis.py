@@ -12,16 +12,16 @@ from scipy.sparse import csr_array
 from orip.adjustment.convergence import Termination
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
-from orip.bundle.photo_point import PhotoPointObservations
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Diagnosis
 from orip.progress import stage
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Diagnosis
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0

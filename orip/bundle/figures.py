@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orip.model.solution import Solution
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
+from orip.records.solution import Solution
 
 
 def figure(solution: Solution, name: str) -> float:
-    """Return a figure of a solution; see `orip.model.gate.GATE_FIGURES` for what the names mean.
+    """Return a figure of a solution; see `orip.records.gate.GATE_FIGURES` for what the names mean.
 
     NaN where the solution has no such figure, as there is no largest of none; infinite where the standard deviations
     in question include that of an unknown that nothing determines.

@@ -7,15 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
-from orip.model.names import record_key
-from orip.model.photo import PHOTO_PARAMETERS
+from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNDETERMINED = np.inf
 """Standard deviation of what depends on an unknown that was removed."""

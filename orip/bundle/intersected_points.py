@@ -10,7 +10,7 @@ from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rays import intersect_rays
 from orip.interior.image_vectors import image_vectors
-from orip.model.block import Block
+from orip.records.block import Block
 
 
 def with_intersected_points(block: Block, state: State, unknowns: Unknowns) -> State:

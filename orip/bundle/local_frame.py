@@ -12,18 +12,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.starting_points import given_coordinates
 from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.model.block import Block
-from orip.model.control import ControlElement, ControlPoint, PreliminaryPoint
-from orip.model.ground import PLAIN, GroundSystem
-from orip.model.photo import PHOTO_PARAMETERS, Photo
-
-FloatArray = NDArray[np.float64]
+from orip.records.block import Block
+from orip.records.control import ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.ground import PLAIN, GroundSystem
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 

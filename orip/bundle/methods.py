@@ -12,8 +12,8 @@ from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import iteration_pass, solution_of
 from orip.bundle.snooping import SnoopingSettings, snoop, without_blunders
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.model.block import Block
-from orip.model.solution import Blunder, Diagnosis, Solution
+from orip.records.block import Block
+from orip.records.solution import Blunder, Diagnosis, Solution
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.state import State
-
-FloatArray = NDArray[np.float64]
 
 _FARTHEST = 10.0
 """Times its distance to which a point may go at once."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Container, Sequence
 
 from orip.errors import ProjectWarning
-from orip.model.block import Block
-from orip.model.control import Control, ControlElement, PreliminaryPoint
-from orip.model.names import look_alikes
+from orip.records.block import Block
+from orip.records.control import Control, ControlElement, PreliminaryPoint
+from orip.records.names import look_alikes
 
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.bundle.additional_parameter import base_of_camera
+from orip.arrays import FloatArray
+from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
-from orip.model.camera import Camera
-from orip.model.ground import GroundSystem
-from orip.model.names import record_key
-from orip.model.solution import Solution
+from orip.records.camera import Camera
+from orip.records.ground import GroundSystem
+from orip.records.names import record_key
+from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
 
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE_MM = 1e-9

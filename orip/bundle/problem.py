@@ -12,22 +12,20 @@ from scipy.sparse import csr_array
 from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.compiled.photo_loop import PhotoLoop, is_compiled, photo_loop
+from orip.bundle.compiled.streamed_rows import StreamedRows
 from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.intersected_points import with_intersected_points
-from orip.bundle.kinds import KINDS
+from orip.bundle.kinds.all_kinds import KINDS
+from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.moved_points import with_points_moved
-from orip.bundle.observation import Observations
-from orip.bundle.photo_loop import PhotoLoop, is_compiled, photo_loop
-from orip.bundle.photo_point import PhotoPointObservations
 from orip.bundle.state import State, entries_at, rotation_limit
-from orip.bundle.streamed_rows import StreamedRows
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
-from orip.model.block import Block
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.records.block import Block
 
 
 @dataclass(frozen=True, slots=True)

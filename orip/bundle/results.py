@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.control import PointKind
-from orip.model.solution import (
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import PointKind
+from orip.records.solution import (
     AdditionalEstimate,
     CheckPoint,
     Correlation,
@@ -27,8 +26,6 @@ from orip.model.solution import (
     Solution,
     Status,
 )
-
-FloatArray = NDArray[np.float64]
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import ProjectWarning
-from orip.model.block import Block
+from orip.records.block import Block
 
 _FEWEST = 5
 """Points in common; a few may lie at the same place by chance, as in two photos taken one behind the other."""

@@ -12,23 +12,20 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.convergence import Termination
 from orip.adjustment.iteration import PassRecord
 from orip.adjustment.outlier_tests import OutlierTest
-from orip.bundle.control_point import ControlPointObservations
-from orip.bundle.observation import Observations
-from orip.bundle.photo_point import PhotoPointObservations
+from orip.arrays import FloatArray
+from orip.bundle.kinds.control_point import ControlPointObservations
+from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
-from orip.model.block import Block
-from orip.model.control import ControlPoint
-from orip.model.solution import Blunder
 from orip.progress import stage
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.records.block import Block
+from orip.records.control import ControlPoint
+from orip.records.solution import Blunder
 
 _NEAR_THE_WORST = 0.5
 """In one round only candidates within this part of the worst are left out: smaller ones may be its shadows."""

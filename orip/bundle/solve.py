@@ -14,9 +14,9 @@ from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import State
 from orip.errors import NotSolvableError
-from orip.model.block import Block
-from orip.model.project import BundleDefinition
 from orip.progress import stage
+from orip.records.block import Block
+from orip.records.project import BundleDefinition
 
 _LARGE = 2000
 """Unknowns of a full reduced system that several threads factor faster than one."""

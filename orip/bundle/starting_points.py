@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.model.block import Block
-from orip.model.control import PreliminaryPoint
-
-FloatArray = NDArray[np.float64]
+from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 
 _RAYS_AT_A_TIME = 65536
 """Each has a matrix: for a million of them that would be much memory."""

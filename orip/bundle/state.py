@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
     angles_from_rotation,
@@ -15,8 +16,6 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_ROTATION = 0.5
 """Radians that a photo may turn in one iteration; a larger correction is scaled down as a whole."""

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Layout
+from orip.arrays import IntArray
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.photo import PHOTO_PARAMETERS
-
-IntArray = NDArray[np.int64]
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.photo import PHOTO_PARAMETERS
 
 CONSTANT = -1
 POINT_COORDINATES = ("X", "Y", "Z")

@@ -10,8 +10,8 @@ import typer
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
-    from orip.workflow.control_edits import ControlOutcome
-    from orip.workflow.record_commands import RecordsOutcome
+    from orip.workflow.control.edits import ControlOutcome
+    from orip.workflow.records.commands import RecordsOutcome
 
     EditOutcome: TypeAlias = ControlOutcome | RecordsOutcome
 

@@ -10,28 +10,7 @@ from typing import Annotated
 import typer
 
 from orip import __version__
-from orip.cli import (
-    cmd_camera_plot,
-    cmd_check,
-    cmd_compare,
-    cmd_control,
-    cmd_digitise,
-    cmd_drive,
-    cmd_drive_watch,
-    cmd_export_toml,
-    cmd_init,
-    cmd_measure,
-    cmd_observations,
-    cmd_prelim,
-    cmd_records,
-    cmd_report,
-    cmd_results,
-    cmd_run,
-    cmd_solve,
-    cmd_status,
-    cmd_stores,
-    cmd_update,
-)
+from orip.cli import adjust, control, digitise, drive, observations, project, records
 from orip.cli.exits import exit_on_error, report_usage
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.errors import INTERRUPTED
@@ -45,29 +24,29 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for module in (
-    cmd_init,
-    cmd_measure,
-    cmd_prelim,
-    cmd_solve,
-    cmd_run,
-    cmd_status,
-    cmd_results,
-    cmd_report,
-    cmd_drive,
-    cmd_drive_watch,
-    cmd_digitise,
-    cmd_observations,
-    cmd_update,
-    cmd_check,
-    cmd_compare,
-    cmd_stores,
-    cmd_records,
-    cmd_camera_plot,
-    cmd_control,
-    cmd_export_toml,
+for group in (
+    project.init,
+    observations.measure,
+    adjust.prelim,
+    adjust.solve,
+    project.run,
+    project.status,
+    adjust.results,
+    adjust.report,
+    drive.commands,
+    drive.watch,
+    digitise.commands,
+    observations.commands,
+    adjust.update,
+    adjust.check,
+    adjust.compare,
+    project.stores,
+    records.commands,
+    records.camera_plot,
+    control,
+    project.export_toml,
 ):
-    module.register(app)
+    group.register(app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -101,7 +80,7 @@ def before_command(
     context.obj = Invocation(folder, options, options.terminal())
     if context.invoked_subcommand is None:
         with exit_on_error(context.obj.terminal):
-            cmd_status.show(context.obj)
+            project.status.show(context.obj)
 
 
 def main() -> None:

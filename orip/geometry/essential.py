@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _NEARLY_REAL = 0.1
 """Largest imaginary part, relative, of a solution whose real part is taken: where two solutions are near to each other,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.ground_heights import WITHOUT_HEIGHTS, heights_to_ellipsoid
 from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
@@ -20,7 +20,6 @@ from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
 if TYPE_CHECKING:
     import pyproj
 
-FloatArray = NDArray[np.float64]
 
 _SAME_UNIT = 1e-9
 """Relative difference of two units that are the same; foot and US survey foot differ by 2e-6."""

@@ -7,9 +7,8 @@ metres from the centre of the ellipsoid, the third along its axis. An ellipsoid 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _ROUNDS = 3
 """Of Bowring's iteration: one leaves 0.3 micrometres at 5 km of height, two are exact to rounding, one is to spare."""

@@ -16,13 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import InputError, ProjectWarning
 from orip.geometry.ground_crs import GroundCrs, degrees_at, ground_crs
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
-from orip.model.ground import ProjectCoordinates
+from orip.records.ground import ProjectCoordinates
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
 
 _STEP = 100.0
 """Metres to each side in the differences of a map projection.

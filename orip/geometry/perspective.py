@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.rotation import cross_matrix
-
-FloatArray = NDArray[np.float64]
 
 
 class Perspective(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _PARALLEL = 1e-10
 """Smallest ratio of eigenvalues at which rays still meet; below it they are parallel to working precision."""

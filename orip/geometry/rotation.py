@@ -7,9 +7,8 @@ Nothing here has a singular case except the angles themselves, which are only a 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 _GIMBAL_LOCK = 1e-9
 """Below this cosine of phi omega and kappa turn about the same axis, and kappa is written as zero."""

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.rotation import cross_matrix, rotation_about_axes
-
-FloatArray = NDArray[np.float64]
 
 _ONE_LINE = 1e-6
 """Points whose width is a smaller part of their length lie on a line: rounding and no figure is left across it."""

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from orip.arrays import BoolArray, FloatArray
 
 _PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 

@@ -35,11 +35,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.camera import AdditionalSet
+from orip.arrays import FloatArray
+from orip.records.camera import AdditionalSet
 
-FloatArray = NDArray[np.float64]
 Term = tuple[int, int, float]
 """i, j and factor of a product B_i(y) A_j(x), counted from 1."""
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.errors import ProjectWarning
-from orip.model.camera import Camera
+from orip.records.camera import Camera
 
 _LONGEST = 20.0
 """Principal distance over the diagonal of the frame: an angle of view below 3°, that of a telescope."""

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 from orip.interior.known_names import unknown_record
 from orip.interior.orientation import OrientationError
-from orip.model.camera import Camera
-from orip.model.names import record_key
-from orip.model.photo import Photo, Template, Temtick
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.photo import Photo, Template, Temtick
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)
 

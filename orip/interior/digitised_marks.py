@@ -8,10 +8,10 @@ from orip.interior.definitions import Definitions
 from orip.interior.fiducial_system import fiducials_from_plate
 from orip.interior.known_names import unknown_record
 from orip.interior.orientation import OrientationError
-from orip.model.camera import Camera, Mark
-from orip.model.measurement import FiducialsRecord, TicksRecord
-from orip.model.names import record_key
-from orip.model.photo import Temtick
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import FiducialsRecord, TicksRecord
+from orip.records.names import record_key
+from orip.records.photo import Temtick
 
 
 def camera_with_digitised_fiducials(record: FiducialsRecord, definitions: Definitions) -> Camera:

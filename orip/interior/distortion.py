@@ -14,9 +14,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
 
 DISTORTION_PARAMETERS = ("A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 _NEWTON_STEPS = 20

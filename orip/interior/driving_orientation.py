@@ -10,16 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import IDENTITY, MARKS_NEEDED, PlaneTransformation, fit_plane_transformation
 from orip.interior.orientation import given_coordinates_of_photo, given_coordinates_of_template
-from orip.model.camera import Camera, Mark
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
-
-FloatArray = NDArray[np.float64]
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 
 
 class DrivingOrientation(NamedTuple):

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.plane import PlaneTransformation
-from orip.model.camera import Mark
-from orip.model.measurement import MeasuredMarks
-
-FloatArray = NDArray[np.float64]
+from orip.records.camera import Mark
+from orip.records.measurement import MeasuredMarks
 
 _ONE_PLACE = 1e-6
 """Marks on opposite sides are apart by the size of the frame, not by a millionth of it."""

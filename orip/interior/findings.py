@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.errors import Complaint, ProjectWarning
-from orip.model.measurement import Place
+from orip.records.measurement import Place
 
 
 class Findings:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.camera import Camera
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
+from orip.records.camera import Camera
 
 
 def frame_corners(camera: Camera) -> tuple[FloatArray, FloatArray] | None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.interior.distortion import correction_with_partials, remove_distortion
-from orip.model.block import Block
-
-FloatArray = NDArray[np.float64]
+from orip.records.block import Block
 
 
 def image_vectors(block: Block) -> FloatArray:

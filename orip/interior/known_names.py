@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-from orip.model.names import record_key
+from orip.records.names import record_key
 
 _MOST_NAMES = 20
 """So many names are listed; a project may have thousands of photos, a reseau hundreds of crosses."""

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.pixels import scan_transformation
-from orip.model.names import record_key
-from orip.model.photo import Photo
+from orip.records.names import record_key
+from orip.records.photo import Photo
 
 
 def stored_to_log(

@@ -12,15 +12,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS
-from orip.model.interior import MarkAdjustment
-from orip.model.names import counted_names
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.records.interior import MarkAdjustment
+from orip.records.names import counted_names
 
 _UNLIKELY = 1e-6
 """Probability of residuals so large by chance; there are as many tests as films."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from orip.model.camera import Camera
-from orip.model.measurement import PhotoObservations, PhotoOrientation, TemplateOrientation
-from orip.model.photo import Temtick
+from orip.records.camera import Camera
+from orip.records.measurement import PhotoObservations, PhotoOrientation, TemplateOrientation
+from orip.records.photo import Temtick
 
 
 @dataclass(frozen=True, slots=True)

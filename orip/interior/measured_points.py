@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.model.measurement import BoolArray, EditRecord, FloatArray, IntArray, PhotoObservations, PointsRecord
-from orip.model.names import record_key
-from orip.model.photo import Photo
+from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord
+from orip.records.names import record_key
+from orip.records.photo import Photo
 
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import OripError
 from orip.geometry.plane import (
     IDENTITY,
@@ -19,14 +19,12 @@ from orip.geometry.plane import (
 )
 from orip.interior.known_names import listed_names
 from orip.interior.pixels import sensor_transformation
-from orip.model.camera import Camera, Mark
-from orip.model.interior import MarkAdjustment
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.model.photo import Stage
-from orip.model.solution import InteriorSummary
+from orip.records.camera import Camera, Mark
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.photo import Stage
+from orip.records.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""

@@ -11,15 +11,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.model.camera import Camera
-from orip.model.measurement import PhotoObservations
-from orip.model.names import counted_names, record_key
-from orip.model.photo import Photo
-
-FloatArray = NDArray[np.float64]
+from orip.records.camera import Camera
+from orip.records.measurement import PhotoObservations
+from orip.records.names import counted_names, record_key
+from orip.records.photo import Photo
 
 _BEYOND_MARKS = 0.25
 """Of the extent of the fiducial marks, on each side: the picture goes on beyond marks at the corners of its gate."""

@@ -11,9 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
@@ -26,8 +23,8 @@ from orip.interior.mounting import STORED, MountedFilms, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
 from orip.interior.stored_coordinates import StoredCoordinates
-from orip.model.camera import Camera
-from orip.model.measurement import (
+from orip.records.camera import Camera
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -39,12 +36,10 @@ from orip.model.measurement import (
     TemplateRecord,
     TicksRecord,
 )
-from orip.model.names import record_key
-from orip.model.photo import Photo, Template, Temtick
+from orip.records.names import record_key
+from orip.records.photo import Photo, Template, Temtick
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from orip.interior.measured_points import MeasuredPoints
 from orip.interior.mounting import STORED, MountedFilms, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.model.names import record_key
-from orip.model.photo import Photo
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.names import record_key
+from orip.records.photo import Photo
 
 
 class StoredCoordinates:

@@ -32,10 +32,10 @@ from orip.link.reply_values import (
     profile_point_of,
     status_of,
 )
-from orip.model.drive_table import DriveCode, Triple
-from orip.model.photo import Stage
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.records.drive_table import DriveCode, Triple
+from orip.records.photo import Stage
 
 FIRST_PAUSE_S = 0.2
 """Before the second attempt to get through; each further pause is twice as long."""

@@ -20,7 +20,7 @@ from orip.link.protocol import NOBODY, answer, busy, downloaded, error, greeting
 from orip.link.request_words import Refused, Request, whole_number
 from orip.link.station import Station, TableLoader
 from orip.link.travel import Pace, Travel, on_the_way
-from orip.model.drive_table import DriveCode, DriveFault
+from orip.records.drive_table import DriveCode, DriveFault
 
 MOST_TABLE_LINES = 100_000
 MOST_TABLE_BYTES = 64 * 1024 * 1024

@@ -2,7 +2,7 @@
 
 Lines end in LF or CRLF. Words are parted by blanks; verbs and keywords may be written in small letters. A list is
 ``OK n`` and n lines. Plate, photo and object coordinates have four decimals. Nothing is said without having been asked,
-but for the greeting of a new connection. Error codes are those of `orip.model.drive_table.DriveCode`.
+but for the greeting of a new connection. Error codes are those of `orip.records.drive_table.DriveCode`.
 
     (greeting), VERSION              OK KDPP-EMU 1 READY|EMPTY [OBSERVER address of the operator, or nobody]
     DOWNLOAD n, and n lines          OK LOADED cameras c photos p models m; the table is replaced as a whole or not
@@ -43,7 +43,7 @@ from orip.link.replies import error_line, loaded_text
 from orip.link.request_words import Refused, Request, read_request, shown
 from orip.link.station import Station, TableLoader
 from orip.link.verbs import Reply, Verb, Words
-from orip.model.drive_table import DriveCode, DriveFault
+from orip.records.drive_table import DriveCode, DriveFault
 
 PROTOCOL = "KDPP-EMU 1"
 

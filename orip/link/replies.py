@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.link.request_words import shown
-from orip.model.drive_table import DriveFault, DriveTable, StageLimits
 from orip.multimodel.driving import DrivenPoints
 from orip.multimodel.model_loop import ModelLoop
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Event, Position, Status
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import DriveFault, DriveTable, StageLimits
 
 _NO_PARALLAX = 0.00005
 """mm: what prints as 0.0000."""

@@ -8,9 +8,9 @@ from functools import wraps
 from typing import Literal, NamedTuple, ParamSpec, TypeVar, cast
 
 from orip.errors import LinkError
-from orip.model.drive_table import Triple
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Condition, Driven, Event, Guide, Position, Rotation, Side, Status
+from orip.records.drive_table import Triple
 
 _GREETING = re.compile(r"OK KDPP-EMU 1 (READY|EMPTY)(?: OBSERVER (.+))?")
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from orip.model.drive_table import DriveCode, DriveFault
+from orip.records.drive_table import DriveCode, DriveFault
 
 LONGEST_REQUEST = 512
 """Bytes of a request without the end of its line."""

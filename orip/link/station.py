@@ -12,7 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from orip.model.drive_table import (
+from orip.multimodel.oriented_block import OrientedBlock, oriented_block
+from orip.multimodel.processor import Loaded
+from orip.multimodel.state import Condition, Position, State
+from orip.records.drive_table import (
     DriveCamera,
     DriveFault,
     DriveModel,
@@ -21,9 +24,6 @@ from orip.model.drive_table import (
     StageLimits,
     Triple,
 )
-from orip.multimodel.oriented_block import OrientedBlock, oriented_block
-from orip.multimodel.processor import Loaded
-from orip.multimodel.state import Condition, Position, State
 
 TableLoader = Callable[[bytes], Loaded | tuple[DriveFault, ...]]
 """Makes a block from the bytes of a drive table, or tells all that is wrong with it."""

@@ -22,11 +22,11 @@ from orip.link.replies import (
 )
 from orip.link.request_words import Refused, keyword, numbers, shown, three_numbers, two_numbers
 from orip.link.station import Station, bare_stages
-from orip.model.drive_table import STAGES, DriveCode, DriveFault
-from orip.model.photo import Stage
 from orip.multimodel import movement, panel, readout
 from orip.multimodel.driving import profile as drive_profile
 from orip.multimodel.state import GUIDES, SIDES, Driven, Side, State, Status
+from orip.records.drive_table import STAGES, DriveCode, DriveFault
+from orip.records.photo import Stage
 
 T = TypeVar("T")
 

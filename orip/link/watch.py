@@ -13,11 +13,11 @@ import numpy as np
 from orip.errors import LinkError, OripError
 from orip.link.client import ProcessorFault
 from orip.link.watch_processor import WatchedProcessor
-from orip.model.drive_table import STAGES, Triple
-from orip.model.photo import Stage
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PhotoLoop
 from orip.multimodel.plan_view import PlanView
+from orip.records.drive_table import STAGES, Triple
+from orip.records.photo import Stage
 
 Document = dict[str, Any]
 

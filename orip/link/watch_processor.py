@@ -8,12 +8,12 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from orip.errors import LinkError
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link
-from orip.model.drive_table import DriveFault, Triple
 from orip.multimodel.movement import drive_object, next_model
 from orip.multimodel.panel import automatic
 from orip.multimodel.processor import Loaded
 from orip.multimodel.readout import ObjectReadout, object_position, plate_position, status
 from orip.multimodel.state import Position, State, Status
+from orip.records.drive_table import DriveFault, Triple
 
 T = TypeVar("T")
 

@@ -19,10 +19,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.drive_table import DriveCamera, DriveParameterSet
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import DriveCamera, DriveParameterSet
 
 Number = TypeVar("Number", float, FloatArray)
 """One coordinate of one point, or of n points as an array (n,)."""

@@ -16,7 +16,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orip.model.photo import Stage
+from orip.records.photo import Stage
 
 
 class PhotoPair(NamedTuple):

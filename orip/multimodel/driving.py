@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import STAGES, DriveCode, DriveFault, Triple
+from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.state import State
 from orip.multimodel.switching import SelectedModels, inside_model, select_models
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 
 MOST_PROFILE_POINTS = 10_000
 

@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
-from orip.model.photo import Stage
+from orip.arrays import FloatArray
 from orip.multimodel.camera_model import Number
 from orip.multimodel.photo_loop import PhotoLoop
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
+from orip.records.photo import Stage
 
 _PARALLEL = 1e-10
 """Square of the sine of the angle at which rays count as parallel: two seconds of arc."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from orip.model.drive_table import STAGES, DriveCode, DriveFault, Triple
-from orip.model.photo import Stage
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PhotoLoop, PlatePlace
 from orip.multimodel.readout import object_position
 from orip.multimodel.state import Condition, Outcome, Position, State, active_model, driven
 from orip.multimodel.switching import Selected, places_in_model, select_model
+from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
+from orip.records.photo import Stage
 
 _NOT_DRIVEN = {
     DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import DriveTable
-from orip.model.names import record_key
 from orip.multimodel.camera_model import camera_model
 from orip.multimodel.model_loop import ModelLoop, model_loop
 from orip.multimodel.photo_loop import PhotoLoop, photo_loop
+from orip.records.drive_table import DriveTable
+from orip.records.names import record_key
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from orip.model.drive_table import DriveCode, DriveFault
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.readout import status
 from orip.multimodel.state import (
@@ -24,6 +23,7 @@ from orip.multimodel.state import (
     active_model,
     read_out,
 )
+from orip.records.drive_table import DriveCode, DriveFault
 
 KEYS = (*(str(number) for number in range(16)), "ENTER", "ZERO")
 """The keypad of four by four keys, and the two beside it."""

@@ -16,11 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import DriveCode, DrivePhoto, StageLimits
-from orip.model.photo import Stage
+from orip.arrays import FloatArray
 from orip.multimodel.camera_model import IN_FRONT, CameraModel, Number
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import DriveCode, DrivePhoto, StageLimits
+from orip.records.photo import Stage
 
 
 class PlatePlaces(NamedTuple):

@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.control import PointKind
-from orip.model.drive_table import Triple
+from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.switching import inside_model
-
-FloatArray = NDArray[np.float64]
+from orip.records.control import PointKind
+from orip.records.drive_table import Triple
 
 _NEAREST = 6
 """Points that a third coordinate is interpolated from."""

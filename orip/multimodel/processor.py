@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.model.drive_table import DriveFault, DriveTable
 from orip.multimodel.movement import drive_object
 from orip.multimodel.oriented_block import OrientedBlock, oriented_block
 from orip.multimodel.state import Position, State
 from orip.multimodel.table_checks import table_faults
+from orip.records.drive_table import DriveFault, DriveTable
 
 
 class Loaded(NamedTuple):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orip.model.drive_table import STAGES, DriveCode, DriveFault, Triple
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.state import SIDES, Position, Side, State, Status, active_model, read_out
 from orip.multimodel.switching import select_model
+from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 
 
 class ObjectReadout(NamedTuple):

@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from orip.model.drive_table import STAGES, DriveFault, Triple
-from orip.model.photo import Stage
 from orip.multimodel.model_loop import ModelLoop
 from orip.multimodel.oriented_block import OrientedBlock
+from orip.records.drive_table import STAGES, DriveFault, Triple
+from orip.records.photo import Stage
 
 Guide = Literal["UPPER", "LOWER", "BOTH", "MODEL", "OBJECT"]
 GUIDES: tuple[Guide, ...] = ("UPPER", "LOWER", "BOTH", "MODEL", "OBJECT")

@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.model.drive_table import Triple
+from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PlatePlace
-
-FloatArray = NDArray[np.float64]
+from orip.records.drive_table import Triple
 
 _LARGEST_CHUNK = 8192
 _CHUNK_ENTRIES = 1 << 20

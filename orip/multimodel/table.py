@@ -14,15 +14,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.bundle.additional_parameter import base_of_camera
+from orip.arrays import FloatArray
+from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.camera import Camera
-from orip.model.drive_table import (
+from orip.records.camera import Camera
+from orip.records.drive_table import (
     STAGES,
     DriveCamera,
     DriveModel,
@@ -34,14 +34,12 @@ from orip.model.drive_table import (
     StageLimits,
     Triple,
 )
-from orip.model.ground import GroundSystem
-from orip.model.names import record_key
-from orip.model.photo import Photo, Stage
-from orip.model.project import StereoModel
-from orip.model.solution import Solution
+from orip.records.ground import GroundSystem
+from orip.records.names import record_key
+from orip.records.photo import Photo, Stage
+from orip.records.project import StereoModel
+from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-
-FloatArray = NDArray[np.float64]
 
 STAGE_TRAVEL_MM = 240.0
 LEAST_COUNT = 0.001

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orip.interior.additional_parameters import PARAMETER_SETS
-from orip.model.drive_table import (
+from orip.multimodel.camera_model import camera_model
+from orip.multimodel.model_loop import model_axes
+from orip.records.drive_table import (
     DriveCamera,
     DriveCode,
     DriveFault,
@@ -17,10 +19,8 @@ from orip.model.drive_table import (
     DriveTable,
     StageLimits,
 )
-from orip.model.names import name_fault, record_key
-from orip.model.photo import Stage
-from orip.multimodel.camera_model import camera_model
-from orip.multimodel.model_loop import model_axes
+from orip.records.names import name_fault, record_key
+from orip.records.photo import Stage
 
 ORTHONORMAL = 1e-9
 """What R^T R may differ from the unit matrix; 0.2 µm in a photo of 230 mm."""

@@ -11,11 +11,28 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
-from orip.model.block import Block
-from orip.model.preliminary import (
+from orip.prelim.ground_control import known_centres, known_points
+from orip.prelim.growing import Growth
+from orip.prelim.handedness import handedness
+from orip.prelim.image_rays import image_rays
+from orip.prelim.intersection import intersect
+from orip.prelim.misplaced import misplaced, residual_lengths
+from orip.prelim.photo_index import photo_index
+from orip.prelim.placed import Placed, nothing_placed
+from orip.prelim.reasons import doubtful_photos, why_not_oriented
+from orip.prelim.refinement.camera_corrections import parameters_with
+from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
+from orip.prelim.similarity.absolute_orientation import absolute_orientation
+from orip.prelim.similarity.joining import Joined
+from orip.prelim.similarity.own_system import in_own_system
+from orip.prelim.thinning import thinned
+from orip.prelim.weak_joints import weak_joints
+from orip.records.block import Block
+from orip.records.preliminary import (
     NO_POINTS,
     CameraStart,
     NotOriented,
@@ -25,26 +42,6 @@ from orip.model.preliminary import (
     RelativeOrientation,
     SimilarityStep,
 )
-from orip.prelim.absolute_orientation import absolute_orientation
-from orip.prelim.camera_corrections import parameters_with
-from orip.prelim.ground_control import known_centres, known_points
-from orip.prelim.growing import Growth
-from orip.prelim.handedness import handedness
-from orip.prelim.image_rays import image_rays
-from orip.prelim.intersection import intersect
-from orip.prelim.joining import Joined
-from orip.prelim.misplaced import misplaced, residual_lengths
-from orip.prelim.own_system import in_own_system
-from orip.prelim.pair_selection import common_point_counts
-from orip.prelim.photo_index import photo_index
-from orip.prelim.placed import Placed, nothing_placed
-from orip.prelim.reasons import doubtful_photos, why_not_oriented
-from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
-from orip.prelim.thinning import thinned
-from orip.prelim.weak_joints import weak_joints
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points of a photo that orient it; and where models are listed, point by point."""

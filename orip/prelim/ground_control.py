@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.block import Block
-from orip.prelim.absolute_orientation import KnownPositions
-
-FloatArray = NDArray[np.float64]
+from orip.arrays import FloatArray
+from orip.prelim.similarity.absolute_orientation import KnownPositions
+from orip.records.block import Block
 
 
 def known_points(block: Block) -> KnownPositions:

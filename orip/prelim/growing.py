@@ -11,24 +11,20 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
-from orip.prelim.configuration import image_configuration
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.intersection import intersect
-from orip.prelim.joining import Joined, join
 from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed, placed_block
-from orip.prelim.refinement import ROUGH, refine
-from orip.prelim.relative_orientation import orient_pair
-from orip.prelim.resection import Resected, resect
-from orip.prelim.rotation_starts import upright
+from orip.prelim.refinement.refinement import ROUGH, refine
+from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.resection.configuration import image_configuration
+from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity, fit_similarity
-from orip.model.preliminary import SubBlock
-from orip.prelim.absolute_orientation import KnownPositions, control_of_block
-from orip.prelim.joining import Names
-from orip.prelim.similarity_adjustment import CommonPoints, adjusted
-from orip.prelim.similarity_start import TRIPLES, start_from_triples
-
-FloatArray = NDArray[np.float64]
+from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
+from orip.prelim.similarity.adjustment import CommonPoints, adjusted
+from orip.prelim.similarity.joining import Names
+from orip.prelim.similarity.start import TRIPLES, start_from_triples
+from orip.records.preliminary import SubBlock
 
 _BETTER = 0.1
 """Of the misfit as given: what fits that much better is what was meant. A long block that is not adjusted yet may be

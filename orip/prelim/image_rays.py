@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orip.interior.image_vectors import image_vectors
-from orip.model.block import Block
-from orip.model.preliminary import ALL_KNOWN, ImageRays, UnknownCameras
+from orip.records.block import Block
+from orip.records.preliminary import ALL_KNOWN, ImageRays, UnknownCameras
 
 _CORRECTED = "C", "DX", "DY", "A3"
 """Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation
-from orip.model.control import PreliminaryPoint
-from orip.model.ground import GroundSystem, PlainGround
-from orip.model.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
+from orip.records.control import PreliminaryPoint
+from orip.records.ground import GroundSystem, PlainGround
+from orip.records.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
 
 
 def orientations_in_frame(photos: Sequence[PhotoStart]) -> FloatArray:

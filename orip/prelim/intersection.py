@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.weights import danish_weights
-from orip.model.preliminary import ImageRays
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from orip.records.preliminary import ImageRays
 
 SMALLEST_ANGLE = np.radians(0.5)
 """Rays that meet at less leave a depth that is wrong by some hundred times the error across the rays."""

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.arrays import BoolArray, FloatArray
 from orip.prelim.placed import Placed
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from orip.records.preliminary import ImageRays
 
 MISFIT = 5.0
 """Residual over the median of all from which on a point does not fit its photo."""

@@ -8,14 +8,14 @@ from itertools import groupby
 
 import numpy as np
 
-from orip.model.names import record_key
-from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation
-from orip.model.project import StereoModel
-from orip.prelim.bridging import JoinedSystems, bridge_row
 from orip.prelim.photo_index import PhotoIndex
-from orip.prelim.relative_orientation import orient_pair
-from orip.prelim.relative_start import POINTS_NEEDED
-from orip.prelim.strip_connection import connect_strips
+from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.relative.start import POINTS_NEEDED
+from orip.prelim.similarity.bridging import JoinedSystems, bridge_row
+from orip.prelim.similarity.strip_connection import connect_strips
+from orip.records.names import record_key
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.records.project import StereoModel
 
 
 def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
-
-IntArray = NDArray[np.int64]
+from orip.arrays import IntArray
+from orip.records.preliminary import ImageRays
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays, SubBlock
-from orip.prelim.camera_corrections import corrected, no_corrections
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from orip.arrays import BoolArray, FloatArray
+from orip.prelim.refinement.camera_corrections import corrected, no_corrections
+from orip.records.preliminary import ImageRays, SubBlock
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +25,7 @@ class Placed:
     coordinates, deviations : arrays (number of points, 3)
         NaN where not placed.
     corrections : array (cameras, 4)
-        Of the unknown cameras; see `orip.prelim.camera_corrections`.
+        Of the unknown cameras; see `orip.prelim.refinement.camera_corrections`.
     how : tuple of str, one a photo
         How it was oriented, as a sentence; "" where it was not.
     """

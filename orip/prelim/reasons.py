@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.arrays import FloatArray, IntArray
 from orip.prelim.misplaced import misplaced, unfit
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.placed import Placed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from orip.records.preliminary import ImageRays
 
 _SHARED_NEEDED, _KNOWN_NEEDED = 5, 3
 

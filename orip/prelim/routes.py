@@ -9,19 +9,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation, SimilarityStep
-from orip.model.project import StereoModel
-from orip.prelim.bridging import JoinedSystems
+from orip.arrays import BoolArray, FloatArray
 from orip.prelim.growing import Growth
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
-from orip.prelim.pair_selection import pairs_by_common_points
 from orip.prelim.placed import Placed, nothing_placed, placed_block
-from orip.prelim.refinement import ROUGH
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from orip.prelim.refinement.refinement import ROUGH
+from orip.prelim.relative.pair_selection import pairs_by_common_points
+from orip.prelim.similarity.bridging import JoinedSystems
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.project import StereoModel
 
 POINTS_FOR_A_PAIR = 5
 

@@ -7,9 +7,8 @@ from functools import lru_cache
 from itertools import chain, combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
+from orip.arrays import IntArray
 
 
 @lru_cache(maxsize=256)

@@ -6,12 +6,9 @@ from dataclasses import replace
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
-
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from orip.arrays import BoolArray, IntArray
+from orip.records.preliminary import ImageRays
 
 _HOLDING = 4
 """Points that are kept at least of those that hold two photos together."""

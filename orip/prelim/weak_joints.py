@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.preliminary import ImageRays
+from orip.arrays import BoolArray, IntArray
+from orip.records.preliminary import ImageRays
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _FEW = 5
 """Points beyond the photo: a wrong one among them cannot be told from a wrong scale."""

@@ -6,20 +6,17 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.frame import frame_corners
-from orip.model.camera import Camera
-from orip.model.names import record_key
-from orip.model.solution import Solution
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.solution import Solution
 from orip.report.ellipses import drawn_points
 from orip.report.matter import Matter
 from orip.report.residual_vectors import measured_reach
 from orip.units import DEGREES_PER_RADIAN
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_POINTS = 10_000
 _DEPTH = 0.25

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
 from orip.interior.frame import frame_corners
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.names import record_key
-from orip.model.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.names import record_key
+from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
 from orip.report.matter import Matter
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.residual_vectors import measured_reach
 from orip.report.table import Column, Table
-
-FloatArray = NDArray[np.float64]
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from orip.model.solution import Solution
+from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
 from orip.report.matter import Matter
 from orip.report.numbers import fixed, significant

@@ -8,14 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
-from orip.model.solution import Estimates, Solution
+from orip.arrays import FloatArray, IntArray
+from orip.records.solution import Estimates, Solution
 from orip.report.drawing import drawing, element, number, round_step, shown_tick, text, ticks
 from orip.report.labels import Box, labels
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60

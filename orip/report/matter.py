@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orip.model.camera import Camera
-from orip.model.gate import GateResult
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition
-from orip.model.solution import Solution
+from orip.records.camera import Camera
+from orip.records.gate import GateResult
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition
+from orip.records.solution import Solution
 
 
 @dataclass(frozen=True, slots=True)

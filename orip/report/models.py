@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.model.project import BundleDefinition, StereoModel
+from orip.records.project import BundleDefinition, StereoModel
 
 Cell = StereoModel | None
 

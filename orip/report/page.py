@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from orip import __version__
-from orip.model.solution import Solution
+from orip.records.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table

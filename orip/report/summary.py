@@ -7,9 +7,9 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.gate import GateResult
-from orip.model.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.gate import GateResult
+from orip.records.solution import Solution
 from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter
 from orip.report.precision import Spread, spreads

@@ -6,14 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.model.solution import Residuals, Solution
+from orip.arrays import FloatArray, IntArray
+from orip.records.solution import Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from orip.bundle.figures import figure
-from orip.model.gate import GATE_FIGURES
-from orip.model.solution import Solution
+from orip.records.gate import GATE_FIGURES
+from orip.records.solution import Solution
 from orip.report.matter import Matter
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table

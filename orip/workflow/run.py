@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import InputError
-from orip.files.parsed import Parsed
-from orip.workflow.drive_table import DriveTableOutcome, write_bundle_drive_table
-from orip.workflow.gates import check_solution, project_gates
-from orip.workflow.initialise import Initialised, initialise_project
-from orip.workflow.measure import MeasureOutcome, measure_project
-from orip.workflow.project import Project
-from orip.workflow.reconcile import Prefer
-from orip.workflow.solve import SolveWatcher, solve_bundle
-from orip.workflow.solve_checked import CheckedSolve
-from orip.workflow.texts import open_project_with_texts
+from orip.files.text.parsed import Parsed
+from orip.workflow.adjust.gates import check_solution, project_gates
+from orip.workflow.adjust.solve import SolveWatcher, solve_bundle
+from orip.workflow.adjust.solve_checked import CheckedSolve
+from orip.workflow.drive.table import DriveTableOutcome, write_bundle_drive_table
+from orip.workflow.observations.measure import MeasureOutcome, measure_project
+from orip.workflow.project.folder import Project
+from orip.workflow.project.texts import open_project_with_texts
+from orip.workflow.records.initialise import Initialised, initialise_project
+from orip.workflow.records.reconcile import Prefer
 
 
 @dataclass(frozen=True, slots=True)

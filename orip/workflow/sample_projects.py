@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.atomic_text import remove_leftovers
-from orip.files.new_folder import write_new_folder
-from orip.workflow.project import PROJECT_FILE
+from orip.files.text.atomic import remove_leftovers
+from orip.files.text.new_folder import write_new_folder
+from orip.workflow.project.folder import PROJECT_FILE
 
 SAMPLES: Mapping[str, str] = {
     "zurich_city_hall": "15 terrestrial photos of a building, control and check points: data that do not fit",

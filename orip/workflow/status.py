@@ -12,18 +12,18 @@ from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.measured import Measured
-from orip.model.names import record_key
+from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
-from orip.workflow.apply_text import apply_text
-from orip.workflow.bundle_input import stored_digests
-from orip.workflow.drive_table import is_drive_table_current
-from orip.workflow.measure import measurement_inputs
-from orip.workflow.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
-from orip.workflow.project import Project, open_project
-from orip.workflow.reconcile import counted
-from orip.workflow.records import StoredDefinitions, read_definitions
-from orip.workflow.stored_measurements import read_measured, runs_of_measurements
-from orip.workflow.texts import ground_digests, log_digests
+from orip.workflow.adjust.bundle_input import stored_digests
+from orip.workflow.drive.table import is_drive_table_current
+from orip.workflow.observations.measure import measurement_inputs
+from orip.workflow.project.definitions import StoredDefinitions, read_definitions
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.measurements import read_measured, runs_of_measurements
+from orip.workflow.project.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
+from orip.workflow.project.texts import ground_digests, log_digests
+from orip.workflow.records.apply_text import apply_text
+from orip.workflow.records.reconcile import counted
 
 StepState = Literal["missing", "out of date", "up to date"]
 
@@ -92,7 +92,7 @@ def project_status(folder: Path) -> ProjectStatus:
 
 def observation_loop() -> str:
     """Return which loops over photo points this installation has."""
-    from orip.bundle import photo_loop
+    from orip.bundle.compiled import photo_loop
     from orip.prelim import compiled
 
     both = photo_loop.is_compiled() and compiled.is_compiled()

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from orip.adjustment.reliability import NON_CENTRALITY, reliability
-from orip.model.solution import Residuals
+from orip.records.solution import Residuals
 
 
 def residuals(number, factor, a_priori):

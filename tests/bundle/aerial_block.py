@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock
 
-from orip.model.block import Block, PhotoPoints
-from orip.model.camera import Camera
-from orip.model.control import ControlPoint
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition, Precision
+from orip.records.block import Block, PhotoPoints
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition, Precision
 
 PRINCIPAL_DISTANCE_MM = 153.0
 FRAME_MM = 230.0

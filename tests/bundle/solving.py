@@ -11,9 +11,9 @@ from support.synthetic_block import SyntheticBlock
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.model.block import Block, PhotoPoints, TheodoliteSet
-from orip.model.control import ControlDirection, ControlPoint
-from orip.model.solution import Solution
+from orip.records.block import Block, PhotoPoints, TheodoliteSet
+from orip.records.control import ControlDirection, ControlPoint
+from orip.records.solution import Solution
 
 OFF = {"max_iterations": 30, "start_down_weight": 30}
 """Settings without down-weighting."""

@@ -10,7 +10,7 @@ from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, noisy, redefined, rows, solution
 from support.synthetic_block import synthetic_block
 
-from orip.model.control import ControlDistance
+from orip.records.control import ControlDistance
 
 MADE = aerial_block("distances", 6)
 CODES = {

@@ -13,8 +13,8 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import InputError
-from orip.model.control import ControlDistance
-from orip.model.photo import PHOTO_PARAMETERS
+from orip.records.control import ControlDistance
+from orip.records.photo import PHOTO_PARAMETERS
 
 _STEP = 1e-6
 

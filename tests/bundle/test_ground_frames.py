@@ -20,10 +20,10 @@ from workflow.small_projects import replace_in
 from orip.bundle.results import solution_of
 from orip.bundle.snooping import SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
-from orip.model.block import Block
-from orip.model.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
-from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Solution
+from orip.records.block import Block
+from orip.records.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Solution
 
 EXACT = 1e-5
 """Metres and degrees: what rounding and the end of the iterations leave, with two digits to spare to a millimetre."""
@@ -376,5 +376,5 @@ def test_a_unit_that_is_not_that_of_the_crs_is_refused(project: Path) -> None:
 
 
 def test_pyproj_is_imported_for_a_crs_alone() -> None:
-    program = "import sys, orip.workflow.solve; sys.exit('pyproj' in sys.modules)"
+    program = "import sys, orip.workflow.adjust.solve; sys.exit('pyproj' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

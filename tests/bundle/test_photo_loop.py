@@ -17,12 +17,13 @@ from support.synthetic_block import DISTORTED, synthetic_block
 from orip.adjustment.elimination import times_half, times_transposed_half
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
-from orip.bundle import photo_loop, problem
+from orip.bundle import problem
+from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
-from orip.model.block import Block
-from orip.model.camera import CAMERA_PARAMETERS, AdditionalSet
-from orip.model.control import ControlDistance
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.control import ControlDistance
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 

@@ -10,7 +10,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
-from orip.bundle.photo_loop import is_compiled
+from orip.bundle.compiled.photo_loop import is_compiled
 
 STORES = ["CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO"]
 OUTPUTS = [

@@ -14,7 +14,7 @@ import pytest
 from cli.command_line import orip
 from multimodel.test_driven_projects import sample
 
-from orip.files.measurement_text import read_measurements
+from orip.files.log.text import read_measurements
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from cli.command_line import orip
 from multimodel.test_driven_projects import add_models
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
-from orip.workflow.drive_table import load_drive_table
+from orip.workflow.drive.table import load_drive_table
 
 MODEL = ("M1", "left", "right", 1, 1)
 

@@ -48,7 +48,9 @@ def test_ctrl_c_keeps_the_iteration_in_hand(tmp_path: Path, command: str) -> Non
     assert "out of date  stopped" in orip(folder, "status").out
 
 
-@pytest.mark.parametrize("place", ["orip.workflow.initialise.apply_text", "orip.workflow.initialise.write_definitions"])
+@pytest.mark.parametrize(
+    "place", ["orip.workflow.records.initialise.apply_text", "orip.workflow.records.initialise.write_definitions"]
+)
 def test_ctrl_c_before_the_commit_changes_nothing(tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = first_project(tmp_path / "first")
     orip(folder, "run")

@@ -11,7 +11,7 @@ import pytest
 
 WITHOUT = """
 import sys
-sys.modules.update({"orip.bundle._observation_loop": None, "orip.prelim._kernels": None})
+sys.modules.update({"orip.bundle.compiled._observation_loop": None, "orip.prelim._kernels": None})
 from orip.cli.main import main
 sys.argv[0] = "orip"
 main()

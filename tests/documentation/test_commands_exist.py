@@ -12,8 +12,8 @@ import pytest
 from command_tree import SHARED, commands, is_group, options_of
 from documentation.pages import pages, shown
 
-from orip.files import project_tables
-from orip.files.control_forms import FORMS
+from orip.files.control.forms import FORMS
+from orip.files.project import tables as project_tables
 
 INLINE = re.compile(r"`(orip\b[^`]*)`")
 """May go over the end of a line."""

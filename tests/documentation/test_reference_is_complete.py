@@ -14,12 +14,12 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
 from orip.errors import INTERRUPTED, OripError
-from orip.files import project_tables
-from orip.files.control_text import ELEMENT_KINDS
-from orip.files.measurement_headers import ACTIONS, BLOCK_KINDS
-from orip.files.residuals_csv import HEADER
-from orip.files.result_json import result_document
-from orip.model.control import DistanceCode
+from orip.files.control.text import ELEMENT_KINDS
+from orip.files.log.headers import ACTIONS, BLOCK_KINDS
+from orip.files.project import tables as project_tables
+from orip.files.result.json_text import result_document
+from orip.files.result.residuals_csv import HEADER
+from orip.records.control import DistanceCode
 
 TABLES = {
     "[project]": project_tables.ProjectTable,

@@ -7,11 +7,11 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from orip.files.record_checks import file_name_fault
-from orip.model.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.model.names import name_fault, record_key
-from orip.model.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
-from orip.model.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
+from orip.files.project.record_checks import file_name_fault
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.names import name_fault, record_key
+from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
+from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
 
 letters = st.characters(codec="utf-8", categories=("L", "N", "P", "S"))
 names = (

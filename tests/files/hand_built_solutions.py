@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.reliability import reliability
-from orip.files.bundle_listing import bundle_listing
-from orip.files.residuals_csv import residuals_csv, residuals_csv_pieces
-from orip.model.control import PointKind
-from orip.model.interior import MarkAdjustment
-from orip.model.measurement import MeasuredMarks, PhotoObservations
-from orip.model.solution import (
+from orip.files.listings.bundle import bundle_listing
+from orip.files.result.residuals_csv import residuals_csv, residuals_csv_pieces
+from orip.records.control import PointKind
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoObservations
+from orip.records.solution import (
     Blunder,
     CheckPoint,
     Correlation,

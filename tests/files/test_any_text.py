@@ -18,19 +18,19 @@ from hypothesis import strategies as st
 from workflow.small_projects import contents, film_project
 
 from orip.errors import InputError, OripError
-from orip.files.control_text import read_directions, read_distances, read_elements, read_points
-from orip.files.gate_text import parse_gate
-from orip.files.measurement_text import read_measurements
-from orip.files.parsed import Parsed
-from orip.files.preliminary_text import read_preliminary
-from orip.files.project_toml import read_project
+from orip.files.control.preliminary_text import read_preliminary
+from orip.files.control.text import read_directions, read_distances, read_elements, read_points
+from orip.files.log.text import read_measurements
+from orip.files.project.reader import read_project
+from orip.files.project.toml_lines import TomlLines
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
-from orip.files.toml_lines import TomlLines
-from orip.model.names import name_fault
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
-from orip.workflow.observations_edit import edit_observations
+from orip.files.text.gate import parse_gate
+from orip.files.text.parsed import Parsed
+from orip.records.names import name_fault
+from orip.workflow.observations.edits import edit_observations
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.initialise import initialise
 
 Reader = Callable[[Path, str], Parsed[Any]]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from orip.files.atomic_text import remove_leftovers, replace_text
+from orip.files.text.atomic import remove_leftovers, replace_text
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and process numbers are those of POSIX")
 
@@ -118,7 +118,7 @@ def test_a_killed_writer_leaves_the_old_text_and_what_it_left_is_removed(tmp_pat
     program = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from orip.files.atomic_text import replace_text\n"
+        "from orip.files.text.atomic import replace_text\n"
         "os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)\n"
         "replace_text(Path(sys.argv[1]), 'new')\n"
     )

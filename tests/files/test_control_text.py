@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from orip.files.control_text import read_control, read_directions, read_distances, read_elements, read_points
-from orip.files.parsed import Parsed
+from orip.files.control.text import read_control, read_directions, read_distances, read_elements, read_points
+from orip.files.text.parsed import Parsed
 
 Reader = Callable[[Path, str], Parsed[Any]]
 

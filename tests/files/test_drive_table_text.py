@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import cameras, vertical_block
 
-from orip.files.drive_table_text import (
+from orip.files.drive.table_text import (
     LONGEST_LINE,
     MOST_BYTES,
     MOST_LINES,
     drive_table_text,
     read_drive_table,
 )
-from orip.model.drive_table import DriveCode
 from orip.multimodel.table_checks import table_faults
+from orip.records.drive_table import DriveCode
 
 TABLE = vertical_block(rows=1, columns=2, camera=cameras()["measured EBNER"])
 DATA = drive_table_text(TABLE).encode("ascii")

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.gate_text import parse_gate
-from orip.model.gate import OPERATORS, Gate
+from orip.files.text.gate import parse_gate
+from orip.records.gate import OPERATORS, Gate
 
 
 @pytest.mark.parametrize(

@@ -27,14 +27,14 @@ from hypothesis import strategies as st
 
 from orip import __version__
 from orip.adjustment.reliability import reliability
-from orip.files import bundle_listing_residuals
-from orip.files.bundle_listing import bundle_listing
-from orip.files.error_listing import error_listing
-from orip.files.interior_listing import interior_listing
-from orip.files.listing_title import run_of_listing
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.measurement import no_observations
-from orip.model.solution import CheckPoint, Solution
+from orip.files.listings import bundle_residuals as bundle_listing_residuals
+from orip.files.listings.bundle import bundle_listing
+from orip.files.listings.errors import error_listing
+from orip.files.listings.interior import interior_listing
+from orip.files.listings.title import run_of_listing
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.measurement import no_observations
+from orip.records.solution import CheckPoint, Solution
 
 
 def section(text: str, title: str) -> list[str]:

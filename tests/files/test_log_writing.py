@@ -6,8 +6,9 @@ import pytest
 from workflow.killed_here import Killed, killed_at
 
 from orip.errors import InputError, OripError
-from orip.files import log_writing
-from orip.files.log_writing import (
+from orip.files.log import writing as log_writing
+from orip.files.log.text import read_measurements
+from orip.files.log.writing import (
     LogFile,
     kill_line,
     measurement_line,
@@ -15,7 +16,6 @@ from orip.files.log_writing import (
     points_header,
     template_header,
 )
-from orip.files.measurement_text import read_measurements
 
 OLD = "! by hand\nPOINTS MAIN 1\n  A 1.0 2.0"
 

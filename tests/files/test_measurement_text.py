@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orip.files.measurement_text import read_measurements
-from orip.files.parsed import Parsed
-from orip.model.measurement import (
+from orip.files.log.text import read_measurements
+from orip.files.text.parsed import Parsed
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,

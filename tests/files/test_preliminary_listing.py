@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from orip.files.preliminary_listing import preliminary_listing
-from orip.files.preliminary_steps import (
+from orip.files.listings.preliminary import preliminary_listing
+from orip.files.listings.preliminary_steps import (
     failure_lines,
     model_coordinate_lines,
     relative_orientation_lines,
@@ -19,9 +19,9 @@ from orip.files.preliminary_steps import (
     similarity_overview,
     similarity_remarks,
 )
-from orip.files.text_table import PAGE_WIDTH
-from orip.model.control import PreliminaryPoint
-from orip.model.preliminary import (
+from orip.files.text.table import PAGE_WIDTH
+from orip.records.control import PreliminaryPoint
+from orip.records.preliminary import (
     CameraStart,
     ModelCoordinates,
     NotOriented,

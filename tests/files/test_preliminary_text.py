@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from orip.files.preliminary_text import preliminary_text, read_preliminary
-from orip.model.control import PreliminaryPoint
-from orip.model.names import name_fault
+from orip.files.control.preliminary_text import preliminary_text, read_preliminary
+from orip.records.control import PreliminaryPoint
+from orip.records.names import name_fault
 
 finite = st.floats(-1e30, 1e30)
 deviation = st.floats(0.0, 1e30)

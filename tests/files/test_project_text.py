@@ -11,12 +11,12 @@ from files.test_project_toml import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orip.files.project_merge import merged_project_text
-from orip.files.project_text import project_document, project_text
-from orip.files.project_toml import parse_project
-from orip.files.toml_text import toml_key, toml_value
-from orip.model.photo import Photo
-from orip.model.project import ProjectDefinition
+from orip.files.project.merge import merged_project_text
+from orip.files.project.reader import parse_project
+from orip.files.project.text import project_document, project_text
+from orip.files.project.toml_text import toml_key, toml_value
+from orip.records.photo import Photo
+from orip.records.project import ProjectDefinition
 
 
 def read(text: str) -> ProjectDefinition:

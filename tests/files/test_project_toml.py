@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orip.files.project_toml import parse_project, read_project
-from orip.model.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.model.photo import Photo, Scan, Template, Temtick
-from orip.model.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
+from orip.files.project.reader import parse_project, read_project
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.photo import Photo, Scan, Template, Temtick
+from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
 
 PROJECT = '[project]\nname = "Z"\n'  # lines 1 and 2
 CAMERA = '[[camera]]\nname = "O"\nc = 8.5\n'  # three lines

@@ -23,9 +23,9 @@ from hand_built_solutions import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files import residuals_csv as module
-from orip.files.number_text import shortest_texts
-from orip.model.solution import Residuals
+from orip.files.result import residuals_csv as module
+from orip.files.text.numbers import shortest_texts
+from orip.records.solution import Residuals
 
 
 def rows_of(text: str) -> list[list[str]]:

@@ -11,11 +11,11 @@ from hand_built_solutions import INF, LONG_NAME, NAN, awkward, empty, with_many_
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files import result_json as module
-from orip.files.result_json import result_document, result_text, run_of_result
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import Correlation, InteriorSummary, Solution
+from orip.files.result import json_text as module
+from orip.files.result.json_text import result_document, result_text, run_of_result
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Correlation, InteriorSummary, Solution
 
 TOP = [
     *("schema", "run", "project", "bundle", "status", "ground_unit"),

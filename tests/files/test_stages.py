@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orip.files.stages import plan_stages
-from orip.model.photo import Photo, Stage, Template
-from orip.model.project import StereoModel
+from orip.records.photo import Photo, Stage, Template
+from orip.records.project import StereoModel
+from orip.records.stages import plan_stages
 
 
 def models(*pairs: str) -> list[StereoModel]:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.decimal_numbers import is_number, parse_number, parse_photo_error
-from orip.files.file_digest import file_digest
-from orip.files.text_lines import decode_lines, field_lines, read_lines, split_line
+from orip.files.text.decimal_numbers import is_number, parse_number, parse_photo_error
+from orip.files.text.digest import file_digest
+from orip.files.text.lines import decode_lines, field_lines, read_lines, split_line
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.number_text import (
+from orip.files.text.numbers import (
     decimals_for,
     decimals_of,
     deviations,
@@ -21,7 +21,7 @@ from orip.files.number_text import (
     root_mean_square,
     scientific,
 )
-from orip.files.text_table import Alignment, Column, Table, key_lines, one_line, paragraph, table_lines
+from orip.files.text.table import Alignment, Column, Table, key_lines, one_line, paragraph, table_lines
 
 word = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
 number = st.floats(-1e9, 1e9).map(lambda value: f"{value:.4f}")

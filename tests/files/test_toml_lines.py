@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.files.toml_lines import TomlLines
+from orip.files.project.toml_lines import TomlLines
 
 TEXT = '''\
 # [no.header]

@@ -7,8 +7,8 @@ import pytest
 from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
 from orip.interior.orientation import OrientationError, orient_photo, orient_template
-from orip.model.camera import Mark
-from orip.model.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.camera import Mark
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 
 CAMERA = DEFINITIONS.cameras["FILM"]
 ALL_TICKS = DEFINITIONS.temticks["TT"].ticks

@@ -22,9 +22,9 @@ from films import (
 )
 
 from orip.geometry.plane import PlaneTransformation
-from orip.model.camera import Camera
-from orip.model.photo import Photo, Scan
-from orip.workflow.interior import interior_orientation
+from orip.interior.in_force import interior_orientation
+from orip.records.camera import Camera
+from orip.records.photo import Photo, Scan
 
 MICRO = 1e-9
 """mm."""

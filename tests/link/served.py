@@ -10,10 +10,10 @@ from contextlib import contextmanager
 
 from support.drive_tables import vertical_block
 
-from orip.files.drive_table_text import drive_table_text
+from orip.files.drive.table_text import drive_table_text
 from orip.link.emulator import Emulator, Patience
 from orip.link.station import bare_stages
-from orip.workflow.drive_table import load_drive_table
+from orip.workflow.drive.table import load_drive_table
 
 TABLE = drive_table_text(vertical_block()).encode()
 OTHER_TABLE = drive_table_text(vertical_block(rows=1, columns=2)).encode()

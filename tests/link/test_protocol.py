@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from link.served import TABLE, loaded_station
 from support.drive_tables import C, vertical_block
 
-from orip.files.drive_table_text import LONGEST_LINE, drive_table_text
+from orip.files.drive.table_text import LONGEST_LINE, drive_table_text
 from orip.link import verbs
 from orip.link.protocol import answer, downloaded, greeting
 from orip.link.station import bare_stages
-from orip.model.drive_table import DriveCode
-from orip.workflow.drive_table import load_drive_table
+from orip.records.drive_table import DriveCode
+from orip.workflow.drive.table import load_drive_table
 
 READY = loaded_station()
 EMPTY = bare_stages()

@@ -9,9 +9,9 @@ import numpy as np
 from orip.bundle.assemble import with_starting_values
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import ProjectWarning
-from orip.model.block import Block
-from orip.model.camera import Camera
-from orip.workflow.explanation import Trials, explanations_of
+from orip.mistakes.explanation import Trials, explanations_of
+from orip.records.block import Block
+from orip.records.camera import Camera
 
 
 def explained(block: Block) -> list[ProjectWarning]:

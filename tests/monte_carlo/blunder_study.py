@@ -10,7 +10,7 @@ from support.synthetic_block import SyntheticBlock
 
 from orip.adjustment.convergence import Termination
 from orip.bundle.snooping import SnoopingSettings, snoop
-from orip.model.block import Block
+from orip.records.block import Block
 
 STARTS = (0.002, 0.004)
 """Errors of the two sets of starting values, as a part of the distance to the object, and in radians."""

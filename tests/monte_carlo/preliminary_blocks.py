@@ -19,7 +19,7 @@ from support.tie_points import holds_together, measured_points
 from orip.adjustment.convergence import Termination
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
-from orip.model.names import record_key
+from orip.records.names import record_key
 
 FAMILIES = tuple(SCENES)
 PHOTOS = {"aerial strips": (2, 200), "convergent": (4, 60), "oblique strips": (2, 200), "all-round": (4, 200)}

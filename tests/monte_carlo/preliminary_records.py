@@ -15,13 +15,13 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import angles_from_rotation
-from orip.model.block import Block
-from orip.model.camera import Camera
-from orip.model.control import Control, ControlPoint, PreliminaryPoint
-from orip.model.measurement import PhotoObservations
-from orip.model.names import record_key
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition, Precision, StereoModel
+from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.control import Control, ControlPoint, PreliminaryPoint
+from orip.records.measurement import PhotoObservations
+from orip.records.names import record_key
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition, Precision, StereoModel
 
 NOISE_MM = 0.005
 

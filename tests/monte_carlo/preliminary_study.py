@@ -32,10 +32,10 @@ from orip.adjustment.convergence import Termination
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.solve import SolvedBlock
 from orip.errors import OripError
-from orip.model.block import Block
-from orip.model.names import record_key
 from orip.prelim.chain import preliminary_values
-from orip.workflow.starting_values import cameras_as_found
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.workflow.adjust.starting_values import cameras_as_found
 
 End = Literal["reached", "lower", "as from the truth", "other", "not converged", "refused"]
 

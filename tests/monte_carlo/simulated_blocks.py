@@ -18,7 +18,7 @@ from support.synthetic_block import SyntheticBlock, synthetic_block
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.model.block import Block
+from orip.records.block import Block
 
 NO_DOWN_WEIGHTING = {"max_iterations": 30, "start_down_weight": 30}
 

@@ -10,8 +10,8 @@ from support.drive_tables import LENS, PLAIN_CAMERA, cameras
 
 from orip.interior.additional_parameters import additional_with_partials
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
-from orip.model.drive_table import DriveCamera
 from orip.multimodel.camera_model import camera_model
+from orip.records.drive_table import DriveCamera
 
 FRAME = np.stack(np.meshgrid(np.linspace(-10.0, 10.0, 9), np.linspace(-12.0, 12.0, 9)), axis=-1).reshape(-1, 2)
 CAMERAS = cameras()

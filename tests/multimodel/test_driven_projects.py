@@ -12,13 +12,13 @@ from support.drive_tables import loaded
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY, film_project
 
-from orip.model.solution import Solution
 from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import change_model, drive_object
 from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
 from orip.multimodel.table import object_ground
-from orip.workflow.drive_table import DriveTableOutcome, load_drive_table, write_drive_table
+from orip.records.solution import Solution
+from orip.workflow.drive.table import DriveTableOutcome, load_drive_table, write_drive_table
 
 ZURICH_MODELS = [
     ("A", "st1", "st2", 1, 1),

@@ -11,9 +11,9 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
-from orip.model.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
 from orip.multimodel.camera_model import camera_model
 from orip.multimodel.photo_loop import photo_loop
+from orip.records.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
 
 CAMERAS = cameras()
 WIDE = StageLimits(-1000.0, 1000.0, -1000.0, 1000.0, 0.001)

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import LIMITS, C, cameras, loaded, vertical_block
 
-from orip.model.drive_table import DriveCode, DriveFault, StageLimits
 from orip.multimodel.driving import MOST_PROFILE_POINTS, profile
 from orip.multimodel.movement import (
     change_model,
@@ -32,6 +31,7 @@ from orip.multimodel.readout import (
     which,
 )
 from orip.multimodel.state import MOST_EVENTS
+from orip.records.drive_table import DriveCode, DriveFault, StageLimits
 
 TILTED = loaded(vertical_block(camera=cameras()["measured"], tilted=True))
 LEVEL_BLOCK = loaded(vertical_block())

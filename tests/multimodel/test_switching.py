@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from support.drive_tables import BASE, PLAIN_CAMERA, WIDTH, cameras, loaded, vertical_block
 
-from orip.model.drive_table import DriveCode
 from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import drive_object
 from orip.multimodel.panel import automatic, lock
 from orip.multimodel.readout import object_position
 from orip.multimodel.switching import select_model, select_models
+from orip.records.drive_table import DriveCode
 
 CAMERAS = cameras()
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import LEVEL, LIMITS, cameras, parameter_set, vertical_block
 
-from orip.model.drive_table import DriveCode, DriveModel, DriveTemplate
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.table_checks import table_faults
+from orip.records.drive_table import DriveCode, DriveModel, DriveTemplate
 
 TABLE = vertical_block()
 (CAMERA,) = TABLE.cameras

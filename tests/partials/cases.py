@@ -15,10 +15,10 @@ from support.drive_tables import cameras as driven_cameras
 from support.drive_tables import parameter_set
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.bundle.additional_parameter import base_of_camera
-from orip.bundle.ground_coordinate import coordinates_with_partials
-from orip.bundle.kinds import KINDS
-from orip.bundle.observation import Observations
+from orip.bundle.kinds.additional_parameter import base_of_camera
+from orip.bundle.kinds.all_kinds import KINDS
+from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
+from orip.bundle.kinds.observation import Observations
 from orip.bundle.problem import starting_state
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
@@ -29,12 +29,12 @@ from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
 from orip.geometry.similarity import Similarities, similarity_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
-from orip.model.block import Block, TheodoliteSet
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.control import ControlDirection, ControlDistance, ControlElement
-from orip.model.ground import PLAIN
 from orip.multimodel import camera_model as driving
-from orip.prelim.parallax import Pairs, parallaxes_with_partials
+from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
+from orip.records.block import Block, TheodoliteSet
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlDirection, ControlDistance, ControlElement
+from orip.records.ground import PLAIN
 
 SUFFIX = "_with_partials"
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)

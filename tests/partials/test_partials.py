@@ -78,7 +78,7 @@ def test_completeness():
 def test_scan_finds_functions_and_methods():
     found = functions_with_partials()
     assert "orip.geometry.perspective.perspective_with_partials" in found
-    assert "orip.bundle.photo_point.PhotoPointObservations.linearise_with_partials" in found
+    assert "orip.bundle.kinds.photo_point.PhotoPointObservations.linearise_with_partials" in found
 
 
 def test_every_kind_of_observation_occurs_in_a_block():

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.model.preliminary import SubBlock
-from orip.prelim.absolute_orientation import KnownPositions
+from orip.prelim.similarity.absolute_orientation import KnownPositions
+from orip.records.preliminary import SubBlock
 
 NOISE = 1e-5
 """Metres at photo scale: 10 µm in X and Y of a model, three times as much in Z."""

@@ -9,10 +9,10 @@ import pytest
 from sub_block_samples import ground_sample, mirrored
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.model.preliminary import NotOriented
-from orip.prelim.absolute_orientation import KnownPositions, absolute_orientation
 from orip.prelim.handedness import handedness
-from orip.prelim.joining import Joined
+from orip.prelim.similarity.absolute_orientation import KnownPositions, absolute_orientation
+from orip.prelim.similarity.joining import Joined
+from orip.records.preliminary import NotOriented
 
 
 def oriented(sample, control=None, centres=None) -> Joined:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.model.camera import Camera
-from orip.prelim.camera_corrections import by_corrections, corrected, no_corrections, parameters_with
 from orip.prelim.chain import preliminary_values
 from orip.prelim.image_rays import image_rays
+from orip.prelim.refinement.camera_corrections import by_corrections, corrected, no_corrections, parameters_with
+from orip.records.camera import Camera
 
 UNKNOWN = ("C", "DX", "DY", "A3")
 

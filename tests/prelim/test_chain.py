@@ -11,13 +11,13 @@ from support.aerial_block_in_crs import AerialBlock, aerial_block
 from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.model.block import Block, PhotoPoints
-from orip.model.control import Control
-from orip.model.preliminary import PreliminaryValues
-from orip.model.project import StereoModel
 from orip.prelim.chain import preliminary_values
 from orip.prelim.in_project import orientations_in_project, points_in_project
-from orip.workflow.starting_values import started_block
+from orip.records.block import Block, PhotoPoints
+from orip.records.control import Control
+from orip.records.preliminary import PreliminaryValues
+from orip.records.project import StereoModel
+from orip.workflow.adjust.starting_values import started_block
 
 SCENES: tuple[Scene, ...] = ("strip", "convergent", "terrestrial")
 

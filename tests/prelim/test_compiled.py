@@ -13,27 +13,24 @@ import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.geometry.similarity import Similarity
-from orip.model.preliminary import ALL_KNOWN, ImageRays, RelativeOrientation, UnknownCameras
-from orip.prelim import (
-    compiled,
-    intersection,
-    refinement,
-    relative_solution,
-    resection_settling,
-    resection_start,
-    similarity_adjustment,
-    similarity_start,
-)
+from orip.prelim import compiled, intersection
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
-from orip.prelim.parallax import Pairs
 from orip.prelim.photo_index import photo_index
-from orip.prelim.refinement import refine
-from orip.prelim.relative_orientation import orient_pair
-from orip.prelim.relative_solution import Solution, solve
-from orip.prelim.resection import Resected, resect
-from orip.prelim.similarity_adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjusted
-from orip.prelim.similarity_start import start_from_triples
+from orip.prelim.refinement import refinement
+from orip.prelim.refinement.refinement import refine
+from orip.prelim.relative import solution as relative_solution
+from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.relative.parallax import Pairs
+from orip.prelim.relative.solution import Solution, solve
+from orip.prelim.resection import best_orientations as resection_settling
+from orip.prelim.resection import start as resection_start
+from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.similarity import adjustment as similarity_adjustment
+from orip.prelim.similarity import start as similarity_start
+from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, CommonPoints, adjusted
+from orip.prelim.similarity.start import start_from_triples
+from orip.records.preliminary import ALL_KNOWN, ImageRays, RelativeOrientation, UnknownCameras
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 

@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.model.preliminary import ImageRays
 from orip.prelim.growing import Growth
 from orip.prelim.image_rays import image_rays
 from orip.prelim.misplaced import residual_lengths
-from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import Placed, nothing_placed
-from orip.prelim.resection import Resected
+from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.resection.resection import Resected
+from orip.records.preliminary import ImageRays
 
 
 def growth(rays: ImageRays, held: np.ndarray | None = None) -> Growth:

@@ -8,10 +8,6 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.model.block import Block
-from orip.model.control import Control
-from orip.model.ground import PlainGround
-from orip.model.preliminary import NO_POINTS, ImageRays, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
 from orip.prelim.in_project import (
     absolute_in_project,
     block_in_project,
@@ -19,6 +15,10 @@ from orip.prelim.in_project import (
     orientations_in_project,
     points_in_project,
 )
+from orip.records.block import Block
+from orip.records.control import Control
+from orip.records.ground import PlainGround
+from orip.records.preliminary import NO_POINTS, ImageRays, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
 
 NO_RAYS = np.empty(0, dtype=np.int64)
 

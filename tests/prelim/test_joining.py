@@ -11,12 +11,12 @@ from sub_block_samples import NOISE, SampleNames, pair, random_similarity
 
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.model.preliminary import NotOriented, SubBlock
-from orip.prelim.bridging import bridge, bridge_row
-from orip.prelim.joining import Joined, assembled, join, transformed
-from orip.prelim.similarity_adjustment import CommonPoints, adjusted, student_limit
-from orip.prelim.similarity_start import start_from_triples
-from orip.prelim.strip_connection import connect_strips
+from orip.prelim.similarity.adjustment import CommonPoints, adjusted, student_limit
+from orip.prelim.similarity.bridging import bridge, bridge_row
+from orip.prelim.similarity.joining import Joined, assembled, join, transformed
+from orip.prelim.similarity.start import start_from_triples
+from orip.prelim.similarity.strip_connection import connect_strips
+from orip.records.preliminary import NotOriented, SubBlock
 
 
 def only(block: SubBlock, rows) -> SubBlock:

@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from orip.model.preliminary import ImageRays, NotOriented, RelativeOrientation
 from orip.prelim.photo_index import photo_index
-from orip.prelim.relative_orientation import orient_pair
+from orip.prelim.relative.orientation import orient_pair
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
 
 ERROR = 0.005
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.seen_points import points_seen, rotation_of, seen, with_noise
 
-from orip.prelim.resection import Resected, Unresected, resect
-from orip.prelim.resection_adjustment import KnownPoints
+from orip.prelim.resection.adjustment import KnownPoints
+from orip.prelim.resection.resection import Resected, Unresected, resect
 
 MIKHAIL = np.array(
     [

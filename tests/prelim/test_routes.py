@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.model.preliminary import ImageRays
 from orip.prelim.growing import Growth
 from orip.prelim.image_rays import image_rays
-from orip.prelim.pair_selection import common_point_counts
 from orip.prelim.photo_index import photo_index
 from orip.prelim.placed import nothing_placed
+from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.routes import by_pairs
+from orip.records.preliminary import ImageRays
 
 
 def growth(rays: ImageRays) -> Growth:

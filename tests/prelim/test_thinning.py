@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.model.preliminary import ImageRays
 from orip.prelim.thinning import thinned
+from orip.records.preliminary import ImageRays
 
 
 def rays_of(photos, points_a_photo, points, seed=1):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.model.preliminary import ImageRays
-from orip.prelim.pair_selection import common_point_counts
+from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.weak_joints import weak_joints
+from orip.records.preliminary import ImageRays
 
 
 def strip(across: int) -> ImageRays:

@@ -16,7 +16,7 @@ from reference.test_published_defects import project as defective
 from workflow.quiet import run_quietly, solve_quietly
 
 from orip.bundle.methods import Method
-from orip.model.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
 
 PRUNING = Method(prune=True)
 UNKNOWN = {"C", "DX", "DY", "A3", "A5", "A7", "P1", "P2", "B1"}

@@ -14,8 +14,8 @@ from typing import Any
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
-from orip.model.solution import Solution
-from orip.workflow.report import report
+from orip.records.solution import Solution
+from orip.workflow.adjust.report import report
 
 SAMPLES = ("zurich_city_hall", "dcs260_calibration", "small_frame_block")
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")

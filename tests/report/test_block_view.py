@@ -6,10 +6,10 @@ import numpy as np
 from report.sample_pages import sample
 from scipy.spatial.transform import Rotation
 
-from orip.model.camera import Camera
-from orip.model.names import record_key
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition
 from orip.report.block_view import block_view, pyramid_corners, seen_points
 from orip.report.matter import Matter
 

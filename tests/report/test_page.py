@@ -15,12 +15,12 @@ from files.stores.store_samples import rich_solution
 from plotly.offline import get_plotlyjs
 from report.sample_pages import SAMPLES, Page, sample
 
-from orip.files.gate_text import parse_gate
-from orip.model.camera import Camera
-from orip.model.gate import GateResult
-from orip.model.photo import Photo
-from orip.model.project import BundleDefinition, StereoModel
-from orip.model.solution import Blunder, Estimates, Residuals, Solution
+from orip.files.text.gate import parse_gate
+from orip.records.camera import Camera
+from orip.records.gate import GateResult
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition, StereoModel
+from orip.records.solution import Blunder, Estimates, Residuals, Solution
 from orip.report.matter import Matter
 from orip.report.page import MOST_BYTES, report_page
 from orip.report.run_mark import run_of_page

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from report.sample_pages import SAMPLES, sample
 
-from orip.model.gate import Gate, GateResult
-from orip.model.solution import Blunder, Diagnosis, Estimates, SingularUnknown, Solution
+from orip.records.gate import Gate, GateResult
+from orip.records.solution import Blunder, Diagnosis, Estimates, SingularUnknown, Solution
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
 

@@ -9,10 +9,10 @@ import pytest
 from files.hand_built_solutions import awkward
 from scipy.stats import chi2
 
-from orip.files.gate_text import parse_gate
-from orip.model.gate import GateResult
-from orip.model.project import BundleDefinition
-from orip.model.solution import Blunder, Solution
+from orip.files.text.gate import parse_gate
+from orip.records.gate import GateResult
+from orip.records.project import BundleDefinition
+from orip.records.solution import Blunder, Solution
 from orip.report.matter import Matter
 from orip.report.trust import global_test, verdict
 

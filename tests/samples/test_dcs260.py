@@ -11,8 +11,8 @@ from cli.command_line import orip
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY, contents, replace_in
 
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.solution import Solution
 
 
 @pytest.fixture

@@ -22,8 +22,8 @@ from workflow.small_projects import REPOSITORY
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping import SnoopingSettings
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.solution import Solution
 
 SAMPLE = REPOSITORY / "orip" / "sample_projects" / "small_frame_block"
 GENERATED = ("DAY1.MEA", "DAY2.MEA", "CLIFF.PNT", "CLIFF.LEN", "truth.json")

@@ -17,7 +17,7 @@ from workflow.small_projects import REPOSITORY, replace_in
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping import SnoopingSettings
-from orip.model.solution import Solution
+from orip.records.solution import Solution
 
 SIX = {"201", "202", "211", "212", "311", "312"}
 A_PRIORI_MM = 0.0064

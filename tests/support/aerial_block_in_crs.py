@@ -16,13 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.assemble import Ingredients, gather, with_starting_values
 from orip.geometry.plane import PlaneTransformation
-from orip.model.block import Block
-from orip.model.camera import Camera
-from orip.model.control import Control, ControlPoint
-from orip.model.measurement import PhotoObservations
-from orip.model.names import record_key
-from orip.model.photo import PHOTO_PARAMETERS, Photo
-from orip.model.project import BundleDefinition, Precision
+from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.control import Control, ControlPoint
+from orip.records.measurement import PhotoObservations
+from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project import BundleDefinition, Precision
 
 CRS = "EPSG:25832"
 MIDDLE = np.array([690_000.0, 5_340_000.0, 500.0])

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from orip.model.drive_table import (
+from orip.multimodel.processor import Loaded, load
+from orip.records.drive_table import (
     DriveCamera,
     DriveModel,
     DriveParameterSet,
@@ -16,7 +17,6 @@ from orip.model.drive_table import (
     DriveTemplate,
     StageLimits,
 )
-from orip.multimodel.processor import Loaded, load
 
 C, BASE, WIDTH, HEIGHT = 50.0, 20.0, 48.0, 100.0
 """Principal distance (mm); base, distance of strips and flying height (m): 1 mm in the photo is 2 m on the ground."""

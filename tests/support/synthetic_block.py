@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from orip.model.block import Block, PhotoPoints
-from orip.model.camera import Camera
-from orip.model.control import ControlPoint
-from orip.model.photo import PHOTO_PARAMETERS, Photo
-from orip.model.project import BundleDefinition, Precision
+from orip.records.block import Block, PhotoPoints
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
+from orip.records.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project import BundleDefinition, Precision
 
 Scene = Literal["strip", "convergent", "terrestrial"]
 

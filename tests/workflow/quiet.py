@@ -9,9 +9,9 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.methods import Method
-from orip.workflow.reconcile import Prefer
+from orip.workflow.adjust.solve import PLAIN, SolveOutcome, SolveWatcher, solve
+from orip.workflow.records.reconcile import Prefer
 from orip.workflow.run import RunWatcher, run
-from orip.workflow.solve import PLAIN, SolveOutcome, SolveWatcher, solve
 
 
 @contextmanager

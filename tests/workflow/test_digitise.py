@@ -13,17 +13,17 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, LinkError, UsageError
-from orip.files.measurement_text import read_measurements
+from orip.files.log.text import read_measurements
 from orip.link.client import PlateProcessorLink, ProcessorFault
 from orip.link.protocol import answer, greeting
 from orip.link.reply_values import greeting_of
 from orip.link.station import bare_stages
-from orip.workflow import digitise_operator
-from orip.workflow.digitise_films import films_at_hand, films_of
-from orip.workflow.digitise_ground import GroundChoice, digitise_ground
-from orip.workflow.digitise_marks import digitise_photos, digitise_template
-from orip.workflow.digitise_means import Means, log_file, rehearsal
-from orip.workflow.digitise_operator import (
+from orip.workflow.digitise import operator as digitise_operator
+from orip.workflow.digitise.films import films_at_hand, films_of
+from orip.workflow.digitise.ground import GroundChoice, digitise_ground
+from orip.workflow.digitise.marks import digitise_photos, digitise_template
+from orip.workflow.digitise.means import Means, log_file, rehearsal
+from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Script,
     Simulation,
@@ -31,11 +31,11 @@ from orip.workflow.digitise_operator import (
     script_requests,
     typed_requests,
 )
-from orip.workflow.digitise_points import digitise_points
-from orip.workflow.digitise_wanted import PointChoice
-from orip.workflow.drive_table import load_drive_table, write_drive_table
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
+from orip.workflow.digitise.points import digitise_points
+from orip.workflow.digitise.wanted import PointChoice
+from orip.workflow.drive.table import load_drive_table, write_drive_table
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.initialise import initialise
 
 LOG = Path("NEW.MEA")
 DAY1, DAY2 = Path("films/DAY1.MEA"), Path("films/DAY2.MEA")

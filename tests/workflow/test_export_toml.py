@@ -12,18 +12,18 @@ from hypothesis import given, settings
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, UsageError
-from orip.files.project_text import project_document, project_text
+from orip.files.project.text import project_document, project_text
 from orip.files.stores import cameras
 from orip.files.stores.digest import record_digest
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
-from orip.model.project import ProjectDefinition
-from orip.workflow.export_toml import export_toml
-from orip.workflow.initialise import initialise
-from orip.workflow.project import open_project
-from orip.workflow.record_commands import add_record, delete_record, edit_record, rename_record
-from orip.workflow.record_edits import RecordName
-from orip.workflow.records import StoredDefinitions, read_definitions
+from orip.records.project import ProjectDefinition
+from orip.workflow.project.definitions import StoredDefinitions, read_definitions
+from orip.workflow.project.folder import open_project
+from orip.workflow.records.commands import add_record, delete_record, edit_record, rename_record
+from orip.workflow.records.edits import RecordName
+from orip.workflow.records.export_toml import export_toml
+from orip.workflow.records.initialise import initialise
 
 pytestmark = pytest.mark.usefixtures("initialised")
 

@@ -12,9 +12,9 @@ from workflow.small_projects import first_project, replace_in
 
 from orip.bundle.figures import figure
 from orip.errors import UsageError
-from orip.model.gate import GATE_FIGURES, Gate, GateResult
-from orip.model.solution import CheckPoint, Correlation, SingularUnknown, Solution
-from orip.workflow.gates import check_solution
+from orip.records.gate import GATE_FIGURES, Gate, GateResult
+from orip.records.solution import CheckPoint, Correlation, SingularUnknown, Solution
+from orip.workflow.adjust.gates import check_solution
 
 NAN = math.nan
 

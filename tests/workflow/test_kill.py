@@ -26,8 +26,8 @@ from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import contents, film_project, replace_in
 
 from orip.files.stores.dump import dump
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.initialise import initialise
 
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
 MOMENTS = {"init": 1, "measure": 2, "solve": 5}

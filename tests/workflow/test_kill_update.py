@@ -15,7 +15,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
 
 from orip.files.stores.dump import dump
-from orip.workflow.update import What, update
+from orip.workflow.adjust.update import What, update
 
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")

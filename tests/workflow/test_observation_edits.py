@@ -21,19 +21,19 @@ from workflow.small_projects import film_project, replace_in
 from orip.bundle.local_frame import ground_system
 from orip.bundle.prediction import predict_photo_coordinates
 from orip.errors import InputError, LockedError
-from orip.files.edits_text import read_edits
+from orip.files.log.edits_text import read_edits
 from orip.files.stores import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
 from orip.interior.distortion import correction_with_partials
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.ground import PLAIN
-from orip.model.solution import Estimates, Solution
-from orip.workflow.measure import measure
-from orip.workflow.observations_at_hand import bundle_at_hand
-from orip.workflow.observations_edit import edit_observations, remeasure
-from orip.workflow.observations_list import list_observations
-from orip.workflow.observations_todo import measure_again
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.ground import PLAIN
+from orip.records.solution import Estimates, Solution
+from orip.workflow.observations.at_hand import bundle_at_hand
+from orip.workflow.observations.edits import edit_observations, remeasure
+from orip.workflow.observations.listed import list_observations
+from orip.workflow.observations.measure import measure
+from orip.workflow.observations.todo import measure_again
 
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
@@ -298,7 +298,7 @@ def test_stores_with_measurements_that_no_file_of_the_project_has_are_not_replay
 
 def test_locked_stores_leave_the_text_alone(film: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = dumps(film)
-    monkeypatch.setattr("orip.workflow.measure.writing", lambda paths: writing(paths, timeout=0.0))
+    monkeypatch.setattr("orip.workflow.observations.measure.writing", lambda paths: writing(paths, timeout=0.0))
     with writing([film / "MAIN.EXO"]), pytest.raises(LockedError):
         edit_observations(film, "KILL", "POINT", "left", ["1"])
     assert (edits(film), dumps(film)) == (None, before)

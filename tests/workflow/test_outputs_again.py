@@ -7,8 +7,8 @@ from pathlib import Path
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project, replace_in
 
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.initialise import initialise
 
 
 def test_a_lost_listing_is_the_same_again(tmp_path: Path) -> None:

@@ -14,12 +14,12 @@ from orip.errors import UsageError
 from orip.files.stores import observations
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
-from orip.workflow.control_edits import edit_control
-from orip.workflow.export_toml import export_toml
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
-from orip.workflow.record_commands import delete_record, edit_record, rename_record
-from orip.workflow.record_edits import RecordName
+from orip.workflow.control.edits import edit_control
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.commands import delete_record, edit_record, rename_record
+from orip.workflow.records.edits import RecordName
+from orip.workflow.records.export_toml import export_toml
+from orip.workflow.records.initialise import initialise
 
 STORES = ("CAMERAS.CAM", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO", "ALL.EXO")
 TEXTS = ("FIRST.PNT", "orip.toml", "MAIN.PRE", "ALL.PRE")

@@ -21,14 +21,14 @@ from orip.errors import OripError
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.stores.transaction import reading
-from orip.workflow.export_toml import export_toml
-from orip.workflow.initialise import initialise
-from orip.workflow.project import Project, open_project
-from orip.workflow.record_commands import add_record, copy_record, delete_record, edit_record, rename_record
-from orip.workflow.record_document import checked, stored_document
-from orip.workflow.record_edits import RecordName
-from orip.workflow.record_lists import list_records
-from orip.workflow.records import read_definitions
+from orip.workflow.project.definitions import read_definitions
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.records.commands import add_record, copy_record, delete_record, edit_record, rename_record
+from orip.workflow.records.document import checked, stored_document
+from orip.workflow.records.edits import RecordName
+from orip.workflow.records.export_toml import export_toml
+from orip.workflow.records.initialise import initialise
+from orip.workflow.records.lists import list_records
 
 BEGUN = """
 camera = [{ name = "A", c = 8.5 }, { name = "B", c = 9.0 }]

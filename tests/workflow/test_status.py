@@ -10,8 +10,8 @@ import pytest
 from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import contents, film_project, replace_in
 
-from orip.workflow.initialise import initialise
-from orip.workflow.measure import measure
+from orip.workflow.observations.measure import measure
+from orip.workflow.records.initialise import initialise
 from orip.workflow.status import project_status
 
 INIT, MEASURE, SOLVE = "orip init", "orip measure", "orip solve"
@@ -113,7 +113,7 @@ def test_killed_between_commit_and_outputs(project: Path) -> None:
     before = contents(project)
     replace_in(project / "FIRST.PNT", "1012.40", "1012.41")
     with (
-        patch("orip.workflow.solve.write_solution_outputs", side_effect=KeyboardInterrupt),
+        patch("orip.workflow.adjust.solve.write_solution_outputs", side_effect=KeyboardInterrupt),
         pytest.raises(KeyboardInterrupt),
     ):
         solve_quietly(project)
@@ -140,11 +140,14 @@ def test_another_run_between_reading_and_writing(project: Path) -> None:
 
     def meanwhile(*arguments: object) -> object:
         replace_in(project / "orip.toml", "c = 35.0", "c = 35.1")
-        with patch("orip.workflow.initialise.replay", replay):
+        with patch("orip.workflow.records.initialise.replay", replay):
             initialise(project)
         return replay(*arguments)  # type: ignore[arg-type]
 
-    with patch("orip.workflow.measure.replay", meanwhile), pytest.raises(LockedError, match="repeat the command"):
+    with (
+        patch("orip.workflow.observations.measure.replay", meanwhile),
+        pytest.raises(LockedError, match="repeat the command"),
+    ):
         measure(project)
     assert contents(project)["MAIN.EXO"] == before["MAIN.EXO"]
     measure(project)

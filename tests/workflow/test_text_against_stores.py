@@ -14,9 +14,9 @@ from workflow.small_projects import contents, first_project, replace_in
 from orip.errors import InputError
 from orip.files.stores import cameras, exterior, photos
 from orip.files.stores.transaction import reading, writing
-from orip.model.camera import Camera
-from orip.model.photo import Photo
-from orip.workflow.initialise import initialise
+from orip.records.camera import Camera
+from orip.records.photo import Photo
+from orip.workflow.records.initialise import initialise
 from orip.workflow.status import project_status
 
 LENGTHENED = "c = 35.2"

@@ -10,11 +10,11 @@ import pytest
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project
 
-from orip.model.camera import CAMERA_PARAMETERS, Camera
-from orip.model.control import PreliminaryPoint
-from orip.model.photo import PHOTO_PARAMETERS, Photo
-from orip.model.solution import Estimates, Solution
-from orip.workflow.updated_values import (
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.control import PreliminaryPoint
+from orip.records.photo import PHOTO_PARAMETERS, Photo
+from orip.records.solution import Estimates, Solution
+from orip.workflow.adjust.updated_values import (
     ChangedValue,
     Estimate,
     KeptValue,

@@ -9,7 +9,7 @@ from orip.files.stores.definitions import Definitions, Parts, StoredRecord, defi
 from orip.files.stores.marks import given_marks_table, mark_rows, marks_of
 from orip.files.stores.store import Store
 from orip.files.stores.table import all_or_none, integer, list_table, real, text
-from orip.model.camera import CAMERA_PARAMETERS, AdditionalSet, Camera, DistortionArgument, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, Camera, DistortionArgument, Sensor
 
 ISP = ("isp_R0", "isp_A1", "isp_A2", "isp_A3")
 FRAME = ("frame_x", "frame_y")

@@ -10,7 +10,7 @@ from typing import Generic, Protocol, TypeVar
 from orip.errors import Complaint, InputError
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import Column, Table, position, record_name, text
-from orip.model.names import case_twins, record_key
+from orip.records.names import case_twins, record_key
 
 
 class Named(Protocol):
@@ -31,7 +31,7 @@ class StoredRecord(Generic[T_co]):
 
     Parameters
     ----------
-    record : a frozen dataclass of `orip.model`
+    record : a frozen dataclass of `orip.records`
     text_digest : str or None
         `record_digest` of the record in the text that this one came from; None if it came from no text.
     origin : str or None

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from orip.errors import Complaint, InputError
-from orip.files.shown_text import printable
 from orip.files.stores.dump import FORMAT, dumped_tables
 from orip.files.stores.schema import SCHEMA_VERSION
 from orip.files.stores.store import Store, stored_fault
 from orip.files.stores.table import Column, Table
-from orip.model.names import name_fault, record_key
+from orip.files.text.shown import printable
+from orip.records.names import name_fault, record_key
 
 MOST_COMPLAINTS = 100
 INTEGERS = range(-(2**63), 2**63)

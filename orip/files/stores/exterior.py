@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table
 from orip.files.stores.store import Store
 from orip.files.stores.table import integer, list_table, real, record_name, text
-from orip.model.project import BundleDefinition, Precision, StereoModel
+from orip.records.project import BundleDefinition, Precision, StereoModel
 
 BUNDLE = definition_table(
     "bundle",

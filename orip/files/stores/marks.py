@@ -9,8 +9,8 @@ import numpy as np
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import Table, flag, list_table, real, text
-from orip.model.camera import Mark
-from orip.model.measurement import MeasuredMarks, TransformationKind
+from orip.records.camera import Mark
+from orip.records.measurement import MeasuredMarks, TransformationKind
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import all_or_none, real, text
-from orip.model.photo import Scan
+from orip.records.photo import Scan
 
 SCAN_COLUMNS = (
     real("scan_pixel_x", "none", "scan_pixel_x > 0"),

@@ -10,10 +10,10 @@ import numpy as np
 
 from orip.files.stores.store import ColumnValues, Row, Store
 from orip.files.stores.table import Column, Table, flag, integer, list_table, real, record_name, text
-from orip.model.camera import CAMERA_PARAMETERS
-from orip.model.control import PointKind
-from orip.model.photo import PHOTO_PARAMETERS
-from orip.model.solution import (
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import PointKind
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import (
     AdditionalEstimate,
     Blunder,
     CheckPoint,

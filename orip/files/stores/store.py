@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orip.errors import InputError
 from orip.files.stores.table import Column, Table
-from orip.model.names import record_key
+from orip.records.names import record_key
 
 Row = tuple[Any, ...]
 ColumnValues = tuple[Any, ...] | NDArray[Any]

@@ -10,9 +10,9 @@ from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measur
 from orip.files.stores.scans import SCAN_CHECK, SCAN_COLUMNS, scan_of, scan_values
 from orip.files.stores.store import Store
 from orip.files.stores.table import Table, list_table, record_name, text
-from orip.model.measurement import TemplateOrientation
-from orip.model.names import record_key
-from orip.model.photo import Stage, Template
+from orip.records.measurement import TemplateOrientation
+from orip.records.names import record_key
+from orip.records.photo import Stage, Template
 
 STAGE = text("stage", get_args(Stage), optional=True)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table
 from orip.files.stores.marks import given_marks_table, mark_rows, marks_of
 from orip.files.stores.store import Store
-from orip.model.photo import Temtick
+from orip.records.photo import Temtick
 
 TEMTICK = definition_table("temtick", ())
 TICK = given_marks_table("tick", "temtick")

@@ -1,4 +1,4 @@
-/* Two photos: how far the rays of a point miss each other, and where they meet; orip/prelim/parallax.py does the same,
+/* Two photos: how far the rays of a point miss each other, and where they meet; orip/prelim/relative/parallax.py does the same,
  * and says where it comes from.
  */
 

@@ -1,4 +1,4 @@
-/* Reduced normal equations of a block's photos and points; orip/prelim/refinement.py says what the arrays hold. */
+/* Reduced normal equations of a block's photos and points; orip/prelim/refinement/refinement.py says what the arrays hold. */
 
 #include "linear.h"
 #include <stdlib.h>

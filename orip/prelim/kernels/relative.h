@@ -1,11 +1,11 @@
-/* Relative orientation of one pair of photos; orip/prelim/relative_solution.py does the same, and says where it comes
+/* Relative orientation of one pair of photos; orip/prelim/relative/solution.py does the same, and says where it comes
  * from.
  */
 
 #include "relative_adjustment.h"
 #include "relative_start.h"
 
-/* _CHOICE in orip/prelim/relative_solution.py */
+/* _CHOICE in orip/prelim/relative/solution.py */
 typedef struct {
     double to_compare, most, equally_good, same, sure, plain_base, rotation_steps;
 } Choice;

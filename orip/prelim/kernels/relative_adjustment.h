@@ -1,10 +1,10 @@
-/* Adjustment of relative orientations with Danish weights; orip/prelim/relative_adjustment.py does the same, and says
+/* Adjustment of relative orientations with Danish weights; orip/prelim/relative/adjustment.py does the same, and says
  * where it comes from.
  */
 
 #include "parallax.h"
 
-/* DANISH in orip/prelim/relative_adjustment.py */
+/* DANISH in orip/prelim/relative/adjustment.py */
 typedef struct {
     double limit, floor, converged, longest, regular, held;
 } RelativeDanish;

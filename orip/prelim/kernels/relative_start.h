@@ -1,5 +1,5 @@
 /* Starting values of a relative orientation: samples of five points, judged by all the others;
- * orip/prelim/relative_start.py does the same, and says where it comes from.
+ * orip/prelim/relative/start.py does the same, and says where it comes from.
  */
 
 #include "five_points.h"
@@ -7,7 +7,7 @@
 
 #define MOST_MATRICES 10
 
-/* SAMPLING in orip/prelim/relative_start.py */
+/* SAMPLING in orip/prelim/relative/start.py */
 typedef struct {
     double at_once, missed, ordinary_scale, samples_of_large_scale, no_better, limit, alike, kept, starts;
 } Sampling;

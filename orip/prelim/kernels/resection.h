@@ -1,4 +1,4 @@
-/* Least squares of the space resection of one photo; orip/prelim/resection_adjustment.py does the same. */
+/* Least squares of the space resection of one photo; orip/prelim/resection/adjustment.py does the same. */
 
 #include "linear.h"
 #include "three_points.h"

@@ -1,4 +1,4 @@
-/* Adjustment of a spatial similarity with Danish weights; orip/prelim/similarity_adjustment.py does the same, and says
+/* Adjustment of a spatial similarity with Danish weights; orip/prelim/similarity/adjustment.py does the same, and says
  * where it comes from.
  */
 
@@ -17,7 +17,7 @@ typedef struct {
     int64_t count, unknowns;
 } Common;
 
-/* _RULES in orip/prelim/similarity_adjustment.py */
+/* _RULES in orip/prelim/similarity/adjustment.py */
 typedef struct {
     double limit, floor, least_error, singular, longest_turn, steps, free_steps, median_of_normal;
 } SimilarityRules;

@@ -1,4 +1,4 @@
-/* Starting values of a spatial similarity from triples of points, judged by all; orip/prelim/similarity_start.py does
+/* Starting values of a spatial similarity from triples of points, judged by all; orip/prelim/similarity/start.py does
  * the same, and says where it comes from.
  */
 

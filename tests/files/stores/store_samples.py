@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from orip.files.stores import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.definitions import StoredRecord
-from orip.model.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.model.control import PointKind
-from orip.model.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TemplateOrientation
-from orip.model.names import name_fault, record_key
-from orip.model.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
-from orip.model.project import BundleDefinition, Precision, StereoModel
-from orip.model.solution import (
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.control import PointKind
+from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TemplateOrientation
+from orip.records.names import name_fault, record_key
+from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
+from orip.records.project import BundleDefinition, Precision, StereoModel
+from orip.records.solution import (
     Blunder,
     CheckPoint,
     Correlation,

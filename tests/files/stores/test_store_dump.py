@@ -17,8 +17,8 @@ from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.stores.transaction import reading, writing
-from orip.model.camera import Camera, Mark
-from orip.model.photo import Temtick
+from orip.records.camera import Camera, Mark
+from orip.records.photo import Temtick
 
 KINDS = ["C.CAM", "T.TIK", "Z.PHO", "Z.TEM", "Z.EXT", "MAIN.EXO"]
 

@@ -16,11 +16,11 @@ from orip.files.stores import cameras, exterior, observations, photos, provenanc
 from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
-from orip.model.camera import Camera, Mark
-from orip.model.measurement import MeasuredMarks, PhotoObservations
-from orip.model.names import record_key
-from orip.model.photo import Photo, Temtick
-from orip.model.project import BundleDefinition
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import MeasuredMarks, PhotoObservations
+from orip.records.names import record_key
+from orip.records.photo import Photo, Temtick
+from orip.records.project import BundleDefinition
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
 exactly = settings(max_examples=25, deadline=None)

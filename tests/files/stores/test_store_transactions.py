@@ -17,7 +17,7 @@ from orip.errors import InputError, LockedError, OripError, UsageError
 from orip.files.stores import cameras, photos, provenance, temticks
 from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.transaction import reading, writing
-from orip.model.photo import Photo, Temtick
+from orip.records.photo import Photo, Temtick
 
 
 @pytest.fixture
@@ -316,7 +316,7 @@ from pathlib import Path
 from orip.files.stores import photos, temticks
 from orip.files.stores.definitions import StoredRecord
 from orip.files.stores.transaction import writing
-from orip.model.photo import Photo, Temtick
+from orip.records.photo import Photo, Temtick
 
 tik, pho, pause = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
 generation = int(sys.argv[4])

@@ -1,0 +1,237 @@
+/* The photo points of a block, and how they are taken up for computing with several at once. */
+
+#ifndef ORIP_BLOCK_H
+#define ORIP_BLOCK_H
+
+#include <string.h>
+
+#include "collinearity.h"
+
+#define MOST_CAMERA_UNKNOWNS (CAMERA_PARAMETERS + MOST_ADDITIONAL)
+#define PHOTO_UNKNOWNS 6
+#define IDEAL 0
+#define MEASURED 1
+
+/* What orip/bundle/compiled/photo_loop.py gives; it says what the arrays hold. */
+typedef struct {
+    /* the state */
+    const double *cameras, *additional, *centres, *rotations, *bases, *ground;
+    /* cameras: numbers of a kind are linearised together; each with a set is a kind of its own */
+    const int32_t *kind, *products;
+    const uint8_t *at_measured;
+    const double *polynomials, *factors;
+    /* photo points */
+    const int32_t *camera_of_photo, *photo, *point;
+    const double *xy, *error;
+    int64_t count, additional_count, camera_count, photo_count;
+    int turned;
+} Block;
+
+/* How the photo points of eliminated points go into the normal equations. */
+typedef struct {
+    /* groups of points that the same photos show; photo points of the point in place p: order[start[p]] ... */
+    const int32_t *order, *start, *block, *group_start, *runs_start, *runs;
+    /* unknowns of cameras: how many, which partials, which places in the reduced system; -1: a constant of a photo */
+    const int32_t *camera_unknowns, *camera_elements, *camera_places, *photo_places;
+    int64_t groups, blocks, longest;
+} Pattern;
+
+/* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
+static const int photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
+
+/* Unknowns as each photo point has them: those of the photo, padded to whole lanes, and those of the camera. */
+#define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
+#define ROW (PHOTO_ROW + PADDED(MOST_CAMERA_UNKNOWNS))
+
+/* Take what stands in the rows of each lane. */
+INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
+{
+    const double *centre[LANES], *rotation[LANES], *basis[LANES], *ground[LANES], *xy[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        const int64_t row = rows[lane], photo = b->photo[row];
+        centre[lane] = b->centres + 3 * photo, rotation[lane] = b->rotations + 9 * photo;
+        basis[lane] = b->bases + 9 * photo, ground[lane] = b->ground + 3 * (int64_t)b->point[row], xy[lane] = b->xy + 2 * row;
+    }
+    for (int k = 0; k < 3; k++) {
+        ray->centre[k] = GATHERED(centre, k);
+        ray->ground[k] = GATHERED(ground, k);
+    }
+    for (int k = 0; k < 9; k++)
+        ray->rotation[k] = GATHERED(rotation, k);
+    for (int k = 0; b->turned && k < 9; k++)
+        ray->basis[k] = GATHERED(basis, k);
+    for (int k = 0; k < 2; k++)
+        ray->xy[k] = GATHERED(xy, k);
+}
+
+INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
+{
+    const double *camera[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        camera[lane] = b->cameras + CAMERA_PARAMETERS * (int64_t)cameras[lane];
+    for (int k = 0; k < CAMERA_PARAMETERS; k++)
+        ray->camera[k] = GATHERED(camera, k);
+}
+
+INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int linear, Linearised *found)
+{
+    const int at_measured = b->at_measured[camera];
+    if (b->kind[camera] == IDEAL)
+        collinearity(ray, 0, 0, b->turned, linear, found);
+    else if (b->kind[camera] == MEASURED)
+        collinearity(ray, 1, 0, b->turned, linear, found);
+    else {
+        const Set set = {
+            b->additional_count, b->additional + camera * b->additional_count,
+            b->polynomials + POLYNOMIALS * POLYNOMIALS * camera, b->factors + 2 * MOST_ADDITIONAL * camera,
+            b->products + 2 * MOST_ADDITIONAL * camera,
+        };
+        if (at_measured)
+            collinearity(ray, 1, &set, b->turned, linear, found);
+        else
+            collinearity(ray, 0, &set, b->turned, linear, found);
+    }
+}
+
+/* Linearise the photo points in rows, one for each lane. The ray keeps what it has of cameras from one call to the next;
+ * `cameras` says of which, -1 of none. */
+INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray, int32_t *cameras, Linearised *found)
+{
+    int same = 1, kept = 1;
+    for (int lane = 0; lane < LANES; lane++) {
+        const int32_t camera = b->camera_of_photo[b->photo[rows[lane]]];
+        kept &= camera == cameras[lane];
+        cameras[lane] = camera;
+        same &= b->kind[camera] == b->kind[cameras[0]];
+    }
+    if (!kept)
+        take_cameras(b, cameras, ray);
+    take_rays(b, rows, ray);
+    linearise_kind(b, cameras[0], ray, linear, found);
+    for (int lane = 1; !same && lane < LANES; lane++) {
+        Linearised other;
+        if (b->kind[cameras[lane]] == b->kind[cameras[0]])
+            continue;
+        linearise_kind(b, cameras[lane], ray, linear, &other);
+        for (int c = 0; c < 2; c++) {
+            LANE(found->residual[c], lane) = LANE(other.residual[c], lane);
+            for (int element = 0; linear && element < ELEMENTS; element++)
+                LANE(found->partials[c][element], lane) = LANE(other.partials[c][element], lane);
+        }
+    }
+}
+
+/* Photo points linearised ahead of those that ask for them, and their rows by the unknowns that they touch. */
+typedef struct {
+    int64_t begin, end;
+    Ray ray;
+    int32_t cameras[LANES];
+    Linearised found;
+    Lanes of_point[2][3];
+    double row[LANES][2][ROW];
+} Ahead;
+
+INLINE void begin_ahead(Ahead *a)
+{
+    memset(a, 0, sizeof *a);
+    for (int lane = 0; lane < LANES; lane++)
+        a->cameras[lane] = -1;
+}
+
+/* Go ahead from photo point k of the pattern; its rows are multiplied by `factor` (2 n). */
+static void go_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
+{
+    const int64_t rest = p->start[p->blocks] - k;
+    const int count = rest < LANES ? (int)rest : LANES;
+    int32_t rows[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        rows[lane] = p->order[k + (lane < count ? lane : 0)];
+    linearise(b, rows, 1, &a->ray, a->cameras, &a->found);
+    a->begin = k;
+    a->end = k + count;
+    for (int c = 0; c < 2; c++) {
+        const double *factors[LANES];
+        for (int lane = 0; lane < LANES; lane++)
+            factors[lane] = factor + 2 * (int64_t)rows[lane];
+        const Lanes f = GATHERED(factors, c);
+        for (int i = 0; i < 3; i++)
+            a->of_point[c][i] = f * a->found.partials[c][POINT + i];
+        for (int u = 0; u < PHOTO_UNKNOWNS; u++) {
+            const Lanes scaled = f * a->found.partials[c][photo_elements[u]];
+            for (int lane = 0; lane < LANES; lane++)
+                a->row[lane][c][u] = LANE(scaled, lane);
+        }
+        for (int lane = 0; lane < LANES; lane++) {
+            const int32_t camera = a->cameras[lane], unknowns = p->camera_unknowns[camera];
+            const int32_t *elements = p->camera_elements + MOST_CAMERA_UNKNOWNS * camera;
+            double *row = a->row[lane][c] + PHOTO_ROW;
+            for (int32_t u = 0; u < unknowns; u++)
+                row[u] = LANE(a->found.partials[c][elements[u]], lane) * LANE(f, lane);
+            for (int64_t u = unknowns; u < PADDED(unknowns); u++)
+                row[u] = 0.0;
+        }
+    }
+}
+
+/* Return the lane of photo point k. */
+INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
+{
+    if (k >= a->end)
+        go_ahead(b, p, factor, k, a);
+    return (int)(k - a->begin);
+}
+
+/* The unknowns that the points of a group are coupled with: those of cameras, and then six of each photo. */
+typedef struct {
+    int64_t size;
+    const int32_t *runs;
+    int32_t camera_runs, photo_runs;
+    int32_t *first, *place;
+} Local;
+
+INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
+{
+    const int32_t *runs = p->runs + p->runs_start[group];
+    const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
+    local->runs = runs;
+    local->size = 0;
+    local->camera_runs = 0;
+    for (int32_t r = 0; r < count; r++) {
+        const int is_camera = runs[r] < b->camera_count;
+        const int64_t photo = runs[r] - b->camera_count;
+        const int32_t unknowns = is_camera ? p->camera_unknowns[runs[r]] : PHOTO_UNKNOWNS;
+        const int32_t *places = is_camera ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)runs[r]
+                                          : p->photo_places + PHOTO_UNKNOWNS * photo;
+        local->camera_runs += is_camera;
+        local->first[r] = (int32_t)local->size;
+        for (int32_t u = 0; u < unknowns; u++)
+            local->place[local->size++] = places[u];
+    }
+    local->photo_runs = count - local->camera_runs;
+}
+
+/* First local unknown of a run; photos, and cameras too, are asked for in about the order that they have. */
+INLINE int32_t first_of_run(const Local *local, int32_t run, int is_camera, int32_t *last)
+{
+    const int32_t from = is_camera ? 0 : local->camera_runs;
+    const int32_t count = is_camera ? local->camera_runs : local->photo_runs;
+    while (local->runs[from + *last] != run)
+        *last = *last + 1 == count ? 0 : *last + 1;
+    return local->first[from + *last];
+}
+
+/* Where a photo point stands in its group: first local unknowns of photo and camera, and the camera's number of them. */
+typedef struct {
+    int32_t photo, camera, camera_unknowns;
+} Places;
+
+INLINE Places places_of(const Block *b, const Pattern *p, const Local *local, int32_t row, int32_t camera, int32_t *last)
+{
+    const Places places = {
+        first_of_run(local, (int32_t)b->camera_count + b->photo[row], 0, &last[0]),
+        first_of_run(local, camera, 1, &last[1]), p->camera_unknowns[camera],
+    };
+    return places;
+}
+
+#endif

@@ -1,0 +1,150 @@
+"""How photo points go into the normal equations of a block: what the compiled loop is told of cameras and points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import BoolArray, FloatArray
+from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.interior.additional_parameters import PARAMETER_SETS
+
+IntArray = NDArray[np.int32]
+
+_CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 11, 20
+_MOST_ADDITIONAL, _POLYNOMIALS = 44, 5
+
+
+@dataclass(frozen=True, slots=True)
+class Cameras:
+    """What does not change of c cameras.
+
+    Parameters
+    ----------
+    kind : array (c,) of int
+        0: the polynomial is at ideal coordinates, 1: at measured ones; each camera with a set is a kind of its own.
+    products : array (c, 2, 44) of int
+        Of the parameters of a camera's set in dx and dy: number of B_i(y) times 5, plus that of A_j(x).
+    polynomials : array (c, 5, 5)
+        A_j by powers of its argument.
+    factors : array (c, 2, 44)
+    at_measured : array (c,) of bool
+    unknowns : array (c,) of int
+        Their number.
+    elements, columns : arrays (c, 55) of int
+        For each unknown its number among the partials, and its column.
+    """
+
+    kind: IntArray
+    products: IntArray
+    polynomials: FloatArray
+    factors: FloatArray
+    at_measured: BoolArray
+    unknowns: IntArray
+    elements: IntArray
+    columns: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """How the photo points of eliminated points go into the normal equations, group by group.
+
+    A group is the points that the same photos show; a run is a camera, or, c added to its number, a photo.
+
+    Parameters
+    ----------
+    order, start : arrays (k,), (b + 1,)
+        Rows of the photo points of point after point, and where each point's begin.
+    block : array (b,)
+        Number of each of these points among the eliminated ones.
+    group_start : array (g + 1,)
+        Where each group's points begin.
+    runs_start, runs : arrays (g + 1,), (l,)
+        Runs that the points of a group are coupled with.
+    """
+
+    order: IntArray
+    start: IntArray
+    block: IntArray
+    group_start: IntArray
+    runs_start: IntArray
+    runs: IntArray
+
+
+def pattern_of_loop(
+    photo: NDArray[np.int64], block: NDArray[np.int64], blocks: int, camera_of_photo: IntArray, cameras: int
+) -> Pattern:
+    """Return the pattern of photo points in photos (n,) of points of block numbers (n,), negative: not eliminated."""
+    order = np.flatnonzero(block >= 0)
+    order = order[np.lexsort((photo[order], block[order]))].astype(np.int32)
+    start = np.searchsorted(block[order], np.arange(blocks + 1))
+    shown = photo[order].astype(np.int32)
+    numbers: dict[bytes, int] = {}
+    group = np.array(
+        [numbers.setdefault(shown[first:last].tobytes(), len(numbers)) for first, last in pairwise(start.tolist())],
+        dtype=np.int64,
+    )
+    by_group = np.argsort(group, kind="stable")
+    counts = np.diff(start)[by_group]
+    ends = np.cumsum(counts)
+    order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
+    group_start = np.searchsorted(group[by_group], np.arange(len(numbers) + 1))
+
+    # all points of a group have the runs of its first one
+    first = np.zeros(blocks, dtype=bool)
+    first[group_start[:-1]] = True
+    shown = photo[order][np.repeat(first, counts)]
+    of_group = np.repeat(np.arange(len(numbers)), counts[first])
+    every = cameras + len(camera_of_photo)
+    keys = np.unique(np.concatenate([every * of_group + camera_of_photo[shown], every * of_group + cameras + shown]))
+    runs_start = np.searchsorted(keys // every, np.arange(len(numbers) + 1))
+    small = (order, np.append(0, ends), by_group, group_start, runs_start, keys % every)
+    return Pattern(*(each.astype(np.int32) for each in small))
+
+
+def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
+    """Return the number of each point's eliminated block, -1 for points that stay in the reduced system."""
+    first = unknowns.points.max(axis=1, initial=CONSTANT) - unknowns.layout.reduced
+    block = np.where(first >= 0, first // 3, -1)
+    # a point that is constant altogether has no column that tells its block; any block without unknowns will do
+    constant = np.flatnonzero((unknowns.points == CONSTANT).all(axis=1))
+    free = np.setdiff1d(np.arange(unknowns.layout.blocks), block[block >= 0])
+    block[constant[: len(free)]] = free
+    return np.asarray(block)
+
+
+def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
+    """Return what does not change of the cameras of a block."""
+    count, additional = unknowns.additional.shape
+    at_measured = np.zeros(count, dtype=bool)
+    at_measured[points.camera] = points.at_measured
+    kind = at_measured.astype(np.int32)
+    products = np.zeros((count, 2, _MOST_ADDITIONAL), dtype=np.int32)
+    factors = np.zeros((count, 2, _MOST_ADDITIONAL))
+    polynomials = np.zeros((count, _POLYNOMIALS, _POLYNOMIALS))
+    for camera, name, base in points.sets:
+        kind[camera] = 2 + camera
+        table = PARAMETER_SETS[name].factors
+        degree, parameters = table.shape[-1], table.shape[1]
+        # each parameter has one product at most in dx, and in dy
+        products_of_set = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
+        products[camera, :, :parameters] = products_of_set // degree * _POLYNOMIALS + products_of_set % degree
+        factors[camera, :, :parameters] = table.sum(axis=(2, 3))
+        at = np.linspace(-1.0, 1.0, degree)
+        values = PARAMETER_SETS[name].basis(base * at, np.full(degree, base)).value
+        by_powers = np.linalg.solve(np.vander(at, increasing=True), values) / base ** np.arange(degree)[:, None]
+        polynomials[camera, :degree, :degree] = by_powers.T
+    columns = np.hstack([unknowns.cameras, unknowns.additional])
+    numbers = np.append(np.arange(_CAMERA_PARAMETERS), _FIRST_ADDITIONAL + np.arange(additional))
+    is_unknown = columns != CONSTANT
+    first = np.argsort(~is_unknown, axis=1, kind="stable")
+    room = (count, _CAMERA_PARAMETERS + _MOST_ADDITIONAL)
+    elements, placed = np.zeros(room, dtype=np.int32), np.full(room, CONSTANT, dtype=np.int32)
+    elements[:, : columns.shape[1]] = numbers[first]
+    placed[:, : columns.shape[1]] = np.take_along_axis(columns, first, axis=1)
+    number = is_unknown.sum(axis=1).astype(np.int32)
+    return Cameras(kind, products, polynomials, factors, at_measured, number, elements, placed)

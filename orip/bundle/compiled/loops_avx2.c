@@ -1,0 +1,18 @@
+/* The loops for processors with AVX2; orip/bundle/compiled/module.c asks for it. */
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+#else
+#pragma GCC target("avx2")
+#endif
+
+#include "loops.h"
+#include "residuals.h"
+
+const Loops avx2_loops = {residual_loop, points_loop, normals_loop, precision_loop, forward_loop, backward_loop};
+
+#if defined(__clang__)
+#pragma clang attribute pop
+#endif
+#endif

@@ -1,0 +1,279 @@
+"""The compiled loop over all photo points of a block: one pass gives the normal equations, and no matrix is stored.
+
+Points are eliminated one after the other, those that the same photos show together. Where the extension could not be
+built the stored matrix of `orip.adjustment.sparse_rows` does the same, slower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
+from orip.adjustment.elimination import BlockFactors, EliminatedNormals
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.arrays import BoolArray, FloatArray
+from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
+from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.state import State
+from orip.bundle.unknowns import CONSTANT, Unknowns
+
+try:
+    from orip.bundle.compiled import _observation_loop as compiled
+except ImportError:  # the extension is built where there is a compiler
+    _IS_COMPILED = False
+else:
+    _IS_COMPILED = True
+
+IntArray = NDArray[np.int32]
+
+
+_PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
+
+
+class Contributions(NamedTuple):
+    """What other observations add to the normal equations before the points are eliminated.
+
+    Attributes
+    ----------
+    matrix : sparse array (m, m)
+    right : array (m,)
+    blocks : array (b, 3, 3)
+    block_right : array (3 b,)
+    """
+
+    matrix: csr_array
+    right: FloatArray
+    blocks: FloatArray
+    block_right: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoLoop:
+    """The photo points of a block with the pattern of their normal equations.
+
+    Parameters
+    ----------
+    points : PhotoPointObservations
+    photo, point : arrays (n,) of int
+        Those of `points`, in half the room.
+    cameras : Cameras
+    camera_of_photo : array (p,) of int
+    photo_columns : array (p, 6) of int
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, as the columns follow one another; `CONSTANT` where there is no unknown.
+    pattern : Pattern
+    eliminated : array (n,) of bool
+        Photo points of points that are eliminated; the others are for somebody else to add.
+    """
+
+    points: PhotoPointObservations
+    photo: IntArray
+    point: IntArray
+    cameras: Cameras
+    camera_of_photo: IntArray
+    photo_columns: IntArray
+    pattern: Pattern
+    eliminated: BoolArray
+
+    def residuals(self, state: State) -> tuple[FloatArray, BoolArray]:
+        """Return residuals (2 n,) divided by their a-priori errors, and which can be computed (2 n,)."""
+        residual = np.empty(self.points.xy.size)
+        in_front = np.empty(len(self.points.xy), dtype=np.uint8)
+        compiled.residuals(*self._observations(state), residual, in_front)
+        return residual, np.repeat(in_front.astype(bool), 2)
+
+    def block_normals(
+        self, state: State, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
+    ) -> BlockNormals:
+        """Return the normal equations of the points alone; see `Rows.block_normals`. What is in `others` is used up."""
+        found = BlockNormals(*(np.ascontiguousarray(each) for each in others))
+        factor = root_weights / self.points.rows.error
+        pattern = self._pattern(_whole(layout.reduced))
+        compiled.points(*self._observations(state), *pattern, factor, misclosure, *found)
+        return found
+
+    def eliminate(
+        self,
+        state: State,
+        root_weights: FloatArray,
+        misclosure: FloatArray,
+        others: Contributions,
+        layout: Layout,
+        max_lost_digits: float,
+        damping: float,
+    ) -> EliminatedNormals:
+        """Return the normal equations of photo points and `others`, points eliminated.
+
+        Parameters
+        ----------
+        state : State
+        root_weights, misclosure : arrays (2 n,)
+            Root of the weight factors, and weighted residuals with opposite sign; see `Rows.eliminated`.
+        others : Contributions
+            Its right-hand side of the blocks is used up.
+        layout : Layout
+        max_lost_digits, damping : float
+        """
+        m, b = layout.reduced, layout.blocks
+        arrangement = layout.arrangement or _whole(m)
+        matrix = others.matrix.toarray() if layout.arrangement is None else band_of(others.matrix, arrangement)
+        columns = arrangement.columns
+        diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
+        half, pivots = np.empty((b, 3, 3)), np.empty((b, 3))
+        removed = np.empty((b, 3), dtype=np.uint8)
+        factor = root_weights / self.points.rows.error
+        compiled.eliminate(
+            *self._observations(state), *self._pattern(arrangement), factor, misclosure,
+            np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
+            half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
+            *_measures(matrix),
+        )  # fmt: skip
+        return EliminatedNormals(
+            matrix,
+            right[arrangement.places],
+            diagonal[arrangement.places],
+            BlockFactors(half, pivots, removed.astype(bool)),
+            StreamedCoupling(self, state, factor, half, m),
+            others.block_right,
+        )
+
+    def precision(self, coupling: StreamedCoupling, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
+        blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
+        arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
+        compiled.precision(
+            *self._observations(coupling.state), *self._pattern(arrangement), coupling.factor,
+            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
+        )  # fmt: skip
+        return BlockPrecision(blocks, leverage)
+
+    def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
+        """Return (H N_pr)^T points (m,) for a vector (3 b,)."""
+        found = np.zeros(coupling.size)
+        compiled.forward(*self._coupling(coupling), found, np.array(points))
+        return found
+
+    def backward(self, coupling: StreamedCoupling, reduced: FloatArray) -> FloatArray:
+        """Return H N_pr reduced (3 b,) for a vector (m,)."""
+        found = np.empty(3 * len(coupling.half))
+        compiled.backward(*self._coupling(coupling), np.array(reduced), found)
+        return found
+
+    def staying(self) -> NDArray[np.int64]:
+        """Return the rows (of 2 n) of photo points of points that are not eliminated."""
+        all_go = self.eliminated.all()
+        return np.empty(0, dtype=np.int64) if all_go else np.flatnonzero(np.repeat(~self.eliminated, 2))
+
+    def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""
+        columns = [np.where(each == CONSTANT, np.iinfo(np.int32).max, each).min(axis=1, initial=np.iinfo(np.int32).max)
+                   for each in (self.cameras.columns, self.photo_columns)]  # fmt: skip
+        first = np.concatenate(columns)[self.pattern.runs]
+        group = np.repeat(np.arange(len(self.pattern.runs_start) - 1), np.diff(self.pattern.runs_start))
+        is_unknown = first < np.iinfo(np.int32).max
+        return group[is_unknown], first[is_unknown].astype(np.int64)
+
+    def _observations(self, state: State) -> tuple[NDArray[np.generic], ...]:
+        points, cameras = self.points, self.cameras
+        turned = state.turned_by_angles.any()
+        arrays = (
+            state.cameras, state.additional, state.centres, state.rotations,
+            state.rotation_basis() if turned else np.empty(0), state.points, cameras.kind, cameras.products,
+            cameras.polynomials, cameras.factors, cameras.at_measured, self.camera_of_photo, self.photo, self.point,
+            points.xy, points.rows.error,
+        )  # fmt: skip
+        return tuple(np.ascontiguousarray(each) for each in arrays)
+
+    def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
+        p = self.pattern
+        # a column that is constant, the last one of these, has no place
+        places = np.append(arrangement.places, CONSTANT).astype(np.int32)
+        return (
+            p.order, p.start, p.block, p.group_start, p.runs_start, p.runs, self.cameras.unknowns,
+            self.cameras.elements, places[self.cameras.columns], places[self.photo_columns],
+        )  # fmt: skip
+
+    def _coupling(self, coupling: StreamedCoupling) -> tuple[NDArray[np.generic], ...]:
+        return (*self._observations(coupling.state), *self._pattern(_whole(coupling.size)), coupling.factor,
+                coupling.half)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class StreamedCoupling:
+    """H N_pr of eliminated points, which is computed where it is needed, and never stored.
+
+    Parameters
+    ----------
+    loop : PhotoLoop
+    state : State
+    factor : array (2 n,)
+        Roots of the weight factors over the a-priori errors.
+    half : array (b, 3, 3)
+    size : int
+        Number m of reduced unknowns.
+    """
+
+    loop: PhotoLoop
+    state: State
+    factor: FloatArray
+    half: FloatArray
+    size: int
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return H N_pr times vectors (m,) or (m, k)."""
+        return np.apply_along_axis(lambda each: self.loop.backward(self, each), 0, reduced)
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
+        return np.apply_along_axis(lambda each: self.loop.forward(self, each), 0, points)
+
+
+def _whole(size: int) -> Arrangement:
+    """Return the arrangement of a full matrix."""
+    return Arrangement(np.arange(size), size, size)
+
+
+def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
+    """Return band and border of a matrix; a full one is a band alone."""
+    found = (matrix.band, matrix.border) if isinstance(matrix, BandMatrix) else (matrix, np.empty(0))
+    return np.ascontiguousarray(found[0]), np.ascontiguousarray(found[1])
+
+
+def _measures(matrix: Symmetric) -> tuple[int, int, int]:
+    """Return how far columns are apart, and the number of banded places and of all."""
+    size = len(matrix)
+    if isinstance(matrix, BandMatrix):
+        return matrix.arrangement.width, matrix.arrangement.banded, size
+    return size, size, size
+
+
+def is_compiled() -> bool:
+    """Whether the compiled loop is there."""
+    return _IS_COMPILED
+
+
+def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop:
+    """Return the loop over the photo points of a block.
+
+    Parameters
+    ----------
+    points : PhotoPointObservations
+    unknowns : Unknowns
+    """
+    block = blocks_of_points(unknowns)[points.point]
+    camera_of_photo = np.zeros(len(unknowns.photos), dtype=np.int32)
+    camera_of_photo[points.photo] = points.camera
+    return PhotoLoop(
+        points,
+        points.photo.astype(np.int32),
+        points.point.astype(np.int32),
+        cameras_of_loop(points, unknowns),
+        camera_of_photo,
+        np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
+        pattern_of_loop(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras)),
+        block >= 0,
+    )

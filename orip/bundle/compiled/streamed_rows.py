@@ -1,0 +1,86 @@
+"""A design matrix whose rows of photo points are computed where they are needed, and never stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from orip.adjustment.band import Symmetric
+from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
+from orip.arrays import FloatArray
+from orip.bundle.compiled.photo_loop import Contributions, PhotoLoop, StreamedCoupling
+from orip.bundle.state import State
+
+
+@dataclass(frozen=True, slots=True)
+class StreamedRows:
+    """Rows of the design matrix of a block at a state; photo points come first.
+
+    Parameters
+    ----------
+    loop : PhotoLoop
+    state : State
+    others : SparseRows
+        Rows that the loop does not compute; each touches either reduced unknowns or one point.
+    other_rows : array (k,) of int
+        Their numbers among all rows.
+    complete : callable
+        Returns the whole matrix.
+    """
+
+    loop: PhotoLoop
+    state: State
+    others: SparseRows
+    other_rows: NDArray[np.int64]
+    complete: Callable[[State], csr_array]
+
+    def matrix(self) -> csr_array:
+        """Return the design matrix."""
+        return self.complete(self.state)
+
+    def eliminated(
+        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
+    ) -> EliminatedNormals:
+        """Return the weighted normal equations with their blocks eliminated."""
+        weighted = scale_rows(self.others.stored, root_weights[self.other_rows])
+        right = weighted.T @ misclosure[self.other_rows]
+        reduced = weighted[:, : layout.reduced]
+        others = Contributions(
+            matrix=(reduced.T @ reduced).tocsr(),
+            right=right[: layout.reduced],
+            blocks=diagonal_blocks(weighted[:, layout.reduced :]),
+            block_right=right[layout.reduced :],
+        )
+        photos = slice(0, self.loop.points.xy.size)
+        return self.loop.eliminate(
+            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits, damping
+        )
+
+    def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
+        """Return the normal equations of the blocks alone."""
+        others = self.others.block_normals(root_weights[self.other_rows], misclosure[self.other_rows], layout)
+        photos = slice(0, self.loop.points.xy.size)
+        return self.loop.block_normals(self.state, root_weights[photos], misclosure[photos], others, layout)
+
+    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors of the blocks and leverages."""
+        del factors
+        assert isinstance(coupling, StreamedCoupling), "the normal equations are those of these rows"
+        found = self.loop.precision(coupling, inverse)
+        photos = self.loop.points.xy.size
+        leverage = np.zeros(np.count_nonzero(self.other_rows >= photos) + photos)
+        leverage[:photos] = found.leverage
+        leverage[self.other_rows] = self._other_leverages(found.blocks, inverse)
+        return BlockPrecision(found.blocks, leverage)
+
+    def _other_leverages(self, blocks: FloatArray, inverse: Symmetric) -> FloatArray:
+        """Return the leverages of the rows that touch reduced unknowns, or one point, but never both."""
+        in_reduced, in_blocks = self.others.stored[:, : len(inverse)], self.others.stored[:, len(inverse) :]
+        of_points = (in_blocks @ block_diagonal(blocks)).multiply(in_blocks).sum(axis=1)
+        return quadratic_rows(in_reduced.tocsr(), inverse) + np.asarray(of_points, dtype=np.float64).ravel()

@@ -1,0 +1,116 @@
+"""Control distances: coordinate differences, plane and spatial distances between two points.
+
+Spatial distances are lengths of the local frame; all others are taken in the project's coordinates, on the grid. A
+distance with a-priori error 0 is constant, and is met exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import FloatArray
+from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
+from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.state import State
+from orip.bundle.unknowns import Unknowns
+from orip.records.block import Block
+from orip.records.control import ControlDistance, DistanceCode
+from orip.records.ground import GroundSystem, ProjectCoordinates
+
+AXES: dict[DistanceCode, tuple[int, ...]] = {
+    "X": (0,),
+    "Y": (1,),
+    "Z": (2,),
+    "XY": (0, 1),
+    "YZ": (1, 2),
+    "ZX": (2, 0),
+    "XYZ": (0, 1, 2),
+}
+"""Coordinates that each code measures along; a single one is signed, end minus start."""
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceObservations(Observations):
+    """n distances between points `start` and `end`; `axes` (n, 3) marks the coordinates that each measures along."""
+
+    rows: Rows
+    start: NDArray[np.int64]
+    end: NDArray[np.int64]
+    axes: NDArray[np.bool_]
+    ground: GroundSystem
+
+    def linearise_with_partials(self, state: State) -> Linearisation:
+        """Return residuals (ground unit) and partials by the two points' coordinates, start first."""
+        start, end = self._coordinates(state.points[self.start]), self._coordinates(state.points[self.end])
+        difference = np.where(self.axes, end.value - start.value, 0.0)
+        signed = self.axes.sum(axis=1) == 1
+        length = np.linalg.norm(difference, axis=1)
+        known = np.isfinite(length) & (signed | (length > 0.0))
+        value = np.where(signed, difference.sum(axis=1), length)
+        direction = difference / np.where(length > 0.0, length, 1.0)[:, None]
+        along = np.where(signed[:, None], self.axes.astype(np.float64), direction)[:, None, :]
+        partials = np.hstack([-(along @ start.by_local)[:, 0], (along @ end.by_local)[:, 0]])
+        # not a number where the project's system does not reach
+        return Linearisation(np.nan_to_num(value - self.rows.observed), np.nan_to_num(partials), known)
+
+    def _coordinates(self, local: FloatArray) -> ProjectCoordinates:
+        """Return the coordinates that distances are taken in: local ones of spatial distances, else the project's."""
+        spatial = self.axes.sum(axis=1) == 3
+        project = self.ground.project_with_partials(local)
+        return ProjectCoordinates(
+            np.where(spatial[:, None], local, project.value),
+            np.where(spatial[:, None, None], np.eye(3), project.by_local),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantDistanceObservations(ExactObservations, DistanceObservations):
+    """Distances that are met exactly."""
+
+
+def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
+    """Return the weighted and the disregarded distances."""
+    chosen = [each for each in block.distances if each.error != 0.0]
+    error = np.array([each.error for each in chosen], dtype=np.float64)
+    return DistanceObservations(*_between(block, unknowns, chosen, "distance", np.abs(error), error > 0.0))
+
+
+def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:
+    """Return the distances with a-priori error 0."""
+    chosen = [each for each in block.distances if each.error == 0.0]
+    error = np.full(len(chosen), error_of_constant_lengths(block) if chosen else 1.0)
+    used = np.ones(len(chosen), dtype=bool)
+    return ConstantDistanceObservations(*_between(block, unknowns, chosen, "constant distance", error, used))
+
+
+def tied_by_distances(block: Block) -> frozenset[int]:
+    """Return the points that distances tie to each other."""
+    place = block.point_index()
+    return frozenset(place[name] for each in block.distances for name in (each.start, each.end))
+
+
+def _between(
+    block: Block, unknowns: Unknowns, chosen: Sequence[ControlDistance], kind: str, error: FloatArray,
+    used: NDArray[np.bool_],
+) -> tuple[Rows, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], GroundSystem]:  # fmt: skip
+    place = block.point_index()
+    start = np.array([place[each.start] for each in chosen], dtype=np.int64)
+    end = np.array([place[each.end] for each in chosen], dtype=np.int64)
+    axes = np.zeros((len(chosen), 3), dtype=bool)
+    for row, each in enumerate(chosen):
+        axes[row, list(AXES[each.code])] = True
+    rows = Rows(
+        kind=kind,
+        photo=("",) * len(chosen),
+        point=tuple(each.name for each in chosen),
+        component=tuple(each.code for each in chosen),
+        observed=np.array([each.distance for each in chosen], dtype=np.float64),
+        error=error,
+        used=used,
+        columns=np.hstack([unknowns.points[start], unknowns.points[end]]),
+    )
+    return rows, start, end, axes, block.ground

@@ -1,0 +1,228 @@
+"""Control elements: observed values of unknowns, of cameras, photos, points and theodolite sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
+from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
+from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.state import State
+from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
+from orip.errors import InputError
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlElement
+from orip.records.ground import GroundSystem
+from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.units import DEGREES_PER_RADIAN
+
+_LEAST_COSINE_OF_PHI = 0.02
+"""Nearer to phi = ±90 degrees omega and kappa turn about the same axis, and neither can be observed alone."""
+
+
+class _Place(NamedTuple):
+    """Where an element's value is: its quantity, row and column in the state."""
+
+    quantity: str
+    row: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class ElementObservations(Observations):
+    """n observed unknowns; `quantity`, `row` and `column` (n,) say which. Angles are degrees."""
+
+    rows: Rows
+    quantity: NDArray[np.str_]
+    row: IntArray
+    column: IntArray
+    ground: GroundSystem
+
+    def linearise_with_partials(self, state: State) -> Linearisation:
+        """Return residuals and partials by up to three unknowns.
+
+        An angle depends on all rotations of its photo, a coordinate of the project on all of its place. That the
+        project's axes turn a little when a projection centre moves, by the shift over the earth's radius, is left out
+        of the partials.
+
+        Raises
+        ------
+        InputError
+            If an observed rotation comes too near to phi = ±90 degrees.
+        """
+        value, partials = np.full(len(self.row), np.nan), np.zeros((len(self.row), 3))
+        for quantity, evaluate in _EVALUATION.items():
+            chosen = self.quantity == quantity
+            if chosen.any():
+                found = evaluate(self.ground, state, self.row[chosen], self.column[chosen])
+                if found.phi is not None:
+                    self._require_tilted(found.phi, np.flatnonzero(chosen))
+                value[chosen], partials[chosen] = found.value, found.partials
+        known = np.isfinite(value)
+        residual = np.where(known, value - self.rows.observed, 0.0)
+        turning = np.isin(self.quantity, ("rotation", "theodolite"))
+        residual[turning] = (residual[turning] + 180.0) % 360.0 - 180.0
+        return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
+
+    def _require_tilted(self, phi: FloatArray, rows: IntArray) -> None:
+        for index in rows[np.abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI]:
+            message = (
+                f"{self.rows.component[index]} of photo {self.rows.photo[index]} is observed, but its phi is within "
+                "1.1 degrees of ±90, where omega and kappa cannot be told apart; take the element out of the .ELE file"
+            )
+            raise InputError.single(message)
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantElementObservations(ExactObservations, ElementObservations):
+    """Elements that are constant in the project, but depend on unknowns in the local frame."""
+
+
+class _Values(NamedTuple):
+    """Values (n,) of elements, partials (n, 3), and phi (n,) of their photos where they are rotations."""
+
+    value: FloatArray
+    partials: FloatArray
+    phi: FloatArray | None = None
+
+
+def _camera_values(_: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    return _Values(state.cameras[row, column], np.broadcast_to([1.0, 0.0, 0.0], (len(row), 3)))
+
+
+def _theodolite_values(_: GroundSystem, state: State, row: IntArray, __: IntArray) -> _Values:
+    partials = np.broadcast_to([DEGREES_PER_RADIAN, 0.0, 0.0], (len(row), 3))
+    return _Values(state.theodolites[row] * DEGREES_PER_RADIAN, partials)
+
+
+def _centre_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    found = coordinates_with_partials(ground, state.centres[row], column)
+    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
+
+
+def _point_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    found = coordinates_with_partials(ground, state.points[row], column)
+    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
+
+
+def _rotation_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+    axes = ground.axes_at(ground.to_project(state.centres[row]))
+    angles = angles_from_rotation(axes @ state.rotations[row])
+    rates = angle_rates_from_axes_rotation(angles) @ axes @ state.rotation_basis()[row]
+    each = np.arange(len(row))
+    return _Values(angles[each, column] * DEGREES_PER_RADIAN, rates[each, column] * DEGREES_PER_RADIAN, angles[:, 1])
+
+
+_EVALUATION: Mapping[str, Callable[[GroundSystem, State, IntArray, IntArray], _Values]] = {
+    "camera": _camera_values,
+    "theodolite": _theodolite_values,
+    "centre": _centre_values,
+    "point": _point_values,
+    "rotation": _rotation_values,
+}
+
+
+def observe_elements(block: Block, unknowns: Unknowns) -> ElementObservations:
+    """Return the elements that are observed or disregarded; those with a-priori error 0 are constants of the block."""
+    places = _Places(block)
+    chosen = [each for each in block.elements if each.error != 0.0 and places.has(each)]
+    error = np.array([abs(element.error) for element in chosen], dtype=np.float64)
+    used = np.array([error_allows_use(block, element) for element in chosen], dtype=bool)
+    return ElementObservations(*_observed(block, unknowns, chosen, "element", error, used))
+
+
+def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantElementObservations:
+    """Return the elements that are met exactly."""
+    chosen = block.constant_elements
+    error = np.ones(len(chosen))
+    if chosen:
+        angular = np.array([each.kind in PHOTO_PARAMETERS[3:] for each in chosen])
+        of_angle = error_of_constant_angles(block) * DEGREES_PER_RADIAN
+        error = np.where(angular, of_angle, error_of_constant_lengths(block))
+    used = np.ones(len(chosen), dtype=bool)
+    return ConstantElementObservations(*_observed(block, unknowns, chosen, "constant element", error, used))
+
+
+def _observed(
+    block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: str, error: FloatArray,
+    used: NDArray[np.bool_],
+) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, GroundSystem]:  # fmt: skip
+    places = _Places(block)
+    found = [places.of(each) for each in chosen]
+    columns = [_columns(place, unknowns, block.ground) for place in found]
+    rows = Rows(
+        kind=kind,
+        photo=tuple(element.name if element.group == "PHOTO" else "" for element in chosen),
+        point=tuple("" if element.group == "PHOTO" else element.name for element in chosen),
+        component=tuple(element.kind for element in chosen),
+        observed=np.array([element.value for element in chosen], dtype=np.float64),
+        error=error,
+        used=used,
+        columns=np.array(columns, dtype=np.int64).reshape(-1, 3),
+    )
+    return (
+        rows,
+        np.array([place.quantity for place in found], dtype=np.str_),
+        np.array([place.row for place in found], dtype=np.int64),
+        np.array([place.column for place in found], dtype=np.int64),
+        block.ground,
+    )
+
+
+def error_allows_use(block: Block, element: ControlElement) -> bool:
+    """Whether an element takes part: not disregarded, and not a hold on the ground system of a free network."""
+    ties_to_ground = element.group in ("PHOTO", "POINT", "THEODOLITE")
+    return element.error > 0.0 and not (ties_to_ground and block.definition.datum == "free")
+
+
+class _Places:
+    """Places in the state by record or point name."""
+
+    def __init__(self, block: Block) -> None:
+        self.rows = {
+            "CAMERA": {record_key(each.name): row for row, each in enumerate(block.cameras)},
+            "PHOTO": {record_key(each.name): row for row, each in enumerate(block.photos)},
+            "THEODOLITE": {each.name: row for row, each in enumerate(block.theodolites)},
+            "POINT": block.point_index(),
+        }
+
+    def has(self, element: ControlElement) -> bool:
+        """Whether the block has what the element is of."""
+        return self._name(element) in self.rows[element.group]
+
+    def of(self, element: ControlElement) -> _Place:
+        """Return where an element's value is."""
+        row = self.rows[element.group][self._name(element)]
+        if element.group == "PHOTO":
+            column = PHOTO_PARAMETERS.index(element.kind)
+            return _Place("centre", row, column) if column < 3 else _Place("rotation", row, column - 3)
+        return _Place(element.group.lower(), row, _KINDS[element.group].index(element.kind))
+
+    @staticmethod
+    def _name(element: ControlElement) -> str:
+        return record_key(element.name) if element.group in ("CAMERA", "PHOTO") else element.name
+
+
+_KINDS = {"CAMERA": CAMERA_PARAMETERS, "POINT": POINT_COORDINATES, "THEODOLITE": ("R",)}
+
+
+def _columns(place: _Place, unknowns: Unknowns, ground: GroundSystem) -> IntArray:
+    """Return the unknowns (3,) that an element depends on."""
+    if place.quantity == "rotation":
+        return np.asarray(unknowns.photos[place.row, 3:])
+    if place.quantity in ("centre", "point"):
+        table = unknowns.photos[:, :3] if place.quantity == "centre" else unknowns.points
+        return np.asarray(columns_of_coordinates(ground, table[[place.row]], np.array([place.column]))[0])
+    column = (
+        unknowns.cameras[place.row, place.column] if place.quantity == "camera" else unknowns.theodolites[place.row]
+    )
+    return np.array([column, CONSTANT, CONSTANT])

@@ -1,0 +1,83 @@
+"""What every kind of observation gives the bundle adjustment."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.state import State
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The observation equations of one kind, apart from their values.
+
+    Parameters
+    ----------
+    kind : str
+        As in residuals.csv; each kind of a block has its own.
+    photo, point, component : tuples of str, length n
+        What the user calls the observation.
+    observed : array (n,)
+        In the unit of the files: mm, ground unit, degrees.
+    error : array (n,)
+        A-priori error in the same unit, greater than zero.
+    used : array (n,) of bool
+        False: disregarded, the residual is listed only.
+    columns : array (n, k) of int, or None
+        Unknowns that each equation touches, `CONSTANT` where there is none; None: see `Observations.columns`.
+    """
+
+    kind: str
+    photo: tuple[str, ...]
+    point: tuple[str, ...]
+    component: tuple[str, ...]
+    observed: FloatArray
+    error: FloatArray
+    used: BoolArray
+    columns: IntArray | None
+
+
+class Linearisation(NamedTuple):
+    """Residuals (n,), computed minus observed, their partials (n, k), and which rows can be computed (n,)."""
+
+    residual: FloatArray
+    partials: FloatArray
+    computable: BoolArray
+
+
+class Observations(ABC):
+    """All observations of one kind in a block.
+
+    Attributes
+    ----------
+    rows : Rows
+        What does not change while iterating.
+    exact : bool
+        The observations are constants: they are met exactly, never down-weighted, and say nothing of sigma0.
+    """
+
+    rows: Rows
+    exact: ClassVar[bool] = False
+
+    def columns(self) -> IntArray | NDArray[np.int32]:
+        """Return the unknowns (n, k) that each equation touches; `CONSTANT` where there is none."""
+        assert self.rows.columns is not None, "a kind that does not keep them computes them"
+        return self.rows.columns
+
+    @abstractmethod
+    def linearise_with_partials(self, state: State) -> Linearisation:
+        """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
+
+    def remembered(self, state: State) -> FloatArray | None:
+        """Return what this kind adds to its residuals (n,) in the next iteration; None: nothing.
+
+        It is kept in `State.memory`; the state given is new, but still has the memory of the one before.
+        """
+        del state
+        return None

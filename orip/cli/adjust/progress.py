@@ -1,0 +1,135 @@
+"""What the terminal shows of an adjustment: pass lines while it runs, then the summary."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING
+
+from orip.cli.terminal import Style, Terminal
+from orip.errors import INTERRUPTED, GateError, NotSolvableError, ProjectWarning
+
+if TYPE_CHECKING:
+    from orip.records.block import Block
+    from orip.records.preliminary import PreliminaryValues
+    from orip.records.solution import IterationPass
+    from orip.report.trust import Level
+    from orip.workflow.adjust.solve import SolveWatcher
+    from orip.workflow.adjust.solve_checked import CheckedSolve
+
+_VERDICT_STYLES: dict[Level, Style] = {"good": "bold", "caution": "bold yellow", "bad": "bold red"}
+_STYLES: dict[Level, Style | None] = {"good": None, "caution": "yellow", "bad": "red"}
+
+_HEADING = "         iteration      ENP  down-weighted  singular       sigma0"
+_NARROW_HEADING = "pass    ENP   down  sing      sigma0"
+"""Of pass lines on a terminal that has no room for the other."""
+
+
+def solve_watcher(terminal: Terminal) -> SolveWatcher:
+    """Return who tells the terminal of an adjustment and lets Ctrl-C stop it."""
+    from orip.workflow.adjust.solve import SolveWatcher
+
+    return SolveWatcher(
+        oriented=partial(tell_preliminary_values, terminal),
+        started=partial(tell_start, terminal),
+        passed=partial(tell_pass, terminal),
+        stoppable=partial(stopping, terminal),
+    )
+
+
+@contextmanager
+def stopping(terminal: Terminal) -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a wish to stop after the iteration in hand; a second one interrupts at once."""
+    asked = False
+
+    def ask(_signal: int, _frame: object) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+        terminal.say("stopping after this iteration (Ctrl-C again to give up at once)", "yellow")
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def limited_threads(terminal: Terminal) -> Iterator[None]:
+    """Limit the threads of the linear algebra: small systems are slower with more, and one repeats to the last bit."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=terminal.threads):
+        yield
+
+
+def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> None:
+    """Say that preliminary values were missing, and what was found of them."""
+    oriented = sum(photo.rotation is not None for photo in values.photos)
+    terminal.say(
+        f"prelim   preliminary values were missing: {oriented} of {len(values.photos)} photos oriented, "
+        f"{len(values.points)} points ('orip prelim' shows how)"
+    )
+    for photo in values.photos:
+        terminal.detail(f"         {photo.name}: {photo.how}")
+    for camera in values.cameras:
+        terminal.detail(f"         camera {camera.name}: starts with C {camera.parameters[0]:.3f}")
+
+
+def tell_start(terminal: Terminal, block: Block) -> None:
+    """Say what is adjusted, and head the pass lines."""
+    points = len(block.photo_points.photo)
+    terminal.say(
+        f"solve    {block.definition.name}: {len(block.photos)} photos, {len(block.point_names)} points, "
+        f"{points} photo points"
+    )
+    terminal.say(_NARROW_HEADING if _is_narrow(terminal) else _HEADING, "dim")
+
+
+def tell_pass(terminal: Terminal, each: IterationPass) -> None:
+    """Print a pass line."""
+    mark = " *" if each.step_limited else ""
+    if _is_narrow(terminal):
+        line = f"{each.iteration:4d} {each.enp:6.1f} {each.down_weighted:6d} {each.singular:5d} {each.sigma0:11.4f}"
+    else:
+        line = (
+            f"         {each.iteration:9d}  {each.enp:7.1f}  {each.down_weighted:13d}  {each.singular:8d}  "
+            f"{each.sigma0:11.4f}"
+        )
+    terminal.say(f"{line}{mark}")
+
+
+def _is_narrow(terminal: Terminal) -> bool:
+    return terminal.columns is not None and terminal.columns < len(_HEADING) + len(" *")
+
+
+def tell_solution(terminal: Terminal, checked: CheckedSolve) -> None:
+    """Print the summary of an adjustment."""
+    from orip.report.summary import summary
+
+    outcome = checked.outcome
+    solution = outcome.solution
+    terminal.warn(ProjectWarning(*row) for row in solution.warnings)
+    project, files = outcome.project, outcome.files
+    for line in summary(solution, checked.gates, project.shown(files[1])):
+        style = None if line.level is None else _STYLES[line.level]
+        if line.label == "status":
+            terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
+        else:
+            terminal.point(line.label, line.text, style)
+    same = "" if outcome.changed else "; unchanged: the store holds this solution already"
+    terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
+
+
+def exit_code(checked: CheckedSolve) -> int:
+    """Return the exit code that an adjustment deserves."""
+    status = checked.outcome.solution.status
+    if status == "stopped":
+        return INTERRUPTED
+    if status == "not_converged":
+        return NotSolvableError.exit_code
+    return 0 if all(gate.passed for gate in checked.gates) else GateError.exit_code

@@ -1,0 +1,49 @@
+"""`orip report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from orip.workflow.adjust.report import WrittenReport
+
+BundleArgument = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default report.html of the project.")
+]
+
+
+Report = Annotated[bool, typer.Option("--report/--no-report", help="Write the report, too: one HTML page.")]
+
+
+def tell_report(terminal: Terminal, written: WrittenReport) -> None:
+    """Say where the report is."""
+    terminal.say(f"wrote    {written.shown} ({written.size / 1e6:.1f} MB); open it in a browser")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "report")
+    def report_command(invocation: Invocation, bundle: BundleArgument = None, output: Output = None) -> None:
+        """Write the report of the last adjustment: one HTML page that needs no network.
+
+        Example: orip report --output outcrop.html
+        """
+        from orip.workflow.adjust.report import report
+
+        written = report(invocation.folder, bundle, output)
+        terminal = invocation.terminal
+        if terminal.json:
+            terminal.document(
+                {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
+            )
+        tell_report(terminal, written)

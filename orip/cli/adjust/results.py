@@ -1,0 +1,33 @@
+"""`orip results`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from orip.cli.options import BundleOption, Invocation, command
+
+What = Annotated[
+    Literal["cameras", "photos", "points", "residuals"],
+    typer.Argument(metavar="WHAT", help="cameras, photos, points or residuals of the last adjustment."),
+]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These cameras, photos or points alone.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "results")
+    def results_command(invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None) -> None:
+        """Show cameras, photos, points or residuals of the last adjustment, with standard deviations.
+
+        Example: orip results photos st1 st2
+        """
+        from orip.workflow.adjust.results import results
+
+        shown = results(invocation.folder, bundle, what, names or ())
+        if invocation.terminal.json:
+            invocation.terminal.document(shown.document)
+        else:
+            invocation.terminal.data(shown.text)

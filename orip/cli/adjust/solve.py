@@ -1,0 +1,76 @@
+"""`orip solve`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.report import Report, tell_report
+from orip.cli.options import Invocation, command
+from orip.errors import UsageError
+
+BundleArgument = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+
+Snoop = Annotated[
+    bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")
+]
+Sigma0 = Annotated[
+    Literal["apriori", "posteriori"] | None,
+    typer.Option("--sigma0", help="With --snoop: sigma0 is 1 (apriori, default), or estimated (posteriori)."),
+]
+Alpha = Annotated[
+    float | None,
+    typer.Option("--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default 0.001)."),
+]
+Prune = Annotated[
+    bool, typer.Option("--prune", help="Hold camera parameters at zero that are not significant, one after the other.")
+]
+Check = Annotated[
+    list[str] | None,
+    typer.Option("--check", metavar="EXPR", help="A gate such as 'sigma0<=1.5'; exit code 5 if it fails. Repeatable."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "solve")
+    def solve_command(
+        invocation: Invocation,
+        bundle: BundleArgument = None,
+        snoop: Snoop = False,
+        sigma0: Sigma0 = None,
+        alpha: Alpha = None,
+        prune: Prune = False,
+        check: Check = None,
+        report: Report = True,
+    ) -> None:
+        """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
+
+        Ctrl-C stops after the iteration in hand and keeps its result, marked as stopped.
+
+        Example: orip solve --snoop --sigma0 posteriori
+        """
+        from orip.bundle.methods import Method
+        from orip.bundle.snooping import SnoopingSettings
+        from orip.files.result.json_text import result_text
+        from orip.workflow.adjust.report import write_report
+        from orip.workflow.adjust.solve_checked import solve_checked
+
+        if not snoop and (sigma0 is not None or alpha is not None):
+            message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
+            raise UsageError(message)
+        method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
+        terminal = invocation.terminal
+        with limited_threads(terminal):
+            checked = solve_checked(invocation.folder, bundle, solve_watcher(terminal), method, check or ())
+        tell_solution(terminal, checked)
+        if report:
+            tell_report(terminal, write_report(checked.outcome.project, checked.outcome.solution, checked.gates))
+        if terminal.json:
+            terminal.data(result_text(checked.outcome.solution))
+        raise typer.Exit(exit_code(checked))

@@ -1,0 +1,182 @@
+"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR and .PRE files."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orip.cli.confirm import require_confirmation
+from orip.cli.editing import DryRunOption, YesOption, edit_document, tell_edit
+from orip.cli.late_groups import add_group
+from orip.cli.options import Invocation, command
+from orip.cli.terminal import Terminal
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.files.control.forms import ControlKind
+    from orip.workflow.control.edits import ControlOutcome, Weighting
+
+Name = Annotated[
+    str, typer.Argument(metavar="NAME", help="Name, or the first fields that tell it from others: 'D1 1 2 XYZ'.")
+]
+NewName = Annotated[str, typer.Argument(metavar="NAME", help="Its first field.")]
+Names = Annotated[list[str], typer.Argument(metavar="NAME...")]
+SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME...")]
+Values = Annotated[
+    list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= takes it away.")
+]
+BeforeOption = Annotated[str, typer.Option("--before", metavar="NAME", help="Before this one.")]
+BundleOption = Annotated[
+    str | None, typer.Option("--bundle", help="Of preliminary coordinates; needed only where there are several.")
+]
+AllOption = Annotated[bool, typer.Option("--all", help="All of them: start all over.")]
+
+_ABOUT: dict[ControlKind, tuple[str, str]] = {
+    "points": ("Control points (.PNT)", "add 5 X=1012.4 Y=2008.15 Z=101.2 aX=0.02 aY=0.02 aZ=0.03"),
+    "elements": ("Observed values of unknowns (.ELE)", "add OLYMPUS group=CAMERA kind=C value=8.6 a=0.01"),
+    "distances": ("Distances (.LEN)", "add D1 from=1 to=2 code=XYZ distance=12.345 a=0.005"),
+    "directions": ("Theodolite directions (.DIR)", "add S1 station=7 target=1 direction=12.3456 a=0.001"),
+    "preliminary": ("Preliminary coordinates (BUNDLE.PRE)", "edit 1001 X=1012.4"),
+}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group of commands."""
+    about = "Ground control and preliminary coordinates, line by line; comments and order of the files stay."
+    add_group(app, "control", f"{about}\n\nExample: orip control points list", _register_kinds)
+
+
+def _register_kinds(control: typer.Typer) -> None:
+    for kind, (title, example) in _ABOUT.items():
+        text = f"{title}.\n\nExample: orip control {kind} {example}"
+        add_group(control, kind, text, partial(_register, kind=kind))
+
+
+def _register(group: typer.Typer, kind: ControlKind) -> None:
+    _register_list(group, kind)
+    _register_adding(group, kind)
+    _register_edit(group, kind)
+    _register_kill(group, kind)
+    if kind != "preliminary":
+        _register_weighting(group, kind, "disregard", "Disregard: a-priori errors become negative.")
+        _register_weighting(group, kind, "include", "Include again what was disregarded or rejected.")
+    if kind == "points":
+        _register_weighting(group, kind, "reject", "Reject: neither control nor check point.")
+
+
+def _register_list(group: typer.Typer, kind: ControlKind) -> None:
+    @command(group, "list")
+    def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
+        """List the lines of the file."""
+        from orip.files.text.table import Column, table_lines
+        from orip.workflow.control.edits import list_control
+
+        table = list_control(invocation.folder, kind, bundle)
+        if invocation.terminal.json:
+            document = {"command": f"control {kind} list", "file": table.shown, "records": table.records()}
+            invocation.terminal.document(document)
+            return
+        cells = [[*(text or "" for text in fields), "x" if off else ""] for _, fields, off in table.rows]
+        headings = [*table.form.keys, ""]
+        columns = [
+            Column(heading, [row[index] for row in cells], align="left" if index < table.form.identity else "point")
+            for index, heading in enumerate(headings)
+        ]
+        invocation.terminal.data("\n".join(table_lines(columns)))
+
+
+def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
+    def add(
+        invocation: Invocation, name: str, values: list[str] | None, before: str | None, bundle: str | None, dry: bool
+    ) -> None:
+        from orip.workflow.control.edits import add_control
+
+        outcome = add_control(invocation.folder, kind, name, values or (), before=before, bundle=bundle, dry_run=dry)
+        tell(invocation.terminal, f"control {kind} add", outcome)
+
+    @command(group, "add")
+    def add_command(
+        invocation: Invocation,
+        name: NewName,
+        values: Values = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Add a line at the end."""
+        add(invocation, name, values, None, bundle, dry_run)
+
+    @command(group, "insert")
+    def insert_command(
+        invocation: Invocation,
+        name: NewName,
+        before: BeforeOption,
+        values: Values = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Add a line before another one."""
+        add(invocation, name, values, before, bundle, dry_run)
+
+
+def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
+    @command(group, "edit")
+    def edit_command(
+        invocation: Invocation,
+        name: Name,
+        values: Values = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Change values of a line; what is not named stays."""
+        from orip.workflow.control.edits import edit_control
+
+        outcome = edit_control(invocation.folder, kind, name, values or (), bundle=bundle, dry_run=dry_run)
+        tell(invocation.terminal, f"control {kind} edit", outcome)
+
+
+def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
+    @command(group, "kill")
+    def kill_command(
+        invocation: Invocation,
+        names: SomeNames = None,
+        everything: AllOption = False,
+        yes: YesOption = False,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Take lines out. Comments on lines of their own stay."""
+        from orip.workflow.control.edits import kill_control
+
+        if bool(names) == everything:
+            message = "name what to kill, or write --all and no name"
+            raise UsageError(message)
+        if everything and not dry_run:
+            require_confirmation(f"Kill all {kind}?", yes)
+        outcome = kill_control(invocation.folder, kind, names or (), bundle=bundle, dry_run=dry_run)
+        tell(invocation.terminal, f"control {kind} kill", outcome)
+
+
+def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weighting, text: str) -> None:
+    def weight(invocation: Invocation, names: Names, dry_run: DryRunOption = False) -> None:
+        from orip.workflow.control.edits import weight_control
+
+        outcome = weight_control(invocation.folder, kind, weighting, names, dry_run=dry_run)
+        tell(invocation.terminal, f"control {kind} {weighting}", outcome)
+
+    weight.__doc__ = text
+    command(group, weighting)(weight)
+
+
+def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None:
+    """Say what became of the lines."""
+    verb = f"{command_name.split()[2]:<9}"
+    tell_edit(terminal, verb, outcome, f"{outcome.shown} is")
+    for change in outcome.changes:
+        terminal.say(f"{change.action:<9} {outcome.shown}:{change.line}")
+        for mark, line in (("-", change.old), ("+", change.new)):
+            if line is not None:
+                terminal.say(f"          {mark} {line}")
+    if terminal.json:
+        terminal.document(edit_document(command_name, outcome, file=outcome.shown))

@@ -1,0 +1,204 @@
+"""`orip digitise`: measuring through the plate processor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from orip.cli.late_groups import add_group
+from orip.cli.options import BundleOption, Invocation, command
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.workflow.digitise.means import Means
+
+LinkOption = Annotated[str | None, typer.Option("--link", metavar="URL", help="As tcp://127.0.0.1:4788.")]
+LogOption = Annotated[Path, typer.Option("--log", metavar="FILE", help="Measurement file that is written to.")]
+SimulateOption = Annotated[
+    list[Path] | None,
+    typer.Option("--simulate", metavar="FILE", help="Digitise all where this .MEA has it; several: one log."),
+]
+ScriptOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--script", metavar="FILE", help="What the operator does: MOVE dx dy, FOOT RIGHT, KEY ENTER; '-': stdin."
+    ),
+]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the order and the places; needs no link.")]
+KindOption = Annotated[
+    Literal["A", "C", "W"] | None,
+    typer.Option("--transformation", help="A affine, C conform, W without scale; default: as before, else A."),
+]
+AgainOption = Annotated[bool, typer.Option("--again", help="Drive to the old coordinates; ENTER keeps them.")]
+ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
+
+LOG = Path("DIGITISED.MEA")
+
+_ABOUT = """Measure through the plate processor: it drives, the operator sets the mark and presses the foot switch.
+
+Right foot switch: digitise; left: skip (in stereo: lock, unlock); ENTER: keep; any other key, or ZERO: end.
+
+Example: orip digitise template LEFT --link tcp://127.0.0.1:4788
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group of commands."""
+    add_group(app, "digitise", _ABOUT, _register_commands)
+
+
+def _register_commands(group: typer.Typer) -> None:
+    _register_template(group)
+    _register_photo(group)
+    _register_points(group)
+    _register_ground(group)
+
+
+def _register_template(group: typer.Typer) -> None:
+    @command(group, "template")
+    def template_command(
+        invocation: Invocation,
+        template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+        link: LinkOption = None,
+        log: LogOption = LOG,
+        transformation: KindOption = None,
+        stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
+        again: AgainOption = False,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Digitise the tick marks of a template that has been mounted.
+
+        Example: orip digitise template LEFT --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_digitised
+        from orip.workflow.digitise.marks import digitise_template
+
+        means = _means(invocation, link, simulate, script, dry_run=dry_run)
+        found = digitise_template(
+            invocation.folder, log, means, template, kind=transformation, stage=stage, again=again
+        )
+        tell_digitised(invocation.terminal, "digitise template", found)
+
+
+def _register_photo(group: typer.Typer) -> None:
+    @command(group, "photo")
+    def photo_command(
+        invocation: Invocation,
+        photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
+        template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
+        link: LinkOption = None,
+        log: LogOption = LOG,
+        transformation: KindOption = None,
+        again: AgainOption = False,
+        start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Digitise the fiducial marks of photos.
+
+        Example: orip digitise photo --template LEFT --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_digitised
+        from orip.workflow.digitise.marks import digitise_photos
+
+        means = _means(invocation, link, simulate, script, dry_run=dry_run)
+        found = digitise_photos(
+            invocation.folder,
+            log,
+            means,
+            photos or (),
+            template=template,
+            kind=transformation,
+            again=again,
+            start=start,
+        )
+        tell_digitised(invocation.terminal, "digitise photo", found)
+
+
+def _register_points(group: typer.Typer) -> None:
+    @command(group, "points")
+    def points_command(
+        invocation: Invocation,
+        bundle: Annotated[
+            str | None, typer.Argument(metavar="BUNDLE", help="Needed only where there are several.")
+        ] = None,
+        photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
+        point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
+        model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,
+        stereo: Annotated[
+            bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
+        ] = None,
+        link: LinkOption = None,
+        log: LogOption = LOG,
+        again: AgainOption = False,
+        start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
+        listed: ListOption = None,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
+
+        Example: orip digitise points --list again.txt --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_digitised
+        from orip.workflow.digitise.points import Viewing, digitise_points
+        from orip.workflow.digitise.wanted import PointChoice
+
+        means = _means(invocation, link, simulate, script, dry_run=dry_run)
+        choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
+        viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
+        found = digitise_points(invocation.folder, log, means, bundle, choice, viewing=viewing, start=start)
+        tell_digitised(invocation.terminal, "digitise points", found)
+
+
+def _register_ground(group: typer.Typer) -> None:
+    @command(group, "ground")
+    def ground_command(
+        invocation: Invocation,
+        model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
+        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
+        target: Annotated[
+            Literal["PNT", "PRE"], typer.Option("--to", help="Control points or preliminary coordinates.")
+        ] = "PRE",
+        error: Annotated[float | None, typer.Option("--error", help="A-priori error of control points.")] = None,
+        first: Annotated[
+            str | None, typer.Option("--first", metavar="NAME", help="Number points: 1000, 1001 ...")
+        ] = None,
+        listed: ListOption = None,
+        link: LinkOption = None,
+        bundle: BundleOption = None,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+    ) -> None:
+        """Take ground coordinates from a model of the last adjustment.
+
+        Example: orip digitise ground --model 1-1 --first 5000 --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_ground
+        from orip.workflow.digitise.ground import GroundChoice, digitise_ground
+
+        means = _means(invocation, link, simulate, script, dry_run=False)
+        choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
+        tell_ground(invocation.terminal, digitise_ground(invocation.folder, means, bundle, choice))
+
+
+def _means(
+    invocation: Invocation, link: str | None, simulate: list[Path] | None, script: Path | None, *, dry_run: bool
+) -> Means:
+    from orip.workflow.digitise.means import by_link, rehearsal
+
+    if simulate and script is not None:
+        message = "the operator is simulated, or does what a script says; give --simulate or --script"
+        raise UsageError(message)
+    if dry_run:
+        return rehearsal(invocation.terminal.detail)
+    if link is None:
+        message = "which plate processor? name it with --link tcp://127.0.0.1:4788, or see the order with --dry-run"
+        raise UsageError(message)
+    return by_link(link, invocation.terminal.say, simulate=simulate or (), script=script)

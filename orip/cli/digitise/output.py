@@ -1,0 +1,92 @@
+"""What `orip digitise` prints."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import isnan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orip.cli.terminal import Terminal, warning_rows
+
+if TYPE_CHECKING:
+    from orip.records.interior import MarkAdjustment
+    from orip.workflow.digitise.ground import GroundDigitised
+    from orip.workflow.digitise.means import Digitised
+
+
+def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> None:
+    """Say what was digitised, and what became of orientations."""
+    if found.is_trial and not terminal.json:
+        terminal.data("\n".join(_places(found)))
+    terminal.warn(found.warnings)
+    for each in found.orientations:
+        summary = each.summary
+        s0 = "no redundancy" if isnan(summary.s0) else f"s0 {summary.s0:.4f} mm"
+        largest = float(np.abs(each.residuals).max())
+        terminal.say(f"oriented {summary.group[:-1]} {summary.name}: {s0}, largest residual {largest:.4f} mm")
+    counts = ", ".join(f"{found.count(outcome)} {outcome}" for outcome in ("digitised", "skipped", "kept"))
+    if found.is_trial:
+        terminal.say(f"trial    {len(found.entries)} would be driven to; nothing is written")
+    else:
+        terminal.say(f"log      {found.log}: {counts}; {found.ending}", "green")
+        terminal.say("next     orip measure")
+    if terminal.json:
+        terminal.document(
+            {
+                "command": command_name,
+                "log": found.log,
+                "dry_run": found.is_trial,
+                "ending": found.ending,
+                "entries": [asdict(each) for each in found.entries],
+                "orientations": [_orientation(each) for each in found.orientations],
+                "warnings": warning_rows(found.warnings),
+            }
+        )
+
+
+def tell_ground(terminal: Terminal, found: GroundDigitised) -> None:
+    """Say which ground points were taken."""
+    terminal.warn(found.warnings)
+    taken = sum(each.xyz is not None for each in found.points)
+    terminal.say(
+        f"ground   {found.file}: {taken} digitised, {len(found.points) - taken} skipped; {found.ending}", "green"
+    )
+    if terminal.json:
+        document = {"command": "digitise ground", "file": found.file, "ending": found.ending}
+        points = [asdict(each) for each in found.points]
+        terminal.document({**document, "points": points, "warnings": warning_rows(found.warnings)})
+
+
+def _places(found: Digitised) -> list[str]:
+    """Return the table of a dry run: the order, and where would be driven to."""
+    from orip.files.text.numbers import fixed
+    from orip.files.text.table import Column, table_lines
+
+    places = [each.driven or (np.nan, np.nan) for each in found.entries]
+    return table_lines(
+        [
+            Column("", [each.what for each in found.entries], align="left"),
+            Column("Of", [each.owner for each in found.entries], align="left"),
+            Column("Name", [each.name for each in found.entries], align="left"),
+            Column("X-plate", fixed([x for x, _ in places], 4), "mm, px"),
+            Column("Y-plate", fixed([y for _, y in places], 4), "mm, px"),
+            Column("Place", [each.known for each in found.entries], align="left"),
+        ]
+    )
+
+
+def _orientation(adjustment: MarkAdjustment) -> dict[str, Any]:
+    summary = adjustment.summary
+    return {
+        "kind": summary.group[:-1],
+        "name": summary.name,
+        "transformation": adjustment.kind,
+        "s0": None if isnan(summary.s0) else summary.s0,
+        "redundancy": summary.redundancy,
+        "marks": [
+            {"name": name, "residual": residual}
+            for name, residual in zip(adjustment.marks.names, adjustment.residuals.tolist(), strict=True)
+        ],
+    }

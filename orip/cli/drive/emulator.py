@@ -1,0 +1,64 @@
+"""`orip drive emulate`: a plate processor where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.errors import UsageError
+
+DEFAULT_ADDRESS = "127.0.0.1:4788"
+PLATE_UPDATES_HZ = 50.0
+
+Listen = Annotated[str, typer.Option("--listen", metavar="HOST:PORT", help="Port 0: any that is free.")]
+StateFile = Annotated[
+    Path | None, typer.Option("--state", metavar="FILE", help="Keep the table and the mark in this file.")
+]
+Speed = Annotated[
+    float | None, typer.Option("--speed", min=1e-3, help="Of the stages, mm a second. Default: they are there at once.")
+]
+Rate = Annotated[float | None, typer.Option("--rate", min=1e-3, help="Hz at which --speed moves them; default 50.")]
+AllowRemote = Annotated[bool, typer.Option("--allow-remote", help="Listen for other machines too.")]
+
+
+def register(drive: typer.Typer) -> None:
+    """Add the command to the group."""
+    command(drive, "emulate")(emulate_command)
+
+
+def emulate_command(
+    invocation: Invocation,
+    listen: Listen = DEFAULT_ADDRESS,
+    state: StateFile = None,
+    speed: Speed = None,
+    rate: Rate = None,
+    allow_remote: AllowRemote = False,
+) -> None:
+    """Be a plate processor that talks over TCP, until Ctrl-C or SIGTERM.
+
+    The first client operates, others may read. Line protocol: send HELP, for example with netcat.
+
+    Example: orip drive emulate --state plates.json
+    """
+    from orip.link.travel import Pace
+    from orip.workflow.drive.emulator import EmulatorSettings, emulate
+
+    if rate is not None and speed is None:
+        message = "--rate says how often --speed moves the stages; give --speed too"
+        raise UsageError(message)
+    pace = None if speed is None else Pace(speed, rate or PLATE_UPDATES_HZ)
+    terminal = invocation.terminal
+
+    def listening(address: str) -> None:
+        if terminal.json:
+            terminal.document({"command": "drive emulate", "listening": address})
+        else:
+            terminal.data(f"listening on {address}")
+        terminal.flush()
+
+    ended = emulate(EmulatorSettings(listen, state, pace, allow_remote), listening, terminal.error)
+    kept = "" if state is None else f"; its state is in {state}"
+    terminal.say(f"the emulated plate processor has ended ({ended}){kept}", "green")

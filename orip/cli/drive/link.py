@@ -1,0 +1,165 @@
+"""`orip drive download`, `goto`, `where` …: commands to a plate processor over a link."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.cli.terminal import warning_rows
+
+if TYPE_CHECKING:
+    from orip.multimodel.state import Driven
+
+DEFAULT_LINK = "tcp://127.0.0.1:4788"
+
+Link = Annotated[
+    str, typer.Option("--link", envvar="ORIP_LINK", metavar="URL", help="tcp://HOST:PORT or a serial device.")
+]
+BundleArgument = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+Bundle = Annotated[
+    str | None, typer.Option("--bundle", help="With a crs and several bundles: the one that is driven in.")
+]
+Coordinate = Annotated[float, typer.Argument(show_default=False)]
+
+_NEGATIVE_NUMBERS: dict[str, Any] = {"context_settings": {"ignore_unknown_options": True}}
+"""-12.5 is a coordinate, not an option."""
+
+
+def register(drive: typer.Typer) -> None:
+    """Add the commands to the group."""
+    command(drive, "download")(download_command)
+    command(drive, "goto", **_NEGATIVE_NUMBERS)(goto_command)
+    command(drive, "where")(where_command)
+    command(drive, "profile", **_NEGATIVE_NUMBERS)(profile_command)
+    command(drive, "forward")(forward_command)
+    command(drive, "model")(model_command)
+    command(drive, "next")(next_command)
+
+
+def download_command(invocation: Invocation, bundle: BundleArgument = None, link: Link = DEFAULT_LINK) -> None:
+    """Load the drive table into the plate processor; writes BUNDLE.DRV first where that is missing or out of date.
+
+    Example: orip drive download --link tcp://127.0.0.1:4788
+    """
+    from orip.workflow.drive.link import download
+
+    terminal = invocation.terminal
+    done = download(invocation.folder, bundle, link)
+    shown, table = done.table.project.shown(done.table.path), done.table.table
+    terminal.warn(done.table.warnings)
+    models = f"{len(table.models)} model{'s' if len(table.models) != 1 else ''}"
+    terminal.say(f"download  {shown} loaded at {link}: {models}; SHA-256 {done.digest[:12]}…", "green")
+    if terminal.json:
+        document = {"command": "drive download", "link": link, "file": shown, "changed": done.table.changed}
+        document |= {"photos": len(table.photos), "models": len(table.models), "sha256": done.digest}
+        terminal.document({**document, "warnings": warning_rows(done.table.warnings)})
+
+
+def goto_command(
+    invocation: Invocation,
+    x: Coordinate,
+    y: Coordinate,
+    z: Coordinate,
+    bundle: Bundle = None,
+    link: Link = DEFAULT_LINK,
+) -> None:
+    """Drive the measuring mark to ground coordinates; the model changes where they are not in the active one.
+
+    Example: orip drive goto 1010.5 2031 -4.2
+    """
+    from orip.workflow.drive.link import operating
+
+    with operating(invocation.folder, bundle, link) as project:
+        _tell_driven(invocation, "goto", project.goto((x, y, z)), project.link.status().condition)
+
+
+def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DEFAULT_LINK) -> None:
+    """Show where the measuring mark is: model, ground, plates and photos.
+
+    Example: orip drive where
+    """
+    from orip.cli.drive.output import where_document, where_lines
+    from orip.workflow.drive.link import observing
+
+    with observing(invocation.folder, bundle, link) as project:
+        found = project.where()
+    if invocation.terminal.json:
+        invocation.terminal.document(where_document(found))
+    else:
+        invocation.terminal.data("\n".join(where_lines(found)))
+
+
+def profile_command(
+    invocation: Invocation,
+    x1: Coordinate,
+    y1: Coordinate,
+    z1: Coordinate,
+    x2: Coordinate,
+    y2: Coordinate,
+    z2: Coordinate,
+    step: Coordinate,
+    bundle: Bundle = None,
+    link: Link = DEFAULT_LINK,
+) -> None:
+    """Drive along a line on the ground in equal steps, and list each with its model and plate coordinates.
+
+    Example: orip drive profile 1000 2000 50 1100 2000 50 2.5
+    """
+    from orip.cli.drive.output import profile_document, profile_lines
+    from orip.workflow.drive.link import operating
+
+    with operating(invocation.folder, bundle, link) as project:
+        points = project.profile((x1, y1, z1), (x2, y2, z2), step)
+    if invocation.terminal.json:
+        invocation.terminal.document(profile_document(points))
+    else:
+        invocation.terminal.data("\n".join(profile_lines(points)))
+
+
+def forward_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
+    """Bring both plates to the front, for films to be mounted.
+
+    Example: orip drive forward
+    """
+    from orip.link.client import open_link
+
+    with open_link(link) as processor:
+        _tell_driven(invocation, "forward", processor.forward(), processor.status().condition)
+
+
+def model_command(
+    invocation: Invocation, name: Annotated[str, typer.Argument(metavar="NAME")], link: Link = DEFAULT_LINK
+) -> None:
+    """Change to another model, at the same place on the ground.
+
+    Example: orip drive model 1-2
+    """
+    from orip.link.client import open_link
+
+    with open_link(link) as processor:
+        _tell_driven(invocation, "model", processor.change_model(name), processor.status().condition)
+
+
+def next_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
+    """Change to the next model of the row, else to the first of the next row.
+
+    Example: orip drive next
+    """
+    from orip.link.client import open_link
+
+    with open_link(link) as processor:
+        _tell_driven(invocation, "next", processor.next_model(), processor.status().condition)
+
+
+def _tell_driven(invocation: Invocation, verb: str, driven: Driven, condition: str) -> None:
+    from orip.cli.drive.output import driven_document, driven_line
+
+    if invocation.terminal.json:
+        document = {"command": f"drive {verb}", **driven_document(driven), "condition": condition}
+        invocation.terminal.document(document)
+    else:
+        invocation.terminal.data(f"{driven_line(driven)}  {condition}")

@@ -1,0 +1,81 @@
+"""`orip drive watch`."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orip.cli.drive.commands import BundleArgument, drive
+from orip.cli.options import Invocation, command
+from orip.errors import OripError
+
+if TYPE_CHECKING:
+    from orip.link.watch import Watch
+    from orip.link.watch_server import WatchServer
+
+Link = Annotated[
+    str | None,
+    typer.Option("--link", metavar="URL", help="Show this plate processor, for example tcp://127.0.0.1:4788."),
+]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any that is free).")]
+Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
+
+
+def register(_app: typer.Typer) -> None:
+    """Add the command to the group `orip drive`."""
+    command(drive, "watch")(watch_command)
+
+
+def watch_command(
+    invocation: Invocation, bundle: BundleArgument = None, link: Link = None, port: Port = 0, browser: Open = True
+) -> None:
+    """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
+
+    Without --link the page has a plate processor of its own. The page can be seen from this machine alone; Ctrl-C
+    ends it.
+
+    Example: orip drive watch
+    """
+    from orip.workflow.drive.watch import open_watch
+
+    watch = open_watch(invocation.folder, bundle, link)
+    try:
+        with _server(watch, port) as server:
+            if invocation.terminal.json:
+                invocation.terminal.document({"command": "drive watch", "url": server.url})
+            else:
+                invocation.terminal.data(server.url)
+            invocation.terminal.flush()
+            invocation.terminal.say("Ctrl-C ends it")
+            _serve(server, browser=browser)
+    finally:
+        watch.close()
+
+
+def _server(watch: Watch, port: int) -> WatchServer:
+    from orip.link.watch_server import HOST, WatchServer
+
+    try:
+        return WatchServer(watch, port)
+    except OSError as error:
+        message = f"port {port} of {HOST} cannot be taken ({error.strerror or error}); choose another, or --port 0"
+        raise OripError(message) from error
+
+
+def _serve(server: WatchServer, *, browser: bool) -> None:
+    """Serve until Ctrl-C or SIGTERM, which are the way to end and no error."""
+    import webbrowser
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        if browser:
+            # one that runs in this terminal comes back only when it is left
+            threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
+        server.serve_forever(poll_interval=0.1)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)

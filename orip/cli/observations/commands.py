@@ -1,0 +1,161 @@
+"""`orip observations`: what is measured, what does not fit, and what an operator does about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from orip.cli.confirm import require_confirmation
+from orip.cli.editing import DryRunOption, YesOption
+from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
+from orip.cli.options import BundleOption, Invocation, command
+from orip.errors import UsageError
+
+Verb = Literal["disregard", "include", "kill"]
+What = Annotated[Literal["point", "mark", "tick"], typer.Argument(metavar="point|mark|tick", show_default=False)]
+Owner = Annotated[str, typer.Argument(metavar="PHOTO", help="A photo (of a tick: template); '*' in quotes: all.")]
+Names = Annotated[list[str], typer.Argument(metavar="NAME", help="Points, marks or ticks; '*' in quotes: all.")]
+
+_ABOUT = """Photo observations: list, disregard, include, kill, measure again.
+
+Example: orip observations disregard point P101 1001
+"""
+_DOES = {
+    "disregard": "Keep points, marks or ticks with their residuals, but without influence.",
+    "include": "Give disregarded points, marks or ticks their influence back.",
+    "kill": "Delete measured points, marks or ticks; says which points are left with a single ray.",
+}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group of commands."""
+    group = typer.Typer(name="observations", no_args_is_help=True, help=_ABOUT)
+    app.add_typer(group)
+    _register_list(group)
+    _register_edit(group, "disregard")
+    _register_edit(group, "include")
+    _register_kill(group)
+    _register_again(group)
+
+
+def _register_list(group: typer.Typer) -> None:
+    @command(group, "list")
+    def list_command(
+        invocation: Invocation,
+        bundle: BundleOption = None,
+        photo: Annotated[str | None, typer.Option("--photo", help="That photo alone.")] = None,
+        point: Annotated[str | None, typer.Option("--point", help="That point alone.")] = None,
+        every: Annotated[bool, typer.Option("--all", help="All that is measured.")] = False,
+        partners: Annotated[bool, typer.Option("--partners", help="Also the photos that show these points.")] = False,
+    ) -> None:
+        """Show down-weighted points with residuals, standard deviations and weight factors.
+
+        Example: orip observations list --point 1001 --all --partners
+        """
+        from orip.workflow.observations.listed import list_observations
+
+        found = list_observations(invocation.folder, bundle, photo, point, every=every, with_partners=partners)
+        if invocation.terminal.json:
+            invocation.terminal.document(list_document(found))
+        else:
+            tell_list(invocation.terminal, found, with_partners=partners, every=every)
+
+
+def _register_edit(group: typer.Typer, verb: Verb) -> None:
+    def edit_command(
+        invocation: Invocation,
+        what: What,
+        owner: Owner,
+        names: Names,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        _edit(invocation, verb, what, owner, names, bundle=bundle, dry_run=dry_run)
+
+    edit_command.__doc__ = _documented(verb)
+    command(group, verb)(edit_command)
+
+
+def _register_kill(group: typer.Typer) -> None:
+    def kill_command(
+        invocation: Invocation,
+        what: What,
+        owner: Owner,
+        names: Names,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+        yes: YesOption = False,
+    ) -> None:
+        if "*" in names and not dry_run:
+            every = "every template" if what == "tick" else "every photo"
+            require_confirmation(f"Kill all {what}s of {every if owner == '*' else owner}?", yes)
+        _edit(invocation, "kill", what, owner, names, bundle=bundle, dry_run=dry_run)
+
+    kill_command.__doc__ = _documented("kill")
+    command(group, "kill")(kill_command)
+
+
+def _documented(verb: Verb) -> str:
+    return (
+        f"{_DOES[verb]}\n\nIt goes into EDITS.MEA and counts whenever the measurements are replayed.\n\n"
+        f"Example: orip observations {verb} point P101 1001 1002"
+    )
+
+
+def _edit(
+    invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], *, bundle: str | None, dry_run: bool
+) -> None:
+    from orip.workflow.observations.edits import edit_observations
+
+    if bundle is not None and what != "point":
+        message = f"a {what} belongs to no bundle; leave --bundle out"
+        raise UsageError(message)
+    edited = edit_observations(
+        invocation.folder, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run
+    )
+    tell_edited(invocation.terminal, verb, edited)
+
+
+def _register_again(group: typer.Typer) -> None:
+    @command(group, "todo")
+    def todo_command(
+        invocation: Invocation,
+        bundle: BundleOption = None,
+        output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write there.")] = None,
+        force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    ) -> None:
+        """Write a .MEA file of what to measure again: down-weighted, disregarded and killed points, single rays.
+
+        Example: orip observations todo --output again.txt
+        """
+        from orip.workflow.observations.todo import measure_again
+
+        todo = measure_again(invocation.folder, bundle, output, overwrite=force)
+        if invocation.terminal.json:
+            invocation.terminal.document(todo_document(todo))
+        else:
+            tell_todo(invocation.terminal, todo)
+
+    @command(group, "remeasure")
+    def remeasure_command(
+        invocation: Invocation,
+        file: Annotated[Path, typer.Argument(metavar="FILE", help="A measurement file.")],
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Append new measurements to EDITS.MEA: they replace those that were disregarded, killed or down-weighted.
+
+        Example: orip observations remeasure again.txt
+        """
+        from orip.workflow.observations.edits import remeasure
+
+        tell_edited(invocation.terminal, "remeasure", remeasure(invocation.folder, file, is_trial=dry_run))
+
+
+_ACTIONS: dict[Verb, Literal["DISREGARD", "INCLUDE", "KILL"]] = {
+    "disregard": "DISREGARD",
+    "include": "INCLUDE",
+    "kill": "KILL",
+}
+_WHAT: dict[str, Literal["POINT", "MARK", "TICK"]] = {"point": "POINT", "mark": "MARK", "tick": "TICK"}

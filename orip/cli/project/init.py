@@ -1,0 +1,121 @@
+"""`orip init`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.cli.project.samples import list_samples, tell_sample
+from orip.cli.terminal import Terminal, warning_rows
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.workflow.records.initialise import Initialised
+
+PreferOption = Annotated[
+    Literal["text", "store"] | None,
+    typer.Option("--prefer", help="Which side wins where orip.toml and a store have both changed a record."),
+]
+
+SampleOption = Annotated[
+    bool, typer.Option("--sample", help="Write the sample project NAME into DIR; without a name, list them.")
+]
+SampleName = Annotated[str | None, typer.Argument(metavar="NAME", help="With --sample: which one.")]
+SampleFolder = Annotated[
+    Path | None, typer.Argument(metavar="DIR", help="With --sample: a new or empty folder; default ./NAME.")
+]
+
+_SHOWN_VALUES = 12
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "init")
+    def init(
+        invocation: Invocation,
+        name: SampleName = None,
+        folder: SampleFolder = None,
+        sample: SampleOption = False,
+        prefer: PreferOption = None,
+    ) -> None:
+        """Apply orip.toml to the record stores; or write a sample project to start with. Safe to repeat.
+
+        Records whose text has not changed since the last time stay as they are, so what 'orip update' wrote survives.
+
+        Example: orip init --sample small_frame_block try
+        """
+        if sample:
+            _sample(invocation, name, folder, prefer)
+            return
+        if name is not None:
+            message = f"{name!r} is too much: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            raise UsageError(message)
+        from orip.workflow.records.initialise import initialise
+
+        outcome = initialise(invocation.folder, prefer)
+        tell(invocation.terminal, outcome)
+        if invocation.terminal.json:
+            invocation.terminal.document(
+                {
+                    "command": "init",
+                    "unchanged": not outcome.changes,
+                    "changes": [
+                        {"kind": change.kind, "name": change.name, "action": change.action}
+                        for change in outcome.changes
+                    ],
+                    "differences": [asdict(each) for each in outcome.differences],
+                    "warnings": warning_rows(outcome.warnings),
+                }
+            )
+
+
+def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefer: str | None) -> None:
+    if prefer is not None:
+        message = "--prefer does not go with --sample; leave one of them out"
+        raise UsageError(message)
+    if name is None:
+        list_samples(invocation.terminal)
+        return
+    from orip.workflow.sample_projects import write_sample
+
+    tell_sample(invocation.terminal, write_sample(name, invocation.folder / (folder or name)))
+
+
+def tell(terminal: Terminal, outcome: Initialised) -> None:
+    """Say what the stores took over."""
+    terminal.warn(outcome.warnings)
+    if not outcome.changes:
+        terminal.say("init     unchanged: the stores hold what orip.toml says")
+        return
+    from orip.workflow.records.reconcile import counted
+
+    for change in outcome.changes:
+        terminal.detail(f"         {change.action} {change.kind} {change.name}")
+    terminal.say(f"init     {counted(outcome.changes)}")
+    for change in outcome.changes:
+        if change.action == "detached":
+            terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")
+    _tell_differences(terminal, outcome)
+
+
+def _tell_differences(terminal: Terminal, outcome: Initialised) -> None:
+    """Show the values that have changed, a few of them always."""
+    from orip.workflow.records.values import shown_value
+
+    lines = [
+        f"         {each.kind} {each.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
+        for each in outcome.differences
+        if each.action == "changed"
+        for value in each.values
+    ]
+    for line in lines[:_SHOWN_VALUES]:
+        terminal.say(line)
+    for line in lines[_SHOWN_VALUES:]:
+        terminal.detail(line)
+    if (more := len(lines) - _SHOWN_VALUES) > 0 and not terminal.verbose:
+        terminal.say(f"         and {more} more; -v lists all")

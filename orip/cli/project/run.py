@@ -1,0 +1,51 @@
+"""`orip run`."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+import typer
+
+from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.report import Report, tell_report
+from orip.cli.drive.commands import tell_no_table, tell_table
+from orip.cli.observations import measure
+from orip.cli.options import Invocation, command
+from orip.cli.project import init
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "run")
+    def run_command(invocation: Invocation, prefer: init.PreferOption = None, report: Report = True) -> None:
+        """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
+
+        All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
+
+        Example: orip -C zurich_city_hall run
+        """
+        from orip.files.result.json_text import result_document, result_text
+        from orip.workflow.adjust.report import write_report
+        from orip.workflow.run import RunWatcher, run
+
+        terminal = invocation.terminal
+        watcher = RunWatcher(
+            initialised=partial(init.tell, terminal),
+            measured=partial(measure.tell, terminal),
+            solving=solve_watcher(terminal),
+            solved=partial(tell_solution, terminal),
+            tabled=partial(tell_table, terminal),
+            not_tabled=partial(tell_no_table, terminal),
+        )
+        with limited_threads(terminal):
+            checked = run(invocation.folder, prefer, watcher)
+        for each in checked if report else ():
+            tell_report(terminal, write_report(each.outcome.project, each.outcome.solution, each.gates))
+        solutions = [each.outcome.solution for each in checked]
+        if terminal.json and len(solutions) == 1:
+            terminal.data(result_text(solutions[0]))
+        elif terminal.json:
+            terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
+        raise typer.Exit(max(map(exit_code, checked), default=0))

@@ -1,0 +1,86 @@
+"""`orip camera plot`."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orip.cli.options import Invocation, command
+
+if TYPE_CHECKING:
+    from orip.workflow.records.distortion_curve import DistortionCurve
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="A camera.")]
+Radius = Annotated[float | None, typer.Option("--radius", min=1e-6, help="Plot up to this radius (mm).")]
+Ascii = Annotated[bool, typer.Option("--ascii", help="Draw with plain characters.")]
+
+_MARGIN = 14
+_LINES = 15
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the group of commands about cameras, which is there already."""
+    group = next(each.typer_instance for each in app.registered_groups if _name(each.typer_instance) == "camera")
+    if group is not None:
+        _register_plot(group)
+
+
+def _name(group: typer.Typer | None) -> object:
+    return group.info.name if group is not None else None
+
+
+def _register_plot(group: typer.Typer) -> None:
+    @command(group, "plot")
+    def plot_command(invocation: Invocation, name: Name, radius: Radius = None, ascii_only: Ascii = False) -> None:
+        """Plot the radial distortion of a camera over the radius, with the points of the curve it was given as.
+
+        Example: orip camera plot OLYMPUS
+        """
+        from orip.workflow.records.distortion_curve import distortion_curve
+
+        found = distortion_curve(invocation.folder, name, radius)
+        if invocation.terminal.json:
+            invocation.terminal.document(_document(found))
+        else:
+            invocation.terminal.data("\n".join(_plot(found, ascii_only=ascii_only)))
+
+
+def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:
+    from orip.files.listings.distortion import distortion_lines
+    from orip.files.text.plot import ASCII, UNICODE, text_plot
+
+    width = max(min(shutil.get_terminal_size().columns, 120) - _MARGIN, 20)
+    plain = ascii_only or "utf" not in (sys.stdout.encoding or "").lower()
+    plot = text_plot(
+        (found.radius, 1e3 * found.distortion),
+        (found.given_radius, 1e3 * found.given),
+        (width, _LINES),
+        ("R (mm)", f"D (µm), camera {found.camera}" if not plain else f"D (um), camera {found.camera}"),
+        ASCII if plain else UNICODE,
+    )
+    return [
+        *plot,
+        "",
+        *distortion_lines(found.coefficients, found.isp, found.given_radius, found.given, found.residual),
+    ]
+
+
+def _document(found: DistortionCurve) -> dict[str, Any]:
+    return {
+        "command": "camera plot",
+        "camera": found.camera,
+        "form": found.form,
+        "polynomial": dict(zip(("A1", "A3", "A5", "A7"), found.coefficients, strict=True)),
+        "isp": None if found.isp is None else dict(zip(("R0", "A1", "A2", "A3"), found.isp, strict=True)),
+        "radius": found.radius.tolist(),
+        "distortion": found.distortion.tolist(),
+        "curve": [
+            {"radius": radius, "given": given, "residual": residual}
+            for radius, given, residual in zip(
+                found.given_radius.tolist(), found.given.tolist(), found.residual.tolist(), strict=True
+            )
+        ],
+    }

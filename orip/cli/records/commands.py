@@ -1,0 +1,206 @@
+"""`orip camera`, `temtick`, `photo`, `template`, `bundle` and `model`: the records of the stores."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orip.cli.editing import DryRunOption, edit_document, tell_edit
+from orip.cli.late_groups import add_group
+from orip.cli.options import Invocation, command
+from orip.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from orip.workflow.records.changes import RecordChange
+    from orip.workflow.records.commands import RecordsOutcome
+    from orip.workflow.records.edits import RecordName
+    from orip.workflow.records.references import RecordKind
+
+Name = Annotated[str, typer.Argument(metavar="NAME")]
+NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
+Values = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="KEY=VALUE...", help="Keys and values as in orip.toml; KEY= takes a value away."),
+]
+BundleOption = Annotated[
+    str | None, typer.Option("--bundle", help="Bundle of a model; needed only where there are several.")
+]
+BeforeOption = Annotated[
+    str | None, typer.Option("--before", metavar="NAME", help="Insert before this record; else at the end.")
+]
+ReferentsOption = Annotated[
+    bool, typer.Option("--with-referents", help="Delete all that refers to it as well, measurements included.")
+]
+
+_ABOUT: dict[RecordKind, tuple[str, str]] = {
+    "camera": ("Cameras: principal distance and point, distortion, fiducial marks.", "edit OLYMPUS c=8.6 unknown=C,A3"),
+    "temtick": ("Tick marks of kinds of templates.", "edit GRID ticks.3='{x=10.0, y=220.0}'"),
+    "photo": ("Photos: camera, template, preliminary orientation.", "add P101 camera=OLYMPUS template=T1"),
+    "template": ("Templates: tick marks, stage plate, photos on them.", "edit T1 photos=P101,P103"),
+    "bundle": ("Bundle adjustments: what controls them.", "edit MAIN measurement_precision=0.5px"),
+    "model": ("Stereo models of a bundle.", "add M1 left=P101 right=P102 row=1 column=1"),
+}
+
+
+def register(app: typer.Typer) -> None:
+    """Add a group of commands for each kind of record."""
+    for kind, (about, example) in _ABOUT.items():
+        add_group(app, kind, f"{about}\n\nExample: orip {kind} {example}", partial(_register, kind=kind))
+
+
+def _register(group: typer.Typer, kind: RecordKind) -> None:
+    _register_reading(group, kind)
+    _register_adding(group, kind)
+    _register_changing(group, kind)
+
+
+def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
+    @command(group, "list")
+    def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
+        """List the records of the store, and where each came from."""
+        from orip.workflow.records.lists import list_records
+
+        found = list_records(invocation.folder, kind, bundle)
+        if invocation.terminal.json:
+            rows = [
+                {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source}
+                for row in found.rows
+            ]
+            invocation.terminal.document({"command": f"{kind} list", "records": rows})
+        else:
+            invocation.terminal.data(found.text)
+
+    @command(group, "show")
+    def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
+        """Show all values of a record under the keys with which they are edited."""
+        from orip.workflow.records.lists import show_record
+
+        found = show_record(invocation.folder, _record(kind, name, bundle))
+        if invocation.terminal.json:
+            invocation.terminal.document(
+                {
+                    "command": f"{kind} show",
+                    "record": found.row.table,
+                    "values": [each._asdict() for each in found.values],
+                    "from": found.row.source,
+                    "named_by": list(found.named_by),
+                }
+            )
+        else:
+            invocation.terminal.data(found.text)
+
+
+def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
+    @command(group, "add")
+    def add_command(
+        invocation: Invocation,
+        name: Name,
+        values: Values = None,
+        before: BeforeOption = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Add a record."""
+        from orip.workflow.records.commands import add_record
+
+        record = _record(kind, name, bundle)
+        tell(
+            invocation.terminal,
+            f"{kind} add",
+            add_record(invocation.folder, record, values or (), before, dry_run=dry_run),
+        )
+
+    @command(group, "copy")
+    def copy_command(
+        invocation: Invocation,
+        name: Name,
+        new_name: NewName,
+        values: Values = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Add a record with the values of another one, some of them changed."""
+        from orip.workflow.records.commands import copy_record
+
+        record = _record(kind, name, bundle)
+        tell(
+            invocation.terminal,
+            f"{kind} copy",
+            copy_record(invocation.folder, record, new_name, values or (), dry_run=dry_run),
+        )
+
+
+def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
+    @command(group, "edit")
+    def edit_command(
+        invocation: Invocation,
+        name: Name,
+        values: Values = None,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Change values of a record; 'orip init' keeps them as long as its text in orip.toml does not change."""
+        from orip.workflow.records.commands import edit_record
+
+        record = _record(kind, name, bundle)
+        tell(invocation.terminal, f"{kind} edit", edit_record(invocation.folder, record, values or (), dry_run=dry_run))
+
+    @command(group, "rename")
+    def rename_command(
+        invocation: Invocation,
+        name: Name,
+        new_name: NewName,
+        bundle: BundleOption = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Give a record another name, also in all records and measurements of the stores that name it."""
+        from orip.workflow.records.commands import rename_record
+
+        record = _record(kind, name, bundle)
+        tell(invocation.terminal, f"{kind} rename", rename_record(invocation.folder, record, new_name, dry_run=dry_run))
+
+    @command(group, "delete")
+    def delete_command(
+        invocation: Invocation,
+        name: Name,
+        bundle: BundleOption = None,
+        with_referents: ReferentsOption = False,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Delete a record that nothing refers to, or with all that does."""
+        from orip.workflow.records.commands import delete_record
+
+        record = _record(kind, name, bundle)
+        outcome = delete_record(invocation.folder, record, with_referents=with_referents, dry_run=dry_run)
+        tell(invocation.terminal, f"{kind} delete", outcome)
+
+
+def _record(kind: RecordKind, name: str, bundle: str | None) -> RecordName:
+    from orip.workflow.records.edits import RecordName
+
+    return RecordName(kind, name, bundle)
+
+
+def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None:
+    """Say what became of the records."""
+    verb = f"{command_name.split()[1]:<8}"
+    tell_edit(terminal, verb, outcome, "the records are")
+    for change in outcome.changes:
+        _tell_change(terminal, change)
+    for measured in outcome.measurements:
+        terminal.say(f"deleted  {measured}")
+    if terminal.json:
+        document = edit_document(command_name, outcome, measurements_deleted=list(outcome.measurements))
+        terminal.document(document)
+
+
+def _tell_change(terminal: Terminal, change: RecordChange) -> None:
+    from orip.workflow.records.values import shown_value
+
+    name = f"{change.old_name} -> {change.name}" if change.old_name else change.name
+    terminal.say(f"{change.action:<8} {change.kind} {name}")
+    for value in change.values:
+        old = "" if change.action == "added" else f"{shown_value(value.old)} -> "
+        terminal.say(f"         {value.key}  {old}{shown_value(value.new)} {value.unit}".rstrip())

@@ -1,0 +1,1 @@
+"""Ground control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR and .PRE, read and edited by lines."""

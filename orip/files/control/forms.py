@@ -1,0 +1,177 @@
+"""The lines of control texts under the keys of a command line: which field is called what, and which may be missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from orip.files.control.preliminary_text import parse_preliminary
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.text.decimal_numbers import is_number, parse_number
+from orip.files.text.lines import TextLine, split_line
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import printable, shown_token
+from orip.records.names import record_key
+
+ControlKind = Literal["points", "elements", "distances", "directions", "preliminary"]
+Fields = list[str | None]
+"""Fields of a line in the order of the keys; None: missing."""
+
+UNKNOWN = "-"
+REJECTED = "x"
+
+
+@dataclass(frozen=True, slots=True)
+class ControlForm:
+    """The form of a line.
+
+    Parameters
+    ----------
+    singular : str
+        What one line is.
+    extension : str
+        Of the file.
+    keys : tuple of str
+        Of the fields in their order; the first is the record's name.
+    identity : int
+        How many fields tell a record from others; those after them are numbers.
+    parse : function of a text's lines and the file's name
+    words : tuple of str
+        Keys of fields that are words: case does not count.
+    errors : tuple of str
+        Keys of a-priori errors.
+    optional : tuple of str
+        The last keys, which may be missing together.
+    dashes : tuple of str
+        Keys of fields that are ``-`` where nothing is known.
+    rejects : bool
+        One field more, ``x``, rejects the record.
+    """
+
+    singular: str
+    extension: str
+    keys: tuple[str, ...]
+    identity: int
+    parse: Callable[[Parsed[list[str]], str], Parsed[tuple[Any, ...]]]
+    words: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    dashes: tuple[str, ...] = ()
+    rejects: bool = False
+
+    def fields_of(self, line: TextLine) -> Fields:
+        """Return the fields of a line, as many as there are keys."""
+        texts: Fields = [field.text for field in line.fields[: len(self.keys)]]
+        return texts + [None] * (len(self.keys) - len(texts))
+
+    def identity_of(self, fields: Sequence[str | None]) -> tuple[str, ...]:
+        """Return what tells a record from others, in the form in which it is compared."""
+        texts = [text or "" for text in fields[: self.identity]]
+        if self.singular == "element" and texts[1:2] and texts[1].upper() in {"CAMERA", "PHOTO"}:
+            texts[0] = record_key(texts[0])
+        return tuple(text.upper() if key in self.words else text for key, text in zip(self.keys, texts, strict=False))
+
+    def is_meant(self, wanted: str, fields: Sequence[str | None]) -> bool:
+        """Tell whether the first fields of a record are those that somebody wrote, parted by blanks."""
+        parts = wanted.split()
+        full = [*parts, *[text or "" for text in fields[len(parts) :]]]
+        return 0 < len(parts) <= self.identity and self.identity_of(full) == self.identity_of(fields)
+
+
+FORMS: dict[ControlKind, ControlForm] = {
+    "points": ControlForm(
+        "control point",
+        "PNT",
+        ("name", "X", "Y", "Z", "aX", "aY", "aZ"),
+        1,
+        parse_points,
+        errors=("aX", "aY", "aZ"),
+        dashes=("X", "Y", "Z", "aX", "aY", "aZ"),
+        rejects=True,
+    ),
+    "elements": ControlForm(
+        "element",
+        "ELE",
+        ("name", "group", "kind", "value", "a"),
+        3,
+        parse_elements,
+        words=("group", "kind"),
+        errors=("a",),
+    ),
+    "distances": ControlForm(
+        "distance",
+        "LEN",
+        ("name", "from", "to", "code", "distance", "a"),
+        4,
+        parse_distances,
+        words=("code",),
+        errors=("a",),
+    ),
+    "directions": ControlForm(
+        "direction",
+        "DIR",
+        ("set", "station", "target", "direction", "a", "zenith", "azenith"),
+        3,
+        parse_directions,
+        errors=("a", "azenith"),
+        optional=("zenith", "azenith"),
+    ),
+    "preliminary": ControlForm(
+        "preliminary point",
+        "PRE",
+        ("name", "X", "Y", "Z", "sX", "sY", "sZ"),
+        1,
+        parse_preliminary,
+        optional=("sX", "sY", "sZ"),
+    ),
+}
+
+
+def with_words(form: ControlForm, fields: Sequence[str | None], words: Iterable[str]) -> tuple[Fields, list[str]]:
+    """Return fields with values given as KEY=VALUE, and what is wrong with the words or missing."""
+    changed, faults = list(fields), []
+    by_lower = {key.lower(): index for index, key in enumerate(form.keys)}
+    for word in words:
+        key, equals, text = word.partition("=")
+        index = by_lower.get(key.strip().lower())
+        fault = None
+        if not equals or index is None:
+            fault = f"this is no KEY=VALUE of a {form.singular}; its keys are: {', '.join(form.keys)}"
+        elif text and not is_field(text):
+            fault = "a value is one word without blanks, and no comment"
+        else:
+            changed[index] = _same_number(changed[index], text) if text else None
+        faults += [] if fault is None else [printable(f"{shown_token(word)}: {fault}")]
+    return _completed(form, changed, faults), faults
+
+
+def is_field(text: str) -> bool:
+    """Tell whether a text would be one field of a line."""
+    parted = split_line(text, 1)
+    return parted is not None and [field.text for field in parted.fields] == [text]
+
+
+def _same_number(old: str | None, new: str) -> str:
+    """Return the new text, or the old one where it is the same number."""
+    if old is not None and is_number(old) and is_number(new) and parse_number(old) == parse_number(new):
+        return old
+    return new
+
+
+def _completed(form: ControlForm, fields: Fields, faults: list[str]) -> Fields:
+    """Return fields with ``-`` for what is not known; say what is missing."""
+    found = [
+        UNKNOWN if text is None and key in form.dashes else text for key, text in zip(form.keys, fields, strict=True)
+    ]
+    missing = [key for key, text in zip(form.keys, found, strict=True) if text is None]
+    without_optional = missing == list(form.optional)
+    if missing and not without_optional:
+        if set(missing) < set(form.optional):
+            faults.append(f"{' '.join(missing)} missing; give {', '.join(form.optional)} together or none of them")
+        else:
+            needed = [key for key in missing if key not in form.optional]
+            faults.append(
+                f"{form.singular}: missing {', '.join(needed)}; give {' '.join(f'{key}=...' for key in needed)}"
+            )
+    return found

@@ -1,0 +1,101 @@
+"""Preliminary coordinates of points as text (.PRE)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.files.text.field_reader import FieldReader
+from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.parsed import Parsed
+from orip.records.control import PreliminaryPoint
+from orip.records.names import name_fault
+
+
+def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
+    """Read preliminary points: ``name X Y Z [sX sY sZ]``, ground units.
+
+    A file that is absent has no records: nothing was computed yet.
+    """
+    return parse_preliminary(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
+    """Do what `read_preliminary` does with a text that is at hand."""
+    points: list[PreliminaryPoint] = []
+    complaints: list[Complaint] = list(text.complaints)
+    first_lines: dict[str, int] = {}
+    for line in field_lines(text.records):
+        reader = FieldReader(line, shown)
+        point = _read_point(reader)
+        name = reader.text(0)
+        first = first_lines.setdefault(name, line.number)
+        if first != line.number:
+            reader.complain(f"point '{reader.shown_text(0)}' is already on line {first}; keep one of the two lines")
+        complaints += reader.complaints
+        if point is not None and not reader.complaints:
+            points.append(point)
+    return Parsed(tuple(points), tuple(complaints))
+
+
+def _read_point(reader: FieldReader) -> PreliminaryPoint | None:
+    if not reader.has_fields((4, 7), "name X Y Z, and sX sY sZ if they are known"):
+        return None
+    name = reader.name(0)
+    coordinates = (reader.decimal(1), reader.decimal(2), reader.decimal(3))
+    if reader.count == 4:
+        return PreliminaryPoint(name, coordinates, None, reader.number)
+    deviations = (reader.decimal(4), reader.decimal(5), reader.decimal(6))
+    for index, deviation in enumerate(deviations, start=4):
+        if deviation < 0:
+            reader.complain(f"standard deviation {reader.shown_text(index)} is negative; write 0 or more", index)
+    return PreliminaryPoint(name, coordinates, deviations, reader.number)
+
+
+def preliminary_text(points: Sequence[PreliminaryPoint]) -> str:
+    """Return the text of a .PRE file, one point a line; reading it gives the very same numbers.
+
+    Raises
+    ------
+    ValueError
+        If a name is not fit, a number is not finite or a standard deviation is negative: such a file could not be read.
+    """
+    rows = [_row(point) for point in points]
+    name_width = max((len(row[0]) for row in rows), default=0)
+    widths = [_widths([row[column] for row in rows if column < len(row)]) for column in range(1, 7)]
+    lines = []
+    for name, *numbers in rows:
+        aligned = [_aligned(number, *width) for number, width in zip(numbers, widths, strict=False)]
+        lines.append("  ".join([name.ljust(name_width), *aligned]).rstrip() + "\n")
+    return "".join(lines)
+
+
+def _row(point: PreliminaryPoint) -> list[str]:
+    fault = name_fault(point.name)
+    deviations = point.deviations or ()
+    if fault is None and not all(math.isfinite(number) for number in (*point.coordinates, *deviations)):
+        fault = f"point '{point.name}' has a number that is not finite"
+    if fault is None and any(deviation < 0 for deviation in deviations):
+        fault = f"point '{point.name}' has a negative standard deviation"
+    if fault is not None:
+        raise ValueError(fault)
+    return [point.name, *(repr(float(number)) for number in (*point.coordinates, *deviations))]
+
+
+def _parts(number: str) -> tuple[str, str]:
+    """Part a number at its decimal point; an exponent without a point stays with the digits after it."""
+    whole, point, fraction = number.partition(".")
+    return whole, point + fraction
+
+
+def _widths(numbers: Sequence[str]) -> tuple[int, int]:
+    parts = [_parts(number) for number in numbers]
+    return max((len(p[0]) for p in parts), default=0), max((len(p[1]) for p in parts), default=0)
+
+
+def _aligned(number: str, before: int, after: int) -> str:
+    """Return a number padded so that the decimal points of a column stand below each other."""
+    whole, rest = _parts(number)
+    return whole.rjust(before) + rest.ljust(after)

@@ -1,0 +1,270 @@
+"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from pathlib import Path
+from typing import Generic, TypeVar, get_args
+
+from orip.errors import Complaint, ProjectWarning
+from orip.files.text.field_reader import FieldReader
+from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import shown_token
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import (
+    Control,
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    DistanceCode,
+    ElementGroup,
+)
+from orip.records.names import look_alikes, record_key
+from orip.records.photo import PHOTO_PARAMETERS
+
+ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
+    "CAMERA": CAMERA_PARAMETERS,
+    "PHOTO": PHOTO_PARAMETERS,
+    "POINT": ("X", "Y", "Z"),
+    "THEODOLITE": ("R",),
+}
+"""Unknowns that a control element may observe, by group."""
+
+_GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
+_CODES: tuple[DistanceCode, ...] = get_args(DistanceCode)
+_SIGNED_CODES = ("X", "Y", "Z")
+_AXES = ("X", "Y", "Z")
+
+Record = TypeVar("Record")
+
+
+class _RecordList(Generic[Record]):
+    """Records of one file, each known by a key that no other may have."""
+
+    def __init__(self, shown: str) -> None:
+        self.shown = shown
+        self.records: list[Record] = []
+        self.complaints: list[Complaint] = []
+        self._first_lines: dict[Hashable, int] = {}
+
+    def add(self, key: Hashable, title: str, record: Record | None, reader: FieldReader) -> None:
+        """Take a record that was read without fault, or what was said of it."""
+        first = self._first_lines.setdefault(key, reader.number)
+        if first != reader.number:
+            reader.complain(f"{title} is already on line {first}; keep one of the two lines")
+        self.complaints += reader.complaints
+        if record is not None and not reader.complaints:
+            self.records.append(record)
+
+
+def _read(
+    text: Parsed[list[str]], shown: str, read_record: Callable[[FieldReader, _RecordList[Record]], None]
+) -> Parsed[tuple[Record, ...]]:
+    """Read the text of a control file line by line."""
+    found: _RecordList[Record] = _RecordList(shown)
+    for line in field_lines(text.records):
+        read_record(FieldReader(line, shown), found)
+    return Parsed(tuple(found.records), (*text.complaints, *found.complaints))
+
+
+def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
+    """Read control points: ``name X Y Z aX aY aZ [x]``, ground units.
+
+    A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point. A file that is
+    absent has no records.
+    """
+    return parse_points(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
+    """Do what `read_points` does with a text that is at hand."""
+    parsed = _read(text, shown, _read_point)
+    lines = {point.name: point.line for point in parsed.records}
+    warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
+    return Parsed(parsed.records, parsed.complaints, warnings)
+
+
+def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> ProjectWarning:
+    listed = " and ".join(f"'{shown_token(name)}' (line {lines[name]})" for name in names)
+    text = f"points {listed} differ only in case or leading zeros; rename one if they are the same point"
+    return ProjectWarning("similar-names", f"{shown}:{lines[names[-1]]}", text)
+
+
+def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
+    form = "name X Y Z aX aY aZ, and x if the point is rejected"
+    if not reader.has_fields((7, 8), form) or reader.is_heading(range(1, 7)):
+        found.complaints += reader.complaints
+        return
+    name = reader.name(0)
+    values = [reader.number_or_dash(index) for index in range(1, 7)]
+    coordinates, errors = values[:3], values[3:]
+    dashes = [reader.text(index) == "-" for index in range(1, 7)]
+    for axis in range(3):
+        _check_dashes(reader, axis, dashes)
+    if all(dashes[:3]):
+        reader.complain(
+            f"point '{reader.shown_text(0)}' has no coordinate at all; give one at least or remove the line"
+        )
+    rejected = reader.count == 8
+    if rejected and reader.text(7) not in {"x", "X"}:
+        reader.complain(f"'{reader.shown_text(7)}' is one field too many; only x (rejected) may follow the errors", 7)
+    point = ControlPoint(
+        name,
+        (coordinates[0], coordinates[1], coordinates[2]),
+        (errors[0], errors[1], errors[2]),
+        rejected,
+        reader.number,
+    )
+    found.add(name, f"point '{reader.shown_text(0)}'", point, reader)
+
+
+def _check_dashes(reader: FieldReader, axis: int, dashes: list[bool]) -> None:
+    if dashes[axis] == dashes[axis + 3]:
+        return
+    missing, given = ("coordinate", "error") if dashes[axis] else ("error", "coordinate")
+    message = (
+        f"the {missing} of {_AXES[axis]} is '-' but its {given} is a number; "
+        "write '-' for both if the coordinate is not known, else two numbers"
+    )
+    reader.complain(message, 1 + axis if dashes[axis] else 4 + axis)
+
+
+def read_elements(path: Path, shown: str) -> Parsed[tuple[ControlElement, ...]]:
+    """Read control elements: ``name GROUP KIND value a``; angles in degrees, see `ELEMENT_KINDS`.
+
+    A file that is absent has no records.
+    """
+    return parse_elements(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_elements(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlElement, ...]]:
+    """Do what `read_elements` does with a text that is at hand."""
+    return _read(text, shown, _read_element)
+
+
+def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> None:
+    if not reader.has_fields((5,), "name GROUP KIND value a") or reader.is_heading((3, 4)):
+        found.complaints += reader.complaints
+        return
+    name = reader.name(0)
+    group = reader.word(1, _GROUPS, "an element group")
+    kind = reader.word(2, ELEMENT_KINDS[group], f"a kind of {group}") if group is not None else None
+    value, error = reader.decimal(3), reader.decimal(4)
+    if group is None or kind is None:
+        found.complaints += reader.complaints
+        return
+    compared = record_key(name) if group in {"CAMERA", "PHOTO"} else name
+    element = ControlElement(name, group, kind, value, error, reader.number)
+    found.add((compared, group, kind), f"{kind} of {group} '{reader.shown_text(0)}'", element, reader)
+
+
+def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]]:
+    """Read distances: ``name from to CODE distance a``, ground units; X, Y and Z are signed (to minus from).
+
+    A file that is absent has no records.
+    """
+    return parse_distances(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_distances(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDistance, ...]]:
+    """Do what `read_distances` does with a text that is at hand."""
+    return _read(text, shown, _read_distance)
+
+
+def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> None:
+    if not reader.has_fields((6,), "name from to CODE distance a") or reader.is_heading((4, 5)):
+        found.complaints += reader.complaints
+        return
+    name, start, end = reader.name(0), reader.name(1), reader.name(2)
+    code = reader.word(3, _CODES, "a distance code")
+    distance, error = reader.decimal(4), reader.decimal(5)
+    if start == end:
+        reader.complain(
+            f"distance '{reader.shown_text(0)}' goes from '{reader.shown_text(1)}' to itself; name two points", 2
+        )
+    if code is None:
+        found.complaints += reader.complaints
+        return
+    if code not in _SIGNED_CODES and distance <= 0:
+        reader.complain(
+            f"distance '{reader.shown_text(0)}' of code {code} is {reader.shown_text(4)}; "
+            "write a length above 0 (only X, Y and Z have a sign)",
+            4,
+        )
+    record = ControlDistance(name, start, end, code, distance, error, reader.number)
+    title = f"distance '{reader.shown_text(0)}' {code} from '{reader.shown_text(1)}' to '{reader.shown_text(2)}'"
+    found.add((name, start, end, code), title, record, reader)
+
+
+def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ...]]:
+    """Read theodolite directions: ``set station target direction a [zenith a]``, degrees.
+
+    All directions of a set are of one station, because a set has one zero direction. A file that is absent has no
+    records.
+    """
+    return parse_directions(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
+    """Do what `read_directions` does with a text that is at hand."""
+    parsed = _read(text, shown, _read_direction)
+    return Parsed(parsed.records, (*parsed.complaints, *_moved_sets(parsed.records, shown)))
+
+
+def _moved_sets(directions: Sequence[ControlDirection], shown: str) -> Iterator[Complaint]:
+    first: dict[str, ControlDirection] = {}
+    for direction in directions:
+        known = first.setdefault(direction.set, direction)
+        if known.station != direction.station:
+            message = (
+                f"set '{shown_token(direction.set)}' is at station '{shown_token(known.station)}' on line {known.line} "
+                f"and at '{shown_token(direction.station)}' here; give each station sets of its own"
+            )
+            yield Complaint(message, shown, direction.line)
+
+
+def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -> None:
+    form = "set station target direction a, and zenith a if it was measured"
+    if not reader.has_fields((5, 7), form) or reader.is_heading((3, 4)):
+        found.complaints += reader.complaints
+        return
+    name, station, target = reader.name(0), reader.name(1), reader.name(2)
+    direction, direction_error = reader.decimal(3), reader.decimal(4)
+    zenith, zenith_error = (reader.decimal(5), reader.decimal(6)) if reader.count == 7 else (None, None)
+    if station == target:
+        reader.complain(
+            f"set '{reader.shown_text(0)}' points from '{reader.shown_text(1)}' to itself; name two points", 2
+        )
+    for index, error in ((4, direction_error), (6, zenith_error)):
+        if error == 0.0:
+            reader.complain(
+                "an a-priori error of 0 is not possible for a direction; write one above 0, or below to disregard",
+                index,
+            )
+    record = ControlDirection(name, station, target, direction, direction_error, zenith, zenith_error, reader.number)
+    title = f"the direction of set '{reader.shown_text(0)}' to '{reader.shown_text(2)}'"
+    found.add((name, station, target), title, record, reader)
+
+
+def read_control(folder: Path, base: str) -> Parsed[Control]:
+    """Read the four control files of a project; those that are absent are empty.
+
+    Parameters
+    ----------
+    folder : Path
+        The project folder.
+    base : str
+        File name without extension, the project's `control_files`.
+    """
+    names = {extension: f"{base}.{extension}" for extension in ("PNT", "ELE", "LEN", "DIR")}
+    points = read_points(folder / names["PNT"], names["PNT"])
+    elements = read_elements(folder / names["ELE"], names["ELE"])
+    distances = read_distances(folder / names["LEN"], names["LEN"])
+    directions = read_directions(folder / names["DIR"], names["DIR"])
+    return Parsed(
+        Control(points.records, elements.records, distances.records, directions.records),
+        (*points.complaints, *elements.complaints, *distances.complaints, *directions.complaints),
+        points.warnings,
+    )

@@ -1,0 +1,1 @@
+"""Listings for people: interior orientation, preliminary values, adjusted values, residuals, errors."""

@@ -1,0 +1,136 @@
+"""BUNDLE_RESULT.OUT: the listing of a bundle adjustment's adjusted values, precision and residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.files.listings.bundle_estimates import camera_lines, check_point_lines, photo_lines, point_lines
+from orip.files.listings.bundle_residuals import (
+    ground_residual_lines,
+    largest_residual_lines,
+    photo_residual_lines,
+)
+from orip.files.listings.title import bundle_title
+from orip.files.text.numbers import fixed, one_fixed, root_mean_square
+from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
+from orip.records.measurement import PhotoObservations
+from orip.records.solution import Reliability, Solution
+
+TITLE = "BUNDLE ADJUSTMENT: RESULTS"
+
+STRONG_CORRELATION = 0.95
+
+
+def bundle_listing(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> str:
+    """Return BUNDLE_RESULT.OUT as one text with a newline at its end.
+
+    Parameters
+    ----------
+    solution : Solution
+    reliability : Reliability
+        Of its residuals.
+    measured : PhotoObservations
+        Those that were adjusted; of a photo point that is not among them no measured coordinates are listed.
+    """
+    return "".join(f"{line}\n" for line in bundle_listing_lines(solution, reliability, measured))
+
+
+def bundle_listing_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> Iterator[str]:
+    """Yield the lines of BUNDLE_RESULT.OUT, without newlines."""
+    yield from bundle_title(TITLE, solution)
+    yield from section("KEY FIGURES", _key_figures(solution))
+    if solution.remarks:
+        yield from section("GROUND SYSTEM", [line for each in solution.remarks for line in paragraph(each.text)])
+    yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
+    yield from section("ITERATIONS", _iterations(solution))
+    yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))
+    yield from section("CORRELATIONS OF CAMERA UNKNOWNS", _correlations(solution))
+    yield from section("PHOTOS", photo_lines(solution))
+    yield from section("POINTS", point_lines(solution))
+    yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
+    yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
+    others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo"))
+    yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
+    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability, measured))
+
+
+def _key_figures(solution: Solution) -> list[str]:
+    residuals = solution.residuals
+    down_weighted = int(np.count_nonzero(residuals.weight_factor < 1.0))
+    disregarded = int(np.count_nonzero(np.isnan(residuals.weight_factor)))
+    no_redundancy = "no redundancy: nothing checks the observations" if solution.redundancy <= 0 else ""
+    removed = f"{len(solution.singular)} of them singular and removed" if solution.singular else ""
+    pairs = [
+        (
+            "Standard error of unit weight (sigma0)",
+            one_fixed(solution.sigma0, 4),
+            no_redundancy or "of the observations with weight factor 1",
+        ),
+        ("Standard error of unit weight (sigma0_all)", one_fixed(solution.sigma0_all, 4), "of all observations"),
+        ("Redundancy", str(solution.redundancy), no_redundancy),
+        ("Redundancy of the observations with weight factor 1", one_fixed(solution.redundancy_used, 2), ""),
+        ("Observations (equations)", str(solution.observations), ""),
+        ("Unknowns", str(solution.unknowns), removed),
+        ("Exponent of numerical precision (ENP)", one_fixed(solution.enp, 2), ""),
+        ("Down-weighted observations", str(down_weighted), ""),
+        (
+            "Disregarded observations",
+            str(disregarded),
+            "their residuals are listed, they have no influence" if disregarded else "",
+        ),
+        *_photo_figures(solution),
+    ]
+    return key_lines(pairs)
+
+
+def _photo_figures(solution: Solution) -> list[tuple[str, str, str]]:
+    residuals = solution.residuals
+    kind = np.array(residuals.kind, dtype=object)
+    used = (kind == "photo") & np.isfinite(residuals.weight_factor)
+    a_priori = residuals.a_priori[used]
+    figures = [("Photo observations", str(a_priori.size), "x and y counted one by one")]
+    if a_priori.size == 0:
+        return figures
+    mean = root_mean_square(residuals.residual[used])
+    figures.append(("Root mean square of the photo residuals", one_fixed(mean, 5), "mm"))
+    if a_priori.min() == a_priori.max():
+        figures.append(("A-priori error of an image coordinate", one_fixed(float(a_priori[0]), 5), "mm"))
+        standard_error = solution.sigma0 * float(a_priori[0])
+        figures.append(
+            (
+                "Standard error of an image coordinate",
+                one_fixed(standard_error, 5),
+                "mm, sigma0 times the a-priori error",
+            )
+        )
+    return figures
+
+
+def _iterations(solution: Solution) -> list[str]:
+    passes = solution.iterations
+    lines = table_lines(
+        [
+            Column("Iteration", [f"{row.iteration}{'*' if row.step_limited else ' '}" for row in passes]),
+            Column("ENP", fixed([row.enp for row in passes], 2)),
+            Column("sigma0", fixed([row.sigma0 for row in passes], 4)),
+            Column("Down-weighted", [str(row.down_weighted) for row in passes]),
+            Column("Singular", [str(row.singular) for row in passes]),
+        ]
+    )
+    if any(row.step_limited for row in passes):
+        lines += ["", *paragraph("* the corrections of this iteration were shortened: a photo rotated too far")]
+    return lines
+
+
+def _correlations(solution: Solution) -> list[str]:
+    rows = solution.correlations
+    return table_lines(
+        [
+            Column("Unknown", [row.a for row in rows], align="left"),
+            Column("Unknown", [row.b for row in rows], align="left"),
+            Column("r", fixed([row.r for row in rows], 3)),
+            Column("", ["strong" if abs(row.r) >= STRONG_CORRELATION else "" for row in rows], align="left"),
+        ]
+    )

@@ -1,0 +1,177 @@
+"""The adjusted values in a bundle listing: cameras, photos, points, check points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.files.text.fixed_cells import FixedCells, deviation_cells
+from orip.files.text.numbers import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
+from orip.files.text.table import Column, each_table_line, paragraph, table_lines
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import AdditionalEstimate, Estimates, Solution
+
+CAMERA_UNITS = {
+    "C": "mm",
+    "DX": "mm",
+    "DY": "mm",
+    "A1": "",
+    "A3": "mm^-2",
+    "A5": "mm^-4",
+    "A7": "mm^-6",
+    "P1": "mm^-1",
+    "P2": "mm^-1",
+    "B1": "",
+    "B2": "",
+}
+"""Unit of each camera parameter; empty for a pure number."""
+
+AXES_MARK = "*"
+
+ANGLE_DECIMALS = (4, 7)
+
+
+def camera_lines(cameras: Estimates, additional: Sequence[AdditionalEstimate]) -> list[str]:
+    """Return a table for each camera: parameter, value, standard deviation, unit; then its additional parameters."""
+    lines = []
+    for name, values, sd in zip(cameras.names, cameras.values, cameras.sd, strict=True):
+        lines += ["", f"  Camera {name}", ""]
+        lines += _one_camera(values, sd)
+        lines += _additional([each for each in additional if each.camera == name])
+    return lines or ["  none"]
+
+
+def _additional(parameters: Sequence[AdditionalEstimate]) -> list[str]:
+    if not parameters:
+        return []
+    table = table_lines(
+        [
+            Column("Additional parameter", [each.name for each in parameters], align="left"),
+            Column("Value", scientific([each.value for each in parameters]), align="point"),
+            Column("Standard deviation", deviations([each.sd for each in parameters], None), align="point"),
+        ],
+        indent=4,
+    )
+    return ["", *table]
+
+
+def _one_camera(values: FloatArray, sd: FloatArray) -> list[str]:
+    units = [CAMERA_UNITS[parameter] for parameter in CAMERA_PARAMETERS]
+    lengths = [unit == "mm" for unit in units]
+    decimals = _decimals(values[lengths], sd[lengths])
+    value_cells = [
+        *fixed(values[lengths], decimals),
+        *scientific(values[np.logical_not(lengths)]),
+    ]
+    sd_cells = [
+        *deviations(sd[lengths], decimals),
+        *deviations(sd[np.logical_not(lengths)], None),
+    ]
+    return table_lines(
+        [
+            Column("Parameter", CAMERA_PARAMETERS, align="left"),
+            Column("Value", value_cells, align="point"),
+            Column("Standard deviation", sd_cells, align="point"),
+            Column("Unit", units, align="left"),
+        ],
+        indent=4,
+    )
+
+
+def photo_lines(solution: Solution) -> list[str]:
+    """Return the table of photo orientations, standard deviations beneath the values."""
+    photos = solution.photos
+    about_axes = solution.photo_rotation_sd_about_axes
+    marks = [AXES_MARK if marked else "" for marked in about_axes]
+    columns = [
+        Column("Photo", _two_lines(photos.names, [""] * len(photos.names)), align="left"),
+        Column("", _two_lines([""] * len(marks), [f"sd{mark}" for mark in marks]), align="left"),
+    ]
+    for k, parameter in enumerate(PHOTO_PARAMETERS):
+        group = slice(0, 3) if k < 3 else slice(3, 6)
+        limits = (3, 6) if k < 3 else ANGLE_DECIMALS
+        decimals = _decimals(photos.values[:, group], photos.sd[:, group], *limits)
+        cells = _two_lines(fixed(photos.values[:, k], decimals), deviations(photos.sd[:, k], decimals))
+        columns.append(Column(parameter, cells, solution.ground_unit if k < 3 else "degrees"))
+    lines = table_lines(columns)
+    if any(about_axes):
+        footnote = (
+            f"{AXES_MARK} PHI is so near to 90 or -90 degrees that OMEGA and KAPPA cannot be told apart: under OMEGA, "
+            "PHI and KAPPA stand the standard deviations of small rotations about the X, Y and Z axes of the ground"
+        )
+        lines += ["", *paragraph(footnote, hanging=2)]
+    return lines
+
+
+def _two_lines(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
+    return [cell for pair in zip(upper, lower, strict=True) for cell in pair]
+
+
+def point_lines(solution: Solution) -> Iterator[str]:
+    """Yield the table of points: kind, rays, coordinates, standard deviations, and the mean precision."""
+    points, unit = solution.points, solution.ground_unit
+    decimals = _decimals(points.values, points.sd)
+    yield from each_table_line(
+        [
+            Column("Point", points.names, align="left"),
+            Column("Kind", solution.point_kinds, align="left"),
+            Column("Rays", [str(rays) for rays in solution.point_rays]),
+            *(Column(axis, FixedCells(points.values[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            *(Column(f"s{axis}", deviation_cells(points.sd[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+        ]
+    )
+    yield from _mean_precision(points.sd, decimals, unit)
+
+
+def _mean_precision(sd: FloatArray, decimals: int, unit: str) -> list[str]:
+    known = np.isfinite(sd)
+    if not known.any():
+        return []
+    means = [root_mean_square(sd[:, k]) for k in range(3)]
+    columns = [
+        Column("", list("XYZ"), align="left"),
+        Column("RMS", fixed(means, decimals), unit),
+        Column("Coordinates", [str(count) for count in known.sum(axis=0).tolist()]),
+    ]
+    return ["", "  Root mean square of the standard deviations of the points", "", *table_lines(columns, indent=4)]
+
+
+def check_point_lines(solution: Solution) -> list[str]:
+    """Return the differences at check points, and their root mean squares.
+
+    The root mean square of XY is that of one coordinate: sqrt(sum(dX² + dY²) / 2n).
+    """
+    points, unit = solution.check_points, solution.ground_unit
+    differences = np.array([(point.dX, point.dY, point.dZ) for point in points], dtype=np.float64).reshape(-1, 3)
+    decimals = max(_decimals(solution.points.values, solution.points.sd), 4)
+    lines = table_lines(
+        [
+            Column("Point", [point.name for point in points], align="left"),
+            *(Column(f"d{axis}", fixed(differences[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+        ]
+    )
+    return lines + _check_figures(differences, decimals, unit)
+
+
+def _check_figures(differences: FloatArray, decimals: int, unit: str) -> list[str]:
+    parts = {"XY": differences[:, :2], "Z": differences[:, 2:]}
+    known = {label: part[np.isfinite(part)] for label, part in parts.items() if np.isfinite(part).any()}
+    if not known:
+        return []
+    columns = [
+        Column("", list(known), align="left"),
+        Column("RMS", fixed([root_mean_square(part) for part in known.values()], decimals), unit),
+        Column("Largest", fixed([float(np.abs(part).max()) for part in known.values()], decimals), unit),
+        Column("Differences", [str(part.size) for part in known.values()]),
+    ]
+    return ["", "  Root mean squares; XY: of one coordinate", "", *table_lines(columns, indent=4)]
+
+
+def _decimals(values: FloatArray, sd: FloatArray, at_least: int = 3, at_most: int = 6) -> int:
+    # where nothing was estimated, the given values are printed as they were given
+    if np.any(np.isfinite(sd) & (sd > 0.0)):
+        return decimals_for(sd, at_least, at_most)
+    return decimals_of(values, at_least, at_most)

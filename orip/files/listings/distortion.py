@@ -1,0 +1,44 @@
+"""A camera's radial distortion as text: its coefficients, and how the points of a given curve fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from orip.arrays import FloatArray
+from orip.files.text.numbers import fixed, root_mean_square
+from orip.files.text.table import Column, table_lines
+
+
+def distortion_lines(
+    coefficients: Sequence[float],
+    isp: Sequence[float] | None,
+    radius: FloatArray,
+    given: FloatArray,
+    residual: FloatArray,
+) -> list[str]:
+    """Return the coefficients of the polynomial and of the ISP form; of a given curve its points and residuals.
+
+    Parameters
+    ----------
+    coefficients : (A1, A3, A5, A7)
+    isp : (R0, A1, A2, A3) or None
+    radius, given, residual : arrays (n,)
+        Points of the curve and polynomial minus given, mm; empty without a curve.
+    """
+    lines = [_named("polynomial", ("A1", "A3", "A5", "A7"), coefficients)]
+    if isp is not None:
+        lines.append(_named("ISP form", ("R0", "A1", "A2", "A3"), isp))
+    if len(radius):
+        columns = [
+            Column("R", fixed(radius, 3), "mm"),
+            Column("D given", fixed(given, 5), "mm"),
+            Column("D fitted", fixed(given + residual, 5), "mm"),
+            Column("Residual", fixed(residual, 5), "mm"),
+        ]
+        lines += ["", *table_lines(columns), f"  RMS of the residuals {root_mean_square(residual):.5f} mm"]
+    return lines
+
+
+def _named(label: str, names: Sequence[str], values: Sequence[float]) -> str:
+    terms = "  ".join(f"{name} = {value:.9g}" for name, value in zip(names, values, strict=True))
+    return f"  {label + ':':<13}{terms}"

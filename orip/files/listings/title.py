@@ -1,0 +1,74 @@
+"""The title block that all listings begin with, and the run id that stands in it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from orip import __version__
+from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
+from orip.records.solution import Solution, Status
+
+RUN_LABEL = "Run id"
+TITLE_LINES = 16
+"""The run id is looked for in so many lines; a listing's tables are not searched."""
+
+STATUS_REMARK: dict[Status, str] = {
+    "converged": "",
+    "doubtful": (
+        "DOUBTFUL: the adjustment converged, but many observations are down-weighted, or sigma0_all is much larger "
+        "than sigma0. A-priori errors are probably too small, or the model is wrong."
+    ),
+    "not_converged": "NOT CONVERGED: the values are those of the last iteration. Do not use them.",
+    "stopped": "STOPPED before convergence: the values are those of the last iteration. Do not use them.",
+}
+
+
+def title_block(title: str, run: str, facts: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the first lines of a listing.
+
+    Parameters
+    ----------
+    title : str
+        What the listing is, for example "BUNDLE ADJUSTMENT: RESULTS".
+    run : str
+        Run id of the stores that the listing was written from.
+    facts : sequence of (label, text)
+        Project, user, bundle, status, ... in this order.
+    """
+    program = f"orip {__version__}"
+    pairs = [(label, one_line(text)) for label, text in (*facts, (RUN_LABEL, run))]
+    width = max(len(label) for label, _ in pairs)
+    return [
+        title + program.rjust(max(PAGE_WIDTH - len(title), len(program) + 2)),
+        "=" * PAGE_WIDTH,
+        *(f"{label.ljust(width)}  {text}".rstrip() for label, text in pairs),
+    ]
+
+
+def bundle_title(title: str, solution: Solution) -> list[str]:
+    """Return the first lines of a listing of one bundle adjustment, with a remark where its status asks for one."""
+    facts = (
+        ("Project", solution.project),
+        ("User", solution.user),
+        ("Bundle", solution.bundle),
+        ("Status", solution.status.replace("_", " ")),
+    )
+    lines = title_block(title, solution.run, facts)
+    remark = STATUS_REMARK[solution.status]
+    return [*lines, "", *paragraph(remark, indent=0)] if remark else lines
+
+
+def run_of_listing(text: str) -> str | None:
+    """Return the run id in a listing's title block, or None where there is none.
+
+    Parameters
+    ----------
+    text : str
+        The listing or its beginning; anything else gives None.
+    """
+    for line in text.split("\n", TITLE_LINES)[:TITLE_LINES]:
+        found = re.fullmatch(rf"{RUN_LABEL} +(\S.*?)\s*", line)
+        if found:
+            return found[1]
+    return None

@@ -1,0 +1,99 @@
+"""EDITS.MEA: the measurement file that commands append to; it is replayed after all others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from orip.errors import InputError, LockedError, OripError
+from orip.files.text.atomic import replace_text
+from orip.files.text.lines import read_bytes
+from orip.records.measurement import EditRecord
+
+HEADING = "! Edits and repeated measurements; replayed after all other measurement files."
+
+
+@dataclass(frozen=True, slots=True)
+class EditsText:
+    """EDITS.MEA as it was read.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it.
+    text : str or None
+        None: there is no such file yet.
+    """
+
+    path: Path
+    shown: str
+    text: str | None
+
+    @property
+    def line_count(self) -> int:
+        """Return how many lines the file will have before what is appended: its own, or those of its heading."""
+        return len(self._lines_end().splitlines())
+
+    def digest_with(self, lines: Sequence[str]) -> str:
+        """Return the SHA-256 of the file with lines appended."""
+        return sha256(self._with(lines).encode()).hexdigest()
+
+    def append(self, lines: Sequence[str]) -> None:
+        """Append lines, as a whole or not at all; what is there stays to the letter.
+
+        Raises
+        ------
+        LockedError
+            If the file has changed since it was read.
+        OripError
+            If it cannot be written.
+        """
+        if read_edits(self.path, self.shown).text != self.text:
+            message = f"{self.shown} has changed meanwhile; nothing was written, repeat the command"
+            raise LockedError(message)
+        try:
+            replace_text(self.path, self._with(lines))
+        except OSError as error:
+            reason = error.strerror or error
+            message = f"{self.shown} cannot be written: {reason}; it is as it was, and so are the stores"
+            raise OripError(message) from error
+
+    def _with(self, lines: Sequence[str]) -> str:
+        return self._lines_end() + "".join(f"{line}{self._line_end}" for line in lines)
+
+    def _lines_end(self) -> str:
+        """Return the text so that a line can follow."""
+        if self.text is None:
+            return f"{HEADING}\n"
+        return self.text if not self.text or self.text.endswith(("\n", "\r")) else self.text + self._line_end
+
+    @property
+    def _line_end(self) -> str:
+        return "\r\n" if "\r\n" in (self.text or "") else "\n"
+
+
+def read_edits(path: Path, shown: str) -> EditsText:
+    """Read EDITS.MEA as it stands.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not UTF-8.
+    """
+    data, complaints = read_bytes(path, shown, may_be_absent=True)
+    if complaints:
+        raise InputError(complaints)
+    try:
+        return EditsText(path, shown, None if data is None else data.decode("utf-8"))
+    except UnicodeDecodeError:
+        message = "the file is not UTF-8; save it as UTF-8"
+        raise InputError.single(message, shown) from None
+
+
+def edit_line(record: EditRecord) -> str:
+    """Return the line of an edit, such as ``DISREGARD POINT MAIN P101 1001``."""
+    bundle = [record.bundle] if record.bundle is not None else []
+    return " ".join([record.action, record.what, *bundle, record.owner, record.name])

@@ -1,0 +1,160 @@
+"""Measurement text (.MEA): a log of what was measured, in the order in which it is replayed.
+
+A line is the first line of a block, an edit, or a measurement of the block above. A point, mark or tick may be called
+like a keyword: a line whose second and third fields are both numbers is a measurement, with one exception. In
+``POINTS 1 101`` two unsigned whole numbers are taken as the names of a bundle and a photo, because such names are
+common and a point called POINTS is not; ``POINTS 1.0 101.0`` measures such a point. Outside a block a keyword is always
+one. An edit ends the block above it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.files.log.blocks import Block, read_measurement
+from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, read_header
+from orip.files.text.decimal_numbers import is_number
+from orip.files.text.field_reader import FieldReader
+from orip.files.text.lines import read_lines, split_line
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import shown_token
+from orip.progress import stage
+from orip.records.measurement import LogRecord
+from orip.records.names import RESERVED_NAMES
+
+_NOT_PLAIN_NAMES = KEYWORDS | RESERVED_NAMES
+_COMMENT_STARTS = "!#"
+_LINES_AT_A_TIME = 10_000
+"""After which to tell how far reading is."""
+
+
+def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
+    """Read a measurement log into its records, in the order of the text.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it; it also stands in each record's place.
+    """
+    text = read_lines(path, shown)
+    log = _Log(shown)
+    log.read(text.records)
+    return Parsed(tuple(log.records), (*text.complaints, *log.complaints))
+
+
+class _Log:
+    """Reads a log line by line. `block` is the open one; `skips` is set after a line that no block can be made of."""
+
+    def __init__(self, shown: str) -> None:
+        self.shown = shown
+        self.records: list[LogRecord] = []
+        self.complaints: list[Complaint] = []
+        self.block: Block | None = None
+        self.skips = False
+
+    def read(self, lines: Sequence[str]) -> None:
+        with stage(f"reading {Path(self.shown).name}", len(lines)) as advance:
+            for number, line in enumerate(lines, start=1):
+                fields = line.split()
+                if fields and not (self.block and len(fields) == 3 and _take_plain(self.block, fields, line, number)):
+                    self._read_line(line, number)
+                if not number % _LINES_AT_A_TIME:
+                    advance(number)
+        self._close_block()
+        self.complaints.sort(key=lambda complaint: complaint.line or 0)
+
+    def _read_line(self, line: str, number: int) -> None:
+        """Read a line that is not just a name and two numbers."""
+        parted = split_line(line, number)
+        if parted is None:
+            return
+        reader = FieldReader(parted, self.shown)
+        is_measurement = _is_measurement(reader)
+        keyword = reader.text(0).upper()
+        if keyword in KEYWORDS and not (is_measurement and self.block):
+            self._read_keyword(reader, keyword)
+        elif self.skips:
+            return
+        elif self.block is None or (not is_measurement and _is_like_keyword(reader)):
+            self._refuse(reader, is_measurement=is_measurement)
+        else:
+            read_measurement(reader, self.block)
+        self.complaints += reader.complaints
+
+    def _read_keyword(self, reader: FieldReader, keyword: str) -> None:
+        self._close_block()
+        self.skips = False
+        if keyword in ACTIONS:
+            edit = read_edit(reader, self.shown)
+            if edit is not None:
+                self.records.append(edit)
+        else:
+            self.block = read_header(reader, self.shown)
+
+    def _refuse(self, reader: FieldReader, *, is_measurement: bool) -> None:
+        """Complain of a line that belongs nowhere, once for all lines up to the next keyword."""
+        word = reader.shown_text(0)
+        if is_measurement:
+            reader.complain(
+                f"the measurement of '{word}' is outside a block; write a line such as POINTS bundle photo above it "
+                f"(blocks: {', '.join(BLOCK_KINDS)})"
+            )
+        else:
+            near = _near_keywords(word)
+            guess = f"did you mean {near[0]}?" if near else f"write one of {', '.join((*BLOCK_KINDS, *ACTIONS))}"
+            reader.complain(f"'{word}' is not a keyword; {guess}", 0)
+        self._close_block()
+        self.skips = True
+
+    def _close_block(self) -> None:
+        block, self.block = self.block, None
+        if block is None or block.build is None:
+            return
+        if block.name_lines:
+            self.records.append(block.build(block))
+        elif not block.has_faults:
+            message = f"{block.title} has no measurements; write them below it or remove it"
+            self.complaints.append(Complaint(message, self.shown, block.line))
+
+
+def _take_plain(block: Block, fields: list[str], line: str, number: int) -> bool:
+    """Take a line of a name and two ordinary numbers into the block; False if it needs a closer look.
+
+    Nearly all lines of a large log are such lines: this saves them the fields with columns that messages need.
+    """
+    name, x_text, y_text = fields
+    try:
+        x, y = float(x_text), float(y_text)
+    except ValueError:
+        return False
+    # float() also takes nan, 1_000 and digits of other scripts
+    is_ordinary = isfinite(x) and isfinite(y) and line.isascii() and "_" not in x_text and "_" not in y_text
+    is_new_name = name not in block.name_lines and name.upper() not in _NOT_PLAIN_NAMES
+    if not (is_ordinary and is_new_name) or name[0] in _COMMENT_STARTS or not name.isprintable():
+        return False
+    block.name_lines[name] = number
+    block.measured += (x, y)
+    return True
+
+
+def _is_measurement(reader: FieldReader) -> bool:
+    if reader.count < 3 or not (is_number(reader.text(1)) and is_number(reader.text(2))):
+        return False
+    names_of_numbers = reader.count == 3 and reader.text(1).isdigit() and reader.text(2).isdigit()
+    return not (names_of_numbers and reader.text(0).upper() == "POINTS")
+
+
+def _is_like_keyword(reader: FieldReader) -> bool:
+    """Tell whether a line of a block that is no measurement is rather a misspelt keyword than a misspelt number."""
+    word = reader.text(0)
+    others = [reader.text(index) for index in range(1, min(reader.count, 3))]
+    return word.isalpha() and any(other[0].isalpha() for other in others) and bool(_near_keywords(word))
+
+
+def _near_keywords(word: str) -> list[str]:
+    return difflib.get_close_matches(shown_token(word).upper(), sorted(KEYWORDS), 1)

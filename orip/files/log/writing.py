@@ -1,0 +1,157 @@
+"""Writing a measurement log (.MEA) while it is being measured: every measurement is on the disk before the next one.
+
+What one command measures is a chapter at the end of the file: a comment, and below it one block for each photo or
+template. With every measurement the file is replaced as a whole, so that whoever reads it, or finds it after the
+machine went down, has a log that can be replayed, with everything that was measured until then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Protocol
+
+from orip.errors import InputError, OripError
+from orip.files.text.atomic import replace_text
+from orip.files.text.lines import read_bytes
+from orip.records.measurement import TransformationKind
+from orip.records.photo import Stage
+
+
+class Log(Protocol):
+    """Where measurements go."""
+
+    def chapter(self, title: str) -> None:
+        """Begin a chapter."""
+
+    def put(self, header: str, lines: Iterable[str]) -> None:
+        """Put a block in the place of the chapter's one with that header; without lines there is none."""
+
+    def edit(self, line: str) -> None:
+        """Put an edit behind all that was measured so far."""
+
+
+class NoLog:
+    """A log that nothing is written to, for a rehearsal."""
+
+    def chapter(self, title: str) -> None:
+        """Begin no chapter."""
+
+    def put(self, header: str, lines: Iterable[str]) -> None:
+        """Put nothing."""
+
+    def edit(self, line: str) -> None:
+        """Edit nothing."""
+
+
+class LogFile:
+    """A log in a file.
+
+    Parameters
+    ----------
+    path : Path
+        Need not exist.
+    shown : str
+        The file as the user would name it.
+
+    Raises
+    ------
+    InputError
+        If the file is there and cannot be read, or is not UTF-8.
+    """
+
+    def __init__(self, path: Path, shown: str) -> None:
+        self._path, self._shown = path, shown
+        self._before = self._written = self._read()
+        self._chapter = "! digitised"
+        self._blocks: dict[str, tuple[str, ...]] = {}
+
+    def chapter(self, title: str) -> None:
+        """Begin a chapter; it is written with its first measurement."""
+        self._before = self._text()
+        self._chapter = f"! {title}"
+        self._blocks = {}
+
+    def put(self, header: str, lines: Iterable[str]) -> None:
+        """Put a block in the place of the chapter's one with that header, and write.
+
+        Raises
+        ------
+        OripError
+            If the file cannot be written; it is then as it was.
+        """
+        self._catch_up()
+        self._blocks[header] = tuple(lines)
+        self._write()
+
+    def edit(self, line: str) -> None:
+        """Put an edit behind all that was measured so far, and write; blocks begin anew behind it."""
+        self._catch_up()
+        self._before = _ended(self._text()) + f"{line}\n"
+        self._blocks = {}
+        self._write()
+
+    def _text(self) -> str:
+        blocks = ["\n".join([header, *lines]) for header, lines in self._blocks.items() if lines]
+        if not blocks:
+            return self._before
+        gap = "\n" if self._before else ""
+        return _ended(self._before) + gap + "\n".join([self._chapter, *blocks]) + "\n"
+
+    def _catch_up(self) -> None:
+        """Let all that somebody else has written to the file stay: this chapter then stands behind it, whole."""
+        found = self._read()
+        if found != self._written:
+            self._before = self._written = found
+
+    def _write(self) -> None:
+        text = self._text()
+        try:
+            replace_text(self._path, text)
+        except OSError as error:
+            message = f"{self._shown} cannot be written: {error.strerror or error}; it is as it was before this mark"
+            raise OripError(message) from error
+        self._written = text
+
+    def _read(self) -> str:
+        data, complaints = read_bytes(self._path, self._shown, may_be_absent=True)
+        if complaints:
+            raise InputError(complaints)
+        try:
+            return (data or b"").decode("utf-8")
+        except UnicodeDecodeError:
+            message = "the file is not UTF-8; save it as UTF-8"
+            raise InputError.single(message, self._shown) from None
+
+
+def template_header(template: str, kind: TransformationKind, stage: Stage) -> str:
+    """Return the first line of a block of tick marks."""
+    return f"TEMPLATE {template} {kind} {stage}"
+
+
+def photo_header(photo: str, kind: TransformationKind) -> str:
+    """Return the first line of a block of fiducial marks."""
+    return f"PHOTO {photo} {kind}"
+
+
+def points_header(bundle: str, photo: str) -> str:
+    """Return the first line of a block of photo points."""
+    return f"POINTS {bundle} {photo}"
+
+
+def measurement_line(
+    name: str, xy: tuple[float, float], given: tuple[float, float] | None = None, *, is_disregarded: bool = False
+) -> str:
+    """Return the line of a measurement, plate mm or pixels; `given` are a mark's own coordinates."""
+    own = "" if given is None else f" = {given[0]:z.10g} {given[1]:z.10g}"
+    return f"  {name:<8} {xy[0]:z11.4f} {xy[1]:z11.4f}{own}{' -' if is_disregarded else ''}"
+
+
+def kill_line(bundle: str, photo: str, point: str) -> str:
+    """Return the edit that deletes what was measured of a point in a photo."""
+    return f"KILL POINT {bundle} {photo} {point}"
+
+
+def _ended(text: str) -> str:
+    """Return the text so that a line can follow."""
+    return text if not text or text.endswith(("\n", "\r")) else f"{text}\n"

@@ -1,0 +1,173 @@
+"""Values for a record as words of a command line: ``KEY=VALUE`` with the keys and values of orip.toml.
+
+A key may have parts: ``distortion.A3``, and ``fiducials.3.x`` for the mark called 3. A value is TOML, but texts need no
+quotation marks, and lists no brackets (``camera=OLYMPUS``, ``unknown=C,A3``); none at all (``stage=``) takes the key
+away.
+"""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+
+from orip.files.project.tables import (
+    BundleTable,
+    CameraTable,
+    ModelTable,
+    PhotoTable,
+    Table,
+    TemplateTable,
+    TemtickTable,
+    keys_of,
+)
+from orip.files.project.text import TomlTable
+from orip.files.project.toml_faults import unknown_key
+from orip.files.text.shown import printable, shown_token
+
+TABLE_OF_KIND: dict[str, type[Table]] = {
+    "camera": CameraTable,
+    "temtick": TemtickTable,
+    "template": TemplateTable,
+    "photo": PhotoTable,
+    "bundle": BundleTable,
+    "model": ModelTable,
+}
+"""The table of orip.toml by kind of record."""
+
+
+def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple[TomlTable, tuple[str, ...]]:
+    """Return a record's table with values assigned, and what is wrong with the words.
+
+    Whether the record's table knows the keys and allows the values is looked at where orip.toml is checked.
+    """
+    changed, faults = copy.deepcopy(table), []
+    for word in words:
+        key, equals, text = word.partition("=")
+        fault = _word_fault(kind, key.strip(), equals)
+        if fault is None:
+            fault = _assign(TABLE_OF_KIND[kind], changed, key.strip().split("."), text.strip())
+        if fault is not None:
+            faults.append(printable(f"{shown_token(word)}: {fault}"))
+    return changed, tuple(faults)
+
+
+def _word_fault(kind: str, key: str, equals: str) -> str | None:
+    if not equals or not all(key.split(".")):
+        return "this is no KEY=VALUE; write the key of orip.toml, = and the value in one word"
+    if key == "name":
+        return f"a name is no value; give the record another one with 'orip {kind} rename'"
+    if kind == "bundle" and key.split(".", maxsplit=1)[0] == "model":
+        return "models are records of their own; change them with 'orip model'"
+    return None
+
+
+def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: str) -> str | None:
+    """Assign in place; return what is wrong, or None."""
+    key, *rest = path
+    annotation = _annotation(form, key)
+    if not rest:
+        if not text and annotation is None:
+            return unknown_key(key, "the record", keys_of(form))
+        return _set(table, key, annotation, text)
+    inner = _table_in(annotation) or Table
+    if get_origin(_without_none(annotation)) is list:
+        return _assign_to_named(inner, table, key, rest, text)
+    if not isinstance(table.setdefault(key, {}), dict):
+        return f"{key} has no parts"
+    return _assign(inner, table[key], rest, text)
+
+
+def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
+    """Assign to an element of a list of tables, which is told by its name; a new name is a new element."""
+    name, *inner = rest
+    if form is Table:
+        return f"the items of {key} have no names; write all of them in one list"
+    elements: list[TomlTable] = table.setdefault(key, [])
+    known = next((each for each in elements if each["name"] == name), None)
+    if not text and not inner:
+        if known is None:
+            return f"{key} has none of that name; known are: {', '.join(each['name'] for each in elements) or 'none'}"
+        elements.remove(known)
+        return None
+    if known is None:
+        known = {"name": name}
+        elements.append(known)
+    if inner:
+        return _assign(form, known, inner, text)
+    holder: TomlTable = {}
+    fault = _set(holder, "value", None, text)
+    if fault is None and not isinstance(holder["value"], dict):
+        fault = "write the values in braces, for example '{x=-12.0, y=18.0}'"
+    known.update(holder["value"] if fault is None else {})
+    return fault
+
+
+def _set(table: TomlTable, key: str, annotation: Any, text: str) -> str | None:
+    if not text:
+        table.pop(key, None)
+        return None
+    wanted = _without_none(annotation)
+    value = _toml(text)
+    if value is None and get_origin(wanted) is list:
+        value = _toml(f"[{text}]")
+    if _is_text(wanted):
+        value = value if isinstance(value, str) else text
+    elif get_origin(wanted) is list and _is_text(_without_none(get_args(wanted)[0])):
+        value = value if _is_texts(value) else _words(text)
+    elif value is None and text[0] in "[{\"'":
+        return "this is not TOML; check brackets and quotation marks, and keep the shell from removing them: '...'"
+    elif value is None:
+        value = text
+    table[key] = value
+    return None
+
+
+def _toml(text: str) -> Any:
+    """Return the value that a text is in TOML, None if it is none."""
+    try:
+        document = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return None
+    return document["value"] if len(document) == 1 else None
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
+
+
+def _words(text: str) -> list[str]:
+    """Return ``[C, "A3"]`` or ``C,A3`` as words, whatever a shell has left of brackets and quotation marks."""
+    return list(filter(None, (word.strip().strip("\"'") for word in text.strip("[]").split(","))))
+
+
+def _annotation(form: type[BaseModel], key: str) -> Any:
+    return next((info.annotation for name, info in form.model_fields.items() if key == (info.alias or name)), None)
+
+
+def _without_none(annotation: Any) -> Any:
+    """Return what an optional value is where it is given, without its limits."""
+    origin = get_origin(annotation)
+    if origin is None or origin in {list, Literal}:
+        return annotation
+    if origin is Annotated:
+        return _without_none(get_args(annotation)[0])
+    return next((_without_none(part) for part in get_args(annotation) if part is not type(None)), annotation)
+
+
+def _is_text(annotation: Any) -> bool:
+    return annotation is str or get_origin(annotation) is Literal
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    return next(_tables(annotation), None)
+
+
+def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _tables(part)

@@ -1,0 +1,210 @@
+"""What the records of orip.toml must be to each other: names, references, templates and photos, models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+from orip.files.project.source import Located, NamePlace, ProjectSource
+from orip.files.project.tables import CameraTable, ModelTable, PhotoTable, TemplateTable
+from orip.files.project.toml_faults import Fault, unknown_name
+from orip.files.project.toml_lines import KeyPath
+from orip.files.text.shown import shown_token
+from orip.records.names import name_fault, record_key
+
+LineOf = Callable[[KeyPath], int]
+_Item = TypeVar("_Item")
+
+
+def check_names(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
+    """Check that the names of records are fit for use and stand for one record each."""
+    for section, found in source.names.items():
+        if section != "model":
+            yield from _record_names(section, found, line_of)
+    for models in _by_bundle(source.names.get("model", []), lambda model: model.place).values():
+        yield from _record_names("model", models, line_of)
+
+
+def _record_names(kind: str, found: Sequence[NamePlace], line_of: LineOf) -> Iterator[Fault]:
+    first: dict[str, NamePlace] = {}
+    for record in found:
+        place = (*record.place, "name")
+        shown = shown_token(record.name)
+        fault = name_fault(record.name)
+        if fault is not None:
+            yield place, f"{kind} name: {fault}; write one word"
+        known = first.setdefault(record_key(record.name), record)
+        if known is record:
+            continue
+        line = line_of((*known.place, "name"))
+        if known.name == record.name:
+            yield place, f"{kind} '{shown}' is already defined on line {line}; rename or remove one of them"
+        else:
+            twin = f"{kind} '{shown}' differs from '{shown_token(known.name)}' on line {line} in case alone"
+            yield place, f"{twin}, which does not count in record names; rename one of them"
+
+
+def _by_bundle(items: Iterable[_Item], place_of: Callable[[_Item], KeyPath]) -> dict[KeyPath, list[_Item]]:
+    grouped: dict[KeyPath, list[_Item]] = {}
+    for item in items:
+        grouped.setdefault(place_of(item)[:2], []).append(item)
+    return grouped
+
+
+class References:
+    """The records that names lead to, and which photo is on which template.
+
+    Parameters
+    ----------
+    source : ProjectSource
+    """
+
+    def __init__(self, source: ProjectSource) -> None:
+        self.known = {
+            section: {record_key(found.name): found.name for found in source.names.get(section, [])}
+            for section in ("camera", "temtick", "template", "photo")
+        }
+        self.cameras = {record_key(camera.table.name): camera.table for camera in source.cameras}
+        self.templates = {record_key(template.table.name): template for template in source.templates}
+        self.photos = {record_key(photo.table.name): photo for photo in source.photos}
+        self.template_of = _template_of_photos(source)
+
+    def check(self, kind: str, name: str, where: str) -> Iterator[str]:
+        """Give a message if no record of that kind has the name."""
+        if record_key(name) not in self.known[kind]:
+            yield unknown_name(name, kind, where, list(self.known[kind].values()))
+
+    def template(self, photo: str) -> Located[TemplateTable] | None:
+        """Return the template that a photo is on, if any."""
+        return self.templates.get(record_key(self.template_of.get(record_key(photo), "")))
+
+    def camera(self, photo: PhotoTable) -> CameraTable | None:
+        """Return the camera of a photo, if it is there."""
+        return self.cameras.get(record_key(photo.camera))
+
+
+def _template_of_photos(source: ProjectSource) -> dict[str, str]:
+    """Return the template's name by the photo's key; the first statement counts, `check_templates` looks at others."""
+    found: dict[str, str] = {}
+    for photo in source.photos:
+        if photo.table.template is not None:
+            found.setdefault(record_key(photo.table.name), photo.table.template)
+    for template in source.templates:
+        for name in template.table.photos:
+            found.setdefault(record_key(name), template.table.name)
+    return found
+
+
+def check_templates(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
+    """Check temticks and photos of templates; a photo's template and a template's photos must agree."""
+    listed: dict[str, tuple[str, KeyPath]] = {}
+    for template in source.templates:
+        table, where = template.table, f"template '{template.table.name}'"
+        for message in references.check("temtick", table.temtick, where):
+            yield (*template.place, "temtick"), message
+        for index, name in enumerate(table.photos):
+            place = (*template.place, "photos", index)
+            for message in references.check("photo", name, where):
+                yield place, message
+            other, other_place = listed.setdefault(record_key(name), (table.name, place))
+            if other_place != place:
+                again = f"photo '{name}' is listed by template '{other}' on line {line_of(other_place)} already"
+                yield place, f"{again}; a photo is on one template, once"
+            yield from _disagreement(references, table, name, place, line_of)
+
+
+def _disagreement(
+    references: References, table: TemplateTable, name: str, place: KeyPath, line_of: LineOf
+) -> Iterator[Fault]:
+    photo = references.photos.get(record_key(name))
+    if photo is None or photo.table.template is None:
+        return
+    if record_key(photo.table.template) != record_key(table.name):
+        line = line_of((*photo.place, "template"))
+        message = (
+            f"template '{table.name}' lists photo '{name}', but on line {line} the photo is on template "
+            f"'{photo.table.template}'; correct one of them"
+        )
+        yield place, message
+
+
+def check_photos(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
+    """Check camera and template of photos, and that stage and scan are told once."""
+    for photo in source.photos:
+        where = f"photo '{photo.table.name}'"
+        for message in references.check("camera", photo.table.camera, where):
+            yield (*photo.place, "camera"), message
+        if photo.table.template is not None:
+            for message in references.check("template", photo.table.template, where):
+                yield (*photo.place, "template"), message
+        camera = references.camera(photo.table)
+        if camera is not None and camera.sensor is not None and photo.table.scan is not None:
+            message = f"{where} has a scan, but its camera '{camera.name}' has a sensor; remove one of the two"
+            yield (*photo.place, "scan"), message
+        template = references.template(photo.table.name)
+        if template is not None:
+            yield from _on_template(photo, template, camera, line_of)
+
+
+def _on_template(
+    photo: Located[PhotoTable], template: Located[TemplateTable], camera: CameraTable | None, line_of: LineOf
+) -> Iterator[Fault]:
+    where = f"photo '{photo.table.name}'"
+    on = f"template '{template.table.name}'"
+    if photo.table.stage is not None:
+        yield (*photo.place, "stage"), f"{where} has a stage but is on {on}, which has its own; set it there"
+    if camera is not None and camera.sensor is not None:
+        message = f"{where} is on {on}, but its camera '{camera.name}' has a sensor; only film is on a template"
+        yield (*photo.place, "template"), message
+    own, shared = photo.table.scan, template.table.scan
+    if own is not None and shared is not None and own != shared:
+        line = line_of((*template.place, "scan"))
+        message = f"{where} has another scan than its {on} on line {line}; remove the photo's scan or make them equal"
+        yield (*photo.place, "scan"), message
+
+
+def check_precision(source: ProjectSource, references: References) -> Iterator[Fault]:
+    """Check that a measurement precision in pixels means something in all photos."""
+    without = [photo.table.name for photo in source.photos if not _has_pixels(photo.table, references)]
+    if not without:
+        return
+    first = f"photo '{without[0]}'"
+    which = f"{first} has" if len(without) == 1 else f"{first} and {len(without) - 1} more have"
+    for bundle in source.bundles:
+        if bundle.table.measurement_precision.unit == "px":
+            message = (
+                f"bundle '{bundle.table.name}' has its measurement_precision in pixels, but {which} "
+                "neither scan nor a camera with a sensor; write it in mm or give those photos a scan"
+            )
+            yield (*bundle.place, "measurement_precision"), message
+
+
+def _has_pixels(photo: PhotoTable, references: References) -> bool:
+    camera, template = references.camera(photo), references.template(photo.name)
+    # A camera that is missing or faulty is complained of elsewhere; what it would have had is not known.
+    return (
+        photo.scan is not None
+        or camera is None
+        or camera.sensor is not None
+        or (template is not None and template.table.scan is not None)
+    )
+
+
+def check_models(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
+    """Check the photos of models and that no two models of a bundle have the same place in the block."""
+    for models in _by_bundle(source.models, lambda model: model.place).values():
+        seen: dict[tuple[int, int], Located[ModelTable]] = {}
+        for model in models:
+            table, where = model.table, f"model '{model.table.name}'"
+            for key, name in (("left", table.left), ("right", table.right)):
+                for message in references.check("photo", name, where):
+                    yield (*model.place, key), message
+            if record_key(table.left) == record_key(table.right):
+                message = f"{where} has photo '{table.left}' both left and right; name two photos"
+                yield (*model.place, "right"), message
+            first = seen.setdefault((table.row, table.column), model)
+            if first is not model:
+                at = f"row {table.row}, column {table.column}"
+                line = line_of((*first.place, "row"))
+                message = f"{where} is at {at} like model '{first.table.name}' on line {line}; give it its own place"
+                yield (*model.place, "row"), message

@@ -1,0 +1,124 @@
+"""The project file orip.toml: its text to a checked project definition."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orip.errors import Complaint, ProjectWarning
+from orip.files.project import checks as project_checks
+from orip.files.project import record_checks
+from orip.files.project.records import project_definition
+from orip.files.project.source import ProjectSource, project_source
+from orip.files.project.toml_faults import Fault
+from orip.files.project.toml_lines import TomlLines
+from orip.files.project.toml_syntax import syntax_complaint
+from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import printable
+from orip.records.names import record_key
+from orip.records.project import ProjectDefinition
+from orip.records.stages import plan_stages
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectText:
+    """A project definition and where its records stand in the text.
+
+    Parameters
+    ----------
+    definition : ProjectDefinition
+    lines : mapping of (section, name) to int
+        Line of a record, by ``("photo", record_key(name))``; sections are project (name ``""``), camera, temtick,
+        template, photo, bundle, and model with ``"BUNDLE MODEL"``.
+    """
+
+    definition: ProjectDefinition
+    lines: Mapping[tuple[str, str], int]
+
+
+def read_project(path: Path, shown: str = "orip.toml") -> Parsed[ProjectText | None]:
+    """Read and check a project file; without complaints the definition is complete and consistent.
+
+    Distortion given as ISP parameters or as a curve stays in that form: the polynomial's terms are then 0.
+    """
+    data, complaints = read_bytes(path, shown)
+    if data is None:
+        return Parsed(None, complaints)
+    decoded = decode_lines(data, shown)
+    if decoded.complaints:
+        return Parsed(None, decoded.complaints)
+    return parse_project("\n".join(decoded.records), shown)
+
+
+def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | None]:
+    """Check the text of a project file; see `read_project`."""
+    document = _toml_document(text, shown)
+    if isinstance(document, Complaint):
+        return Parsed(None, (document,))
+    lines = TomlLines(text)
+    source = project_source(document)
+    faults = [*source.faults, *_check(source, lines)]
+    complaints = {Complaint(printable(message), shown, lines.line_of(place)): None for place, message in faults}
+    warnings = tuple(record_checks.similar_marks(source, shown, lines.line_of))
+    if complaints or source.project is None:
+        return Parsed(None, tuple(sorted(complaints, key=lambda complaint: complaint.line or 0)), warnings)
+    definition = project_definition(source, source.project)
+    record_lines = _record_lines(source, lines)
+    warnings += tuple(_stage_warnings(definition, record_lines, shown))
+    return Parsed(ProjectText(definition, record_lines), (), warnings)
+
+
+def _toml_document(text: str, shown: str) -> dict[str, Any] | Complaint:
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        return Complaint("the text is nested too deeply; a project file needs three levels at most", shown)
+    except ValueError as fault:  # TOMLDecodeError is one; so is a whole number of thousands of digits
+        return syntax_complaint(str(fault), text, shown)
+
+
+def _check(source: ProjectSource, lines: TomlLines) -> Iterator[Fault]:
+    references = project_checks.References(source)
+    yield from project_checks.check_names(source, lines.line_of)
+    if source.project is not None:
+        yield from record_checks.check_project(source.project)
+    yield from record_checks.check_cameras(source, lines.line_of)
+    yield from record_checks.check_temticks(source, lines.line_of)
+    yield from record_checks.check_photo_parameters(source)
+    yield from record_checks.check_bundles(source)
+    yield from project_checks.check_templates(source, references, lines.line_of)
+    yield from project_checks.check_photos(source, references, lines.line_of)
+    yield from project_checks.check_precision(source, references)
+    yield from project_checks.check_models(source, references, lines.line_of)
+
+
+def _record_lines(source: ProjectSource, lines: TomlLines) -> dict[tuple[str, str], int]:
+    found = {("project", ""): lines.line_of(("project",))}
+    bundles = {record.place: record_key(record.name) for record in source.names.get("bundle", [])}
+    for section, records in source.names.items():
+        for record in records:
+            name = record_key(record.name)
+            if section == "model":
+                name = f"{bundles[record.place[:2]]} {name}"
+            found[section, name] = lines.line_of(record.place)
+    return found
+
+
+def _stage_warnings(
+    definition: ProjectDefinition, lines: Mapping[tuple[str, str], int], shown: str
+) -> Iterator[ProjectWarning]:
+    for bundle in definition.bundles:
+        plan = plan_stages(definition.photos, definition.templates, bundle.models)
+        for model in bundle.models:
+            if model not in plan.unsuited:
+                continue
+            line = lines["model", f"{record_key(bundle.name)} {record_key(model.name)}"]
+            text = (
+                f"photos '{model.left}' and '{model.right}' of model '{model.name}' are both on the "
+                f"{plan.stages[record_key(model.left)]} stage; set the stages, or print them on different templates"
+            )
+            yield ProjectWarning("shared-stage", f"{shown}:{line}", text)

@@ -1,0 +1,177 @@
+"""What a single record of orip.toml must be in itself, beyond the types of its values."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator, Sequence
+
+from orip.errors import ProjectWarning
+from orip.files.project.source import Located, ProjectSource
+from orip.files.project.tables import BundleTable, CameraTable, MarkTable, ProjectTable
+from orip.files.project.toml_faults import Fault
+from orip.files.project.toml_lines import KeyPath
+from orip.files.text.shown import shown_token
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.names import look_alikes, name_fault, record_key
+from orip.records.photo import PHOTO_PARAMETERS
+
+_UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
+_DISTORTION_FORMS = ("distortion", "distortion_isp", "distortion_curve")
+_LISTING_BASES = ("INTERIOR", "PRELIM")
+_LEAST_CURVE_RADII = 4
+
+LineOf = Callable[[KeyPath], int]
+
+
+def file_name_fault(name: str) -> str | None:
+    """Say why a name cannot be the base name of files, or return None if it can."""
+    if not name or not name.isprintable():
+        return "is empty or has characters that cannot be printed"
+    if any(character.isspace() for character in name):
+        return "has a blank"
+    unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
+    if unfit:
+        return f"has {' '.join(unfit)}, which file names cannot have"
+    return "is no file name" if name in {".", ".."} else None
+
+
+def check_project(table: ProjectTable) -> Iterator[Fault]:
+    """Check that the project's name can be printed and its files can be named."""
+    for key, text in (("name", table.name), ("user", table.user), ("ground_unit", table.ground_unit)):
+        if not text.isprintable() or (text and not text.strip()):
+            message = f"{key} '{shown_token(text)}' cannot be printed on the listings; write a text on one line"
+            yield ("project", key), message
+    for key, given in (("project_files", table.project_files), ("control_files", table.control_files)):
+        fault = file_name_fault(table.name if given is None else given)
+        if fault is None:
+            continue
+        if given is None:
+            message = (
+                f"the project's name '{shown_token(table.name)}' {fault}, so files cannot be called so; "
+                f'set {key} to a base name without blanks, for example {key} = "{_fit_name(table.name)}"'
+            )
+            yield ("project", "name"), message
+        else:
+            message = f"{key} '{shown_token(given)}' {fault}; write a base name without folder and extension"
+            yield ("project", key), message
+    if table.camera_file == table.temtick_file:
+        message = f"temtick_file '{shown_token(table.temtick_file)}' is the camera_file too; name two files"
+        yield ("project", "temtick_file"), message
+
+
+def _fit_name(name: str) -> str:
+    fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
+    return fit if fit.strip("._") else "PROJECT"
+
+
+def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
+    """Check the distortion's form, sensor against fiducials, and the unknown parameters."""
+    for camera in source.cameras:
+        where = f"camera '{camera.table.name}'"
+        table = camera.table
+        given = [form for form in _DISTORTION_FORMS if getattr(table, form) is not None]
+        if len(given) > 1:
+            message = f"{where} has {' and '.join(given)}; give the distortion in one form"
+            yield (*camera.place, given[1]), message
+        if table.sensor is not None and table.fiducials:
+            message = f"{where} has both sensor and fiducials; a sensor is for cameras without fiducials"
+            yield (*camera.place, "sensor"), message
+        yield from _curve(camera, where)
+        yield from _parameters((*camera.place, "unknown"), table.unknown, CAMERA_PARAMETERS, f"unknown of {where}")
+        yield from _marks((*camera.place, "fiducials"), table.fiducials, f"fiducial mark of {where}", line_of)
+
+
+def _curve(camera: Located[CameraTable], where: str) -> Iterator[Fault]:
+    curve = camera.table.distortion_curve
+    if curve is None:
+        return
+    place = (*camera.place, "distortion_curve")
+    # at radius 0 any polynomial of the distortion is 0: such a point determines nothing
+    radii = {abs(radius) for radius, _ in curve} - {0.0}
+    if len(radii) < _LEAST_CURVE_RADII:
+        least = _LEAST_CURVE_RADII
+        message = f"distortion_curve of {where} has {len(radii)} different radii above 0; give at least {least}"
+        yield place, message
+    for index, (radius, _) in enumerate(curve):
+        if radius < 0:
+            yield (*place, index), f"distortion_curve of {where} has the radius {radius:g}; write 0 or more (mm)"
+
+
+def _parameters(place: KeyPath, given: Sequence[str], known: Sequence[str], where: str) -> Iterator[Fault]:
+    for index, name in enumerate(given):
+        if name not in known:
+            near = difflib.get_close_matches(name.upper()[:100], known, 1)
+            guess = f"did you mean '{near[0]}'? " if near else ""
+            yield (*place, index), f"{where}: '{shown_token(name)}' is no parameter; {guess}Allowed: {', '.join(known)}"
+        elif name in given[:index]:
+            yield (*place, index), f"{where}: '{name}' comes twice; name it once"
+
+
+def check_photo_parameters(source: ProjectSource) -> Iterator[Fault]:
+    """Check the names of constant orientation elements."""
+    for photo in source.photos:
+        where = f"constant of photo '{photo.table.name}'"
+        yield from _parameters((*photo.place, "constant"), photo.table.constant, PHOTO_PARAMETERS, where)
+
+
+def check_temticks(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
+    """Check the names of tick marks."""
+    for temtick in source.temticks:
+        kind = f"tick mark of temtick '{temtick.table.name}'"
+        yield from _marks((*temtick.place, "ticks"), temtick.table.ticks, kind, line_of)
+
+
+def _marks(place: KeyPath, marks: Sequence[MarkTable], kind: str, line_of: LineOf) -> Iterator[Fault]:
+    first: dict[str, int] = {}
+    for index, mark in enumerate(marks):
+        at = (*place, index, "name")
+        fault = name_fault(mark.name)
+        if fault is not None:
+            yield at, f"{kind}: {fault}; write one word"
+        known = first.setdefault(mark.name, index)
+        if known != index:
+            line = line_of((*place, known, "name"))
+            yield at, f"{kind}: '{shown_token(mark.name)}' is already given on line {line}; rename or remove one"
+
+
+def similar_marks(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
+    """Warn of marks of one camera or temtick whose names differ only in case or leading zeros."""
+    groups = [((*c.place, "fiducials"), f"camera '{c.table.name}'", c.table.fiducials) for c in source.cameras]
+    groups += [((*t.place, "ticks"), f"temtick '{t.table.name}'", t.table.ticks) for t in source.temticks]
+    for place, where, marks in groups:
+        for names in look_alikes(mark.name for mark in marks):
+            listed = " and ".join(f"'{shown_token(name)}'" for name in names)
+            text = f"marks {listed} of {where} differ only in case or leading zeros; rename one if they are the same"
+            yield ProjectWarning("similar-names", f"{shown}:{line_of(place)}", text)
+
+
+def check_bundles(source: ProjectSource) -> Iterator[Fault]:
+    """Check that bundles can name files, and their settings against each other."""
+    for bundle in source.bundles:
+        table, where = bundle.table, f"bundle '{shown_token(bundle.table.name)}'"
+        fault = None if name_fault(table.name) else file_name_fault(table.name)
+        if fault is not None:
+            yield (*bundle.place, "name"), f"{where} {fault}; its name is also that of its files, choose another"
+        if len(source.bundles) > 1 and record_key(table.name) in _LISTING_BASES:
+            message = f"{where} would have the listing {record_key(table.name)}_RESULT.OUT of another step; rename it"
+            yield (*bundle.place, "name"), message
+        if table.start_down_weight > table.max_iterations:
+            message = (
+                f"start_down_weight of {where} is {table.start_down_weight}, above its max_iterations "
+                f"{table.max_iterations}; write at most that (equal: no down-weighting)"
+            )
+            yield (*bundle.place, "start_down_weight"), message
+        yield from _datum_points(bundle, where)
+
+
+def _datum_points(bundle: Located[BundleTable], where: str) -> Iterator[Fault]:
+    points = bundle.table.datum_points
+    place = (*bundle.place, "datum_points")
+    if points and bundle.table.datum != "free":
+        yield place, f'{where} has datum_points, but they belong to a free datum; write datum = "free" or remove them'
+    for index, name in enumerate(points):
+        fault = name_fault(name)
+        if fault is not None:
+            yield (*place, index), f"datum_points of {where}: {fault}; write the name of a point"
+        elif name in points[:index]:
+            yield (*place, index), f"datum_points of {where}: '{shown_token(name)}' comes twice; name it once"

@@ -1,0 +1,159 @@
+"""All tables of orip.toml that are right in themselves, each with its place in the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from pydantic import ValidationError
+
+from orip.files.project.tables import (
+    SECTIONS,
+    BundleTable,
+    CameraTable,
+    CheckTable,
+    ModelTable,
+    PhotoTable,
+    ProjectTable,
+    Table,
+    TemplateTable,
+    TemtickTable,
+)
+from orip.files.project.toml_faults import Fault, table_faults, unknown_key
+from orip.files.project.toml_lines import KeyPath
+from orip.files.text.shown import shown_token
+
+AnyTable = TypeVar("AnyTable", bound=Table)
+
+
+@dataclass(frozen=True, slots=True)
+class Located(Generic[AnyTable]):
+    """A table and the keys and indices that lead to it."""
+
+    place: KeyPath
+    table: AnyTable
+
+
+@dataclass(frozen=True, slots=True)
+class NamePlace:
+    """A record's name and the place of the record; also of a record that has other faults."""
+
+    name: str
+    place: KeyPath
+
+
+@dataclass(slots=True)
+class ProjectSource:
+    """The tables of one orip.toml.
+
+    Records with faults of their own are left out, so that the rest can still be checked; `names` has those of all
+    records by section (models under ``model``), lest a reference to a faulty record look like one to nothing.
+    """
+
+    project: ProjectTable | None = None
+    check: CheckTable = field(default_factory=CheckTable)
+    cameras: list[Located[CameraTable]] = field(default_factory=list)
+    temticks: list[Located[TemtickTable]] = field(default_factory=list)
+    templates: list[Located[TemplateTable]] = field(default_factory=list)
+    photos: list[Located[PhotoTable]] = field(default_factory=list)
+    bundles: list[Located[BundleTable]] = field(default_factory=list)
+    models: list[Located[ModelTable]] = field(default_factory=list)
+    names: dict[str, list[NamePlace]] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+
+
+def project_source(document: Mapping[str, Any]) -> ProjectSource:
+    """Validate each table of a TOML document by itself; the faults stand in the result."""
+    source = ProjectSource()
+    for key in document:
+        if key not in SECTIONS:
+            source.faults.append(((key,), unknown_key(key, "the project", SECTIONS)))
+    source.project = _project(document, source)
+    source.check = _table(document.get("check", {}), CheckTable, "[check]", ("check",), source) or CheckTable()
+    source.cameras = _records(document, "camera", CameraTable, source)
+    source.temticks = _records(document, "temtick", TemtickTable, source)
+    source.templates = _records(document, "template", TemplateTable, source)
+    source.photos = _records(document, "photo", PhotoTable, source)
+    _bundles(document, source)
+    return source
+
+
+def _project(document: Mapping[str, Any], source: ProjectSource) -> ProjectTable | None:
+    if "project" not in document:
+        message = 'there is no [project] table; write [project] and below it for example name = "ZURICH"'
+        source.faults.append(((), message))
+        return None
+    raw = document["project"]
+    project = _table(raw, ProjectTable, "[project]", ("project",), source)
+    if project is None and isinstance(raw, dict):
+        # What is right is still checked: the keys of this table do not depend on each other.
+        faulty = {place[1] for place, _ in source.faults if place[:1] == ("project",) and len(place) > 1}
+        return _table({key: raw[key] for key in raw if key not in faulty}, ProjectTable, "", (), ProjectSource())
+    return project
+
+
+def _records(
+    document: Mapping[str, Any], section: str, table: type[AnyTable], source: ProjectSource
+) -> list[Located[AnyTable]]:
+    found = []
+    for index, raw in _elements(document, section, (section,), source):
+        place = (section, index)
+        read = _table(raw, table, _title(section, index, raw), place, source)
+        _keep_name(section, raw, place, source)
+        if read is not None:
+            found.append(Located(place, read))
+    return found
+
+
+def _bundles(document: Mapping[str, Any], source: ProjectSource) -> None:
+    """Read bundles and, apart from them, their models: a fault in one hides nothing in the others."""
+    for index, raw in _elements(document, "bundle", ("bundle",), source):
+        place: KeyPath = ("bundle", index)
+        title = _title("bundle", index, raw)
+        settings = {key: value for key, value in raw.items() if key != "model"} if isinstance(raw, dict) else raw
+        bundle = _table(settings, BundleTable, title, place, source)
+        _keep_name("bundle", raw, place, source)
+        if bundle is not None:
+            source.bundles.append(Located(place, bundle))
+        if isinstance(raw, dict):
+            _models(raw, title, place, source)
+
+
+def _models(bundle: Mapping[str, Any], bundle_title: str, bundle_place: KeyPath, source: ProjectSource) -> None:
+    for index, raw in _elements(bundle, "model", (*bundle_place, "model"), source):
+        place = (*bundle_place, "model", index)
+        title = f"{_title('model', index, raw)} of {bundle_title}"
+        model = _table(raw, ModelTable, title, place, source)
+        _keep_name("model", raw, place, source)
+        if model is not None:
+            source.models.append(Located(place, model))
+
+
+def _elements(around: Mapping[str, Any], key: str, place: KeyPath, source: ProjectSource) -> Iterator[tuple[int, Any]]:
+    value = around.get(key, [])
+    if isinstance(value, list):
+        yield from enumerate(value)
+        return
+    header = "bundle.model" if key == "model" else key
+    message = f"{key} is one table or value, but may come several times; write each as [[{header}]]"
+    source.faults.append((place, message))
+
+
+def _table(raw: Any, table: type[AnyTable], title: str, place: KeyPath, source: ProjectSource) -> AnyTable | None:
+    try:
+        return table.model_validate(raw)
+    except ValidationError as error:
+        source.faults += table_faults(error, table, title, place)
+        return None
+
+
+def _title(section: str, index: int, raw: Any) -> str:
+    name = raw.get("name") if isinstance(raw, dict) else None
+    return f"{section} '{shown_token(name)}'" if isinstance(name, str) and name else f"{section} number {index + 1}"
+
+
+def _keep_name(section: str, raw: Any, place: KeyPath, source: ProjectSource) -> None:
+    name = raw.get("name") if isinstance(raw, dict) else None
+    if isinstance(name, str):
+        source.names.setdefault(section, []).append(NamePlace(name, place))

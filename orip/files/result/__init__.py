@@ -1,0 +1,1 @@
+"""Results for programs: result.json, written and read, and residuals.csv."""

@@ -1,0 +1,265 @@
+"""result.json: a solution for programs, schema ``orip.result/1``."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.files.text.numbers import shortest_texts
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
+
+SCHEMA = "orip.result/1"
+SINGULAR = "singular"
+
+INDENT = "  "
+LONGEST_LEAF = 160
+"""An object or list without others inside stands on one line if that line's own text is not longer than this."""
+
+POINTS_PER_PIECE = 8192
+
+_HEAD = re.compile(rf'\s*{{\s*"schema"\s*:\s*"{re.escape(SCHEMA)}"\s*,\s*"run"\s*:\s*("(?:[^"\\]|\\.)*")')
+
+
+def result_document(solution: Solution) -> dict[str, object]:
+    """Return the content of result.json as plain Python objects.
+
+    Numbers that are not finite are None, apart from the standard deviation of a removed unknown, which is "singular".
+    Units: mm for C, DX, DY and photo residuals, degrees for angles, ground units otherwise.
+    """
+    return _document(solution, _points(solution))
+
+
+def _document(solution: Solution, points: object) -> dict[str, object]:
+    return {
+        "schema": SCHEMA,
+        "run": solution.run,
+        "project": solution.project,
+        "bundle": solution.bundle,
+        "status": solution.status,
+        "ground_unit": solution.ground_unit,
+        **_key_figures(solution),
+        "iterations": [
+            {
+                "iteration": int(row.iteration),
+                "enp": _number(row.enp),
+                "sigma0": _number(row.sigma0),
+                "down_weighted": int(row.down_weighted),
+                "singular": int(row.singular),
+            }
+            for row in solution.iterations
+        ],
+        "cameras": _cameras(solution),
+        "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
+        "points": points,
+        "down_weighted": _down_weighted(solution.residuals),
+        "singular": [
+            {"group": row.group, "name": row.name, "kind": row.kind, "lost_digits": _number(row.lost_digits)}
+            for row in solution.singular
+        ],
+        "correlations": [{"a": row.a, "b": row.b, "r": _number(row.r)} for row in solution.correlations],
+        "blunders": _blunders(solution),
+        "diagnosis": [
+            {"code": row.code, "where": row.where, "text": row.text, "remedy": row.remedy} for row in solution.diagnosis
+        ],
+        "check_points": [
+            {"name": row.name, "dX": _number(row.dX), "dY": _number(row.dY), "dZ": _number(row.dZ)}
+            for row in solution.check_points
+        ],
+        "interior": {
+            group: {row.name: _interior(row) for row in solution.interior if row.group == group}
+            for group in ("templates", "photos")
+        },
+        "inputs": dict(solution.inputs),
+        "warnings": [{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
+    }
+
+
+def result_text(solution: Solution) -> str:
+    """Return result.json as text: indented, short objects on one line, shortest exact floats, a newline at the end."""
+    return "".join(result_pieces(solution))
+
+
+def result_pieces(solution: Solution) -> Iterator[str]:
+    """Yield the text of result.json in pieces, so that a million points need little memory."""
+    yield from _json_pieces(_document(solution, _Points(solution)), "")
+    yield "\n"
+
+
+def run_of_result(text: str) -> str | None:
+    """Return the run id of a result.json, or None where the text is none.
+
+    Parameters
+    ----------
+    text : str
+        The file or, as orip writes it, its beginning: the run id is in the second line.
+    """
+    head = _HEAD.match(text)
+    try:
+        document = {"schema": SCHEMA, "run": json.loads(head[1])} if head else json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        return None
+    run = document.get("run")
+    return run if isinstance(run, str) else None
+
+
+def _key_figures(solution: Solution) -> dict[str, object]:
+    return {
+        "sigma0": _number(solution.sigma0),
+        "sigma0_all": _number(solution.sigma0_all),
+        "redundancy": int(solution.redundancy),
+        "redundancy_used": _number(solution.redundancy_used),
+        "observations": int(solution.observations),
+        "unknowns": int(solution.unknowns),
+        "enp": _number(solution.enp),
+    }
+
+
+def _number(value: float) -> float | None:
+    # numpy scalars are not JSON, and JSON has neither NaN nor infinity
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def _estimate(value: float, sd: float) -> dict[str, object]:
+    return {"value": _number(value), "sd": SINGULAR if math.isinf(sd) else _number(sd)}
+
+
+def _estimates(estimates: Estimates, parameters: Sequence[str]) -> dict[str, dict[str, object]]:
+    return {
+        name: {parameter: _estimate(*pair) for parameter, *pair in zip(parameters, values, sds, strict=True)}
+        for name, values, sds in zip(estimates.names, estimates.values.tolist(), estimates.sd.tolist(), strict=True)
+    }
+
+
+def _cameras(solution: Solution) -> dict[str, dict[str, object]]:
+    cameras = _estimates(solution.cameras, CAMERA_PARAMETERS)
+    for each in solution.additional:
+        cameras[each.camera][each.name] = _estimate(each.value, each.sd)
+    return cameras
+
+
+def _points(solution: Solution) -> dict[str, dict[str, object]]:
+    points = _estimates(solution.points, ("X", "Y", "Z"))
+    for point, rays, kind in zip(points.values(), solution.point_rays, solution.point_kinds, strict=True):
+        point.update(rays=int(rays), kind=kind)
+    return points
+
+
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """The points of a solution, to be written without making a document of them: blocks have many."""
+
+    solution: Solution
+
+    def pieces(self, margin: str) -> Iterator[str]:
+        """Yield what `_json_pieces` makes of `_points`."""
+        points, rays, kinds = self.solution.points, self.solution.point_rays, self.solution.point_kinds
+        if not points.names:
+            yield "{}"
+            return
+        one = margin + INDENT
+        entries = [f'"{axis}": {{"value": %s, "sd": %s}}' for axis in "XYZ"] + ['"rays": %d', '"kind": "%s"']
+        form = f"\n{one}%s: {{" + ",".join(f"\n{one}{INDENT}{entry}" for entry in entries) + f"\n{one}}}"
+        yield "{"
+        for start in range(0, len(points.names), POINTS_PER_PIECE):
+            part = slice(start, start + POINTS_PER_PIECE)
+            figures = [
+                texts
+                for k in range(3)
+                for texts in (
+                    _number_texts(points.values[part, k], "null"),
+                    _number_texts(points.sd[part, k], f'"{SINGULAR}"'),
+                )
+            ]
+            rows = zip(map(_compact, points.names[part]), *figures, rays[part], kinds[part], strict=True)
+            yield ("," if start else "") + ",".join([form % row for row in rows])
+        yield f"\n{margin}}}"
+
+
+def _number_texts(values: FloatArray, infinite: str) -> list[str]:
+    """Return numbers as JSON has them; `infinite` for infinity."""
+    texts = shortest_texts(values, missing="null")
+    for place in np.flatnonzero(np.isinf(values)).tolist():
+        texts[place] = infinite
+    return texts
+
+
+def _down_weighted(residuals: Residuals) -> list[dict[str, object]]:
+    return [
+        {
+            "kind": residuals.kind[i],
+            "photo": residuals.photo[i],
+            "point": residuals.point[i],
+            "component": residuals.component[i],
+            "residual": _number(residuals.residual[i]),
+            "standard_residual": _number(residuals.standard_residual[i]),
+            "weight_factor": _number(residuals.weight_factor[i]),
+        }
+        for i in np.flatnonzero(residuals.weight_factor < 1.0).tolist()
+    ]
+
+
+def _blunders(solution: Solution) -> list[dict[str, object]]:
+    return [
+        {
+            "order": int(row.order),
+            "kind": row.kind,
+            "photo": row.photo,
+            "point": row.point,
+            "component": row.component,
+            "size": _number(row.size),
+            "sd": _number(row.sd),
+            "statistic": _number(row.statistic),
+            "limit": _number(row.limit),
+        }
+        for row in solution.blunders
+    ]
+
+
+def _interior(summary: InteriorSummary) -> dict[str, object]:
+    return {
+        "type": summary.type,
+        "x0": _number(summary.x0),
+        "y0": _number(summary.y0),
+        "ro": _number(summary.ro),
+        "sk": _number(summary.sk),
+        "sx": _number(summary.sx),
+        "sy": _number(summary.sy),
+        "s0": _number(summary.s0),
+        "redundancy": int(summary.redundancy),
+    }
+
+
+def _json_pieces(node: object, margin: str) -> Iterator[str]:
+    inner = margin + INDENT
+    if isinstance(node, _Points):
+        yield from node.pieces(margin)
+        return
+    if not isinstance(node, dict | list) or not node:
+        yield _compact(node)
+        return
+    entries = list(node.values()) if isinstance(node, dict) else node
+    if not any(isinstance(entry, dict | list | _Points) for entry in entries):
+        line = _compact(node)
+        if len(line) <= LONGEST_LEAF:
+            yield line
+            return
+    labels = [f"{_compact(key)}: " for key in node] if isinstance(node, dict) else [""] * len(entries)
+    yield "{" if isinstance(node, dict) else "["
+    for number, (label, entry) in enumerate(zip(labels, entries, strict=True)):
+        yield f"{',' if number else ''}\n{inner}{label}"
+        yield from _json_pieces(entry, inner)
+    yield f"\n{margin}" + ("}" if isinstance(node, dict) else "]")
+
+
+_compact = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode

@@ -1,0 +1,147 @@
+"""result.json read back: its figures by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from orip.errors import InputError
+from orip.files.result.json_text import SCHEMA, SINGULAR
+from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.shown import printable, shown_token
+from orip.records.figure import Figure, FigureGroup, Quantity, ResultFigures
+from orip.records.names import record_key
+
+_STATISTICS = ("sigma0", "sigma0_all", "redundancy", "redundancy_used", "observations", "unknowns")
+_COUNTS = ("down_weighted", "singular", "blunders")
+_QUANTITIES: Mapping[str, Quantity] = {
+    **dict.fromkeys(("C", "DX", "DY"), "photo"),
+    **dict.fromkeys(("X0", "Y0", "Z0", "X", "Y", "Z", "dX", "dY", "dZ"), "ground"),
+    **dict.fromkeys(("OMEGA", "PHI", "KAPPA"), "angle"),
+}
+_POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
+_RADIUS_MM = 10.0
+
+Found = dict[tuple[str, str], FigureGroup]
+
+
+class _MalformedError(ValueError):
+    """The document is JSON, but not that of a result; says where."""
+
+
+def read_result(path: Path, shown: str) -> ResultFigures:
+    """Read the figures of a result.json: those of the whole adjustment, of cameras, photos, points and check points.
+
+    What tells how the adjustment got there (iterations, ENP, inputs, messages) is left out.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no result.
+    """
+    data, complaints = read_bytes(path, shown)
+    if data is None:
+        raise InputError(complaints)
+    lines = decode_lines(data, shown)
+    if lines.complaints:
+        raise InputError(lines.complaints)
+    try:
+        return _figures(json.loads("\n".join(lines.records), parse_constant=_refused))
+    except _MalformedError as fault:
+        reason = str(fault)
+    except (ValueError, RecursionError) as fault:
+        reason = "it is nested too deeply" if isinstance(fault, RecursionError) else f"it is not JSON: {fault}"
+    message = f"this is no result of an adjustment: {reason}; name a result.json that 'orip solve' wrote"
+    raise InputError.single(message, shown)
+
+
+def _refused(constant: str) -> None:
+    message = f"JSON has no {constant}"
+    raise ValueError(message)
+
+
+def _figures(document: Any) -> ResultFigures:
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        message = f'"schema" is not "{SCHEMA}"'
+        raise _MalformedError(message)
+    found: Found = {("", ""): FigureGroup("", _of_adjustment(document))}
+    for group, kind in (("cameras", "camera"), ("photos", "photo"), ("points", "point")):
+        for name, record in _object(document.get(group), group).items():
+            shown = printable(f"{kind} {name}")
+            key = name if kind == "point" else record_key(name)
+            found[kind, key] = FigureGroup(shown, _of_record(_object(record, shown), shown))
+    for row in _objects(document.get("check_points"), "check_points"):
+        name = _text(row.get("name"), "check_points")
+        figures = {axis: Figure(_number(row.get(axis), name), _QUANTITIES[axis]) for axis in ("dX", "dY", "dZ")}
+        found["check point", name] = FigureGroup(f"check point {name}", figures)
+    for row in _objects(document.get("correlations"), "correlations"):
+        pair = f"{_text(row.get('a'), 'correlations')} {_text(row.get('b'), 'correlations')}"
+        found["correlation", record_key(pair)] = FigureGroup(
+            f"correlation {pair}", {"r": Figure(_number(row.get("r"), pair), "other")}
+        )
+    return found
+
+
+def _of_adjustment(document: Mapping[str, Any]) -> dict[str, Figure]:
+    figures = {"status": Figure(_text(document.get("status"), "status"), "text")}
+    figures["ground_unit"] = Figure(_text(document.get("ground_unit"), "ground_unit"), "text", adjusted=True)
+    for name in _STATISTICS:
+        figures[name] = Figure(_number(document.get(name), name), "other")
+    for name in _COUNTS:
+        figures[name] = Figure(float(len(_objects(document.get(name), name))), "other")
+    return figures
+
+
+def _of_record(record: Mapping[str, Any], where: str) -> dict[str, Figure]:
+    figures: dict[str, Figure] = {}
+    for key, entry in record.items():
+        name = printable(key)
+        if name == "kind":
+            figures[name] = Figure(_text(entry, where), "text")
+        elif name == "rays":
+            figures[name] = Figure(_number(entry, where), "other")
+        else:
+            estimate = _object(entry, f"{where} {name}")
+            quantity = _QUANTITIES.get(name, "other")
+            sd = estimate.get("sd")
+            deviation = None if sd == SINGULAR else _number(sd, f"{where} {name}")
+            effect = _RADIUS_MM ** _POWERS.get(name, 0)
+            value = _number(estimate.get("value"), f"{where} {name}")
+            figures[name] = Figure(value, quantity, deviation, adjusted=sd != SINGULAR, effect=effect)
+            figures[f"{name} sd"] = Figure(SINGULAR if sd == SINGULAR else deviation, "other", effect=effect)
+    return figures
+
+
+def _object(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise _MalformedError(_not_so(where, "an object"))
+    return value
+
+
+def _objects(value: Any, where: str) -> list[dict[str, Any]]:
+    if not isinstance(value, list):
+        raise _MalformedError(_not_so(where, "a list"))
+    return [_object(each, where) for each in value]
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise _MalformedError(_not_so(where, "a text"))
+    return printable(value)  # it may be shown on a terminal
+
+
+def _number(value: Any, where: str) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > _LARGEST:
+        raise _MalformedError(_not_so(where, "a number or null"))
+    return float(value)
+
+
+_LARGEST = 1.7976931348623157e308
+
+
+def _not_so(where: str, allowed: str) -> str:
+    return f"'{shown_token(where)}' is not {allowed}"

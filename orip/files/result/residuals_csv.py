@@ -1,0 +1,68 @@
+"""residuals.csv: a row per observation component, for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.files.text.numbers import shortest_texts
+from orip.records.solution import Reliability, Residuals
+
+HEADER = (
+    "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w,"
+    "adjusted_sd,minimal_detectable_bias,external_reliability\n"
+)
+
+ROWS_PER_PIECE = 16384
+
+
+def residuals_csv(residuals: Residuals, reliability: Reliability) -> str:
+    """Return residuals.csv as one text; empty cells stand for NaN."""
+    return "".join(residuals_csv_pieces(residuals, reliability))
+
+
+def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[str]:
+    """Yield residuals.csv in pieces of whole lines, so that millions of rows need little memory.
+
+    The first line is the header; floats are the shortest text that reads back exactly; empty cells stand for NaN.
+    """
+    yield HEADER
+    for start in range(0, len(residuals.kind), ROWS_PER_PIECE):
+        part = slice(start, start + ROWS_PER_PIECE)
+        names = (residuals.kind, residuals.photo, residuals.point, residuals.component)
+        numbers = (
+            residuals.observed,
+            residuals.residual,
+            residuals.a_priori,
+            residuals.standard_residual,
+            residuals.weight_factor,
+            residuals.redundancy_number,
+            residuals.w,
+            reliability.adjusted_sd,
+            reliability.minimal_detectable_bias,
+            reliability.external,
+        )
+        columns = [
+            *(_name_cells(column[part]) for column in names),
+            *(_number_cells(column[part]) for column in numbers),
+        ]
+        yield "\n".join(map(",".join, zip(*columns, strict=True))) + "\n"
+
+
+def _name_cells(names: Sequence[str]) -> list[str]:
+    quoted = {name: _quoted(name) for name in set(names)}
+    return list(map(quoted.__getitem__, names))
+
+
+def _quoted(name: str) -> str:
+    # RFC 4180: names of points are free text and may well hold a comma
+    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',"\r\n') else name
+
+
+def _number_cells(values: FloatArray) -> list[str]:
+    bits = np.ascontiguousarray(values).view(np.int64)  # 0.0 and -0.0 differ, NaN are alike
+    if (bits == bits[0]).all():  # as a-priori errors and weight factors mostly are
+        return shortest_texts(values[:1], missing="") * len(values)
+    return shortest_texts(values, missing="")

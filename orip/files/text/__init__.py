@@ -1,0 +1,1 @@
+"""What text formats have in common: lines and fields with their places, numbers, tables, whole-file replacement."""

@@ -1,0 +1,137 @@
+"""Lines of a text file parted into fields, with the place of each field for the messages."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import shown_token
+from orip.records.names import COMMENT_MARKS, name_fault
+
+_FIELD = re.compile(r"\S+")
+_ZERO = b"\0"
+_DOS_END = b"\x1a"
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a line and the column it starts in, counted from 1."""
+
+    text: str
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class TextLine:
+    """A line that has fields: its number, counted from 1, and its fields without the comment."""
+
+    number: int
+    fields: tuple[Field, ...]
+
+    @property
+    def end_column(self) -> int:
+        """Return the column after the last field, where a missing one would stand."""
+        last = self.fields[-1]
+        return last.column + len(last.text) + 1
+
+
+def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[bytes | None, tuple[Complaint, ...]]:
+    """Return the bytes of a file, or None and why it cannot be read.
+
+    A file that is absent and may be so gives None and no complaint.
+    """
+    try:
+        return path.read_bytes(), ()
+    except FileNotFoundError:
+        if may_be_absent:
+            return None, ()
+        message = "there is no such file; write it, or correct the name"
+    except IsADirectoryError:
+        message = "this is a folder, not a file; name the file itself"
+    except PermissionError:
+        message = (
+            "this is a folder, not a file; name the file itself"
+            if path.is_dir()  # what Windows says when a folder is opened
+            else "the file may not be read; give yourself the right to read it"
+        )
+    except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
+        reason = getattr(fault, "strerror", None) or str(fault)
+        message = f"the file cannot be read ({reason}); check the name and the disk"
+    return None, (Complaint(message, shown),)
+
+
+def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
+    """Part bytes into lines of text; UTF-8 with or without byte order mark, any kind of line end.
+
+    Lines that are not UTF-8 are complained of, each, and left empty.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return Parsed([], (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
+    if _ZERO in data:
+        message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
+        return Parsed([], (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
+    if data.rstrip().endswith(_DOS_END):
+        message = "the file ends in a character of DOS (Ctrl-Z, 0x1A); remove it"
+        return Parsed([], (Complaint(message, shown, len(data.splitlines())),))
+    raw_lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
+    try:
+        # One decoding of all lines is several times faster; splitlines of bytes parts at \n, \r and \r\n only.
+        return Parsed(b"\n".join(raw_lines).decode("utf-8").split("\n") if raw_lines else [])
+    except UnicodeDecodeError:
+        return _decode_each(raw_lines, shown)
+
+
+def _decode_each(raw_lines: list[bytes], shown: str) -> Parsed[list[str]]:
+    lines: list[str] = []
+    complaints: list[Complaint] = []
+    for number, raw in enumerate(raw_lines, start=1):
+        try:
+            lines.append(raw.decode("utf-8"))
+        except UnicodeDecodeError as fault:
+            lines.append("")
+            column = len(raw[: fault.start].decode("utf-8")) + 1
+            message = f"byte 0x{raw[fault.start]:02X} is not UTF-8; save the file as UTF-8"
+            complaints.append(Complaint(message, shown, number, column))
+    return Parsed(lines, tuple(complaints))
+
+
+def read_lines(path: Path, shown: str, *, may_be_absent: bool = False) -> Parsed[list[str]]:
+    """Return the lines of a text file; see `read_bytes` and `decode_lines` for what is complained of."""
+    data, complaints = read_bytes(path, shown, may_be_absent=may_be_absent)
+    return Parsed([], complaints) if data is None else decode_lines(data, shown)
+
+
+def split_line(line: str, number: int) -> TextLine | None:
+    """Part one line into fields at blanks and tabs; None if nothing is left before the comment.
+
+    ``!`` or ``#`` starts a comment where a field would start; inside a field it belongs to the field.
+    """
+    fields: list[Field] = []
+    for match in _FIELD.finditer(line):
+        if match.group().startswith(COMMENT_MARKS):
+            break
+        fields.append(Field(match.group(), match.start() + 1))
+    return TextLine(number, tuple(fields)) if fields else None
+
+
+def field_lines(lines: list[str]) -> Iterator[TextLine]:
+    """Iterate over the lines that have fields."""
+    for number, line in enumerate(lines, start=1):
+        parted = split_line(line, number)
+        if parted is not None:
+            yield parted
+
+
+def field_name_fault(text: str) -> str | None:
+    """Say what is wrong with a field that is to be a name, and what to do; None if it is fit."""
+    fault = name_fault(text)
+    if fault is None:
+        return None
+    if not text.isprintable():
+        return f"the name '{shown_token(text)}' has a character that cannot be printed; write it anew"
+    return f"{fault}; choose another name"

@@ -1,0 +1,59 @@
+"""A new folder of text files: there as a whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from orip.files.text.atomic import remove_leftovers, replace_text, temporary_beside
+
+
+def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write texts into a folder that does not exist yet, or is empty.
+
+    A new folder is made under a temporary name beside its place, and only then takes its own: killed at any instant,
+    there is no folder or a whole one. An empty folder that exists stays the same folder (somebody may be working in
+    it): its texts arrive in their order, so that the one that makes sense of the others should be the last.
+
+    Parameters
+    ----------
+    folder : Path
+        Folders above it are made.
+    texts : mapping of file name to text
+        In the order of writing.
+
+    Raises
+    ------
+    OSError
+        If the folder or the disk refuses; what was written is taken away again.
+    """
+    folder = Path(os.path.realpath(folder))
+    if folder.exists():
+        _fill(folder, texts)
+        return
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(folder.parent)
+    temporary = temporary_beside(folder)
+    try:
+        temporary.mkdir()
+        _fill(temporary, texts)
+        os.replace(temporary, folder)  # noqa: PTH105  # the tests of crashes count the steps of os
+    except BaseException:  # an interrupt must not leave the temporary folder behind either
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _fill(folder: Path, texts: Mapping[str, str]) -> None:
+    written = []
+    try:
+        for name, text in texts.items():
+            written.append(folder / name)
+            replace_text(folder / name, text)
+    except BaseException:
+        for path in written:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        raise

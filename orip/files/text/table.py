@@ -1,0 +1,207 @@
+"""Text for people: tables whose columns are as wide as their contents, headings, wrapped paragraphs."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orip.files.text.fixed_cells import FixedCells
+
+Alignment = Literal["left", "right", "point"]
+
+PAGE_WIDTH = 110
+"""Columns that headings are ruled to and paragraphs are wrapped at; tables are as wide as they must be."""
+
+INDENT = 2
+
+ROWS_AT_A_TIME = 8192
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    heading : str
+    cells : sequence of str
+        One a row; a cell is one line and is never shortened.
+    unit : str
+        Stands under the heading, in brackets.
+    align : {"left", "right", "point"}
+        "point" puts decimal points under one another; cells without a point end where the longest cell ends.
+    gap : int
+        Blanks between this column and the one before it, at least 1.
+    """
+
+    heading: str
+    cells: Sequence[str]
+    unit: str = ""
+    align: Alignment = "right"
+    gap: int = 2
+
+    @property
+    def unit_text(self) -> str:
+        """The unit as it is printed."""
+        return f"({self.unit})" if self.unit else ""
+
+
+class Table:
+    """Columns laid out once, so that parts of a long table can be printed apart with the same widths.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        All with the same number of cells.
+    indent : int
+        Blanks before the first column.
+
+    Raises
+    ------
+    ValueError
+        When the columns are not equally long.
+    """
+
+    def __init__(self, columns: Sequence[Column], indent: int = INDENT) -> None:
+        self._columns = columns
+        self._indent = indent
+        self._cells = [_aligned_cells(column) for column in columns]
+        self._widths = [
+            max(len(column.heading), len(column.unit_text), _longest(cells))
+            for column, cells in zip(columns, self._cells, strict=True)
+        ]
+        if len({len(cells) for cells in self._cells}) > 1:
+            message = f"the columns of a table are equally long, not {[len(cells) for cells in self._cells]}"
+            raise ValueError(message)
+
+    def headings(self) -> list[str]:
+        """Return the lines of headings and units, and the rule beneath them."""
+        lines = [self._line([column.heading for column in self._columns])]
+        if any(column.unit for column in self._columns):
+            lines.append(self._line([column.unit_text for column in self._columns]))
+        # a column without a heading holds marks and remarks, and needs no rule
+        spans = [width if column.heading else 0 for column, width in zip(self._columns, self._widths, strict=True)]
+        lines.append(self._line(["-" * span for span in spans]))
+        return lines
+
+    def rows(self, start: int = 0, stop: int | None = None) -> list[str]:
+        """Return the lines of rows `start` to `stop` (excluded)."""
+        part = slice(start, stop)
+        rest = zip(self._columns, self._cells, self._widths, self._gaps(), strict=True)
+        justified = [_justified(cells, part, width, gap, column.align) for column, cells, width, gap in rest]
+        return ["".join(row).rstrip() for row in zip(*justified, strict=True)]
+
+    def each_row(self) -> Iterator[str]:
+        """Yield the lines of all rows; only a part of a long table is in memory at a time."""
+        for start in range(0, max(map(len, self._cells), default=0), ROWS_AT_A_TIME):
+            yield from self.rows(start, start + ROWS_AT_A_TIME)
+
+    def lines(self) -> list[str]:
+        """Return the whole table."""
+        return self.headings() + self.rows()
+
+    def _gaps(self) -> list[int]:
+        """Return the blanks before each column."""
+        return [self._indent, *(max(column.gap, 1) for column in self._columns[1:])]
+
+    def _line(self, texts: Sequence[str]) -> str:
+        rest = zip(texts, self._columns, self._widths, self._gaps(), strict=True)
+        return "".join(
+            _justified([text], slice(1), width, gap, column.align)[0] for text, column, width, gap in rest
+        ).rstrip()
+
+
+def _aligned_cells(column: Column) -> Sequence[str]:
+    cells = column.cells
+    if column.align != "point":
+        return cells
+    tails = [len(cell) - cell.index(".") if "." in cell else 0 for cell in cells]
+    longest = max(tails, default=0)
+    return [cell + " " * (longest - tail) if tail else cell for cell, tail in zip(cells, tails, strict=True)]
+
+
+def _longest(cells: Sequence[str]) -> int:
+    return cells.longest if isinstance(cells, FixedCells) else max(map(len, cells), default=0)
+
+
+def _justified(cells: Sequence[str], part: slice, width: int, gap: int, align: Alignment) -> list[str]:
+    """Return some cells of a column with the blanks before and after them."""
+    if isinstance(cells, FixedCells):
+        return cells.justified(part, gap + width)
+    if align == "left":
+        return [" " * gap + cell.ljust(width) for cell in cells[part]]
+    return [cell.rjust(gap + width) for cell in cells[part]]
+
+
+def table_lines(columns: Sequence[Column], indent: int = INDENT) -> list[str]:
+    """Return a whole table; "none" where it has no rows."""
+    return list(each_table_line(columns, indent))
+
+
+def each_table_line(columns: Sequence[Column], indent: int = INDENT) -> Iterator[str]:
+    """Yield what `table_lines` returns."""
+    if not columns or not columns[0].cells:
+        yield " " * indent + "none"
+        return
+    table = Table(columns, indent)
+    yield from table.headings()
+    yield from table.each_row()
+
+
+def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -> list[Column]:
+    """Return the two columns of a figure that has an x and a y, close together.
+
+    Parameters
+    ----------
+    heading : str
+        With {} where X and Y go.
+    values : array (n, 2)
+    decimals : int
+    unit : str
+    """
+    pairs = np.asarray(values, dtype=np.float64).reshape(-1, 2)
+    return xy_pair(heading, [FixedCells(pairs[:, k], decimals) for k in range(2)], unit)
+
+
+def xy_pair(heading: str, cells: Sequence[Sequence[str]], unit: str = "") -> list[Column]:
+    """Return what `xy_columns` returns, from the cells of both columns."""
+    pairs = enumerate(zip("XY", cells, strict=True))
+    return [Column(heading.format(axis), each, unit, gap=2 - k) for k, (axis, each) in pairs]
+
+
+def section(title: str, body: Iterable[str]) -> Iterator[str]:
+    """Yield a blank line, the ruled title of a section, and its body."""
+    yield from ["", "", title, "=" * len(title)]
+    yield from body
+
+
+def one_line(text: str) -> str:
+    """Return free text as one line of printable characters, so that it cannot imitate a listing's own lines."""
+    return " ".join("".join(character if character.isprintable() else " " for character in text).split())
+
+
+def paragraph(text: str, indent: int = INDENT, hanging: int = 0) -> list[str]:
+    """Return free text wrapped at `PAGE_WIDTH`; words are never broken."""
+    return textwrap.wrap(
+        one_line(text),
+        PAGE_WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + hanging),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def key_lines(pairs: Sequence[tuple[str, str, str]], indent: int = INDENT) -> list[str]:
+    """Return lines of ``label  value  remark``, labels and values in columns."""
+    label_width = max((len(label) for label, _, _ in pairs), default=0)
+    value_width = max((len(value) for _, value, _ in pairs), default=0)
+    return [
+        f"{' ' * indent}{label.ljust(label_width)}  {value.rjust(value_width)}  {remark}".rstrip()
+        for label, value, remark in pairs
+    ]

@@ -1,0 +1,94 @@
+"""What the adjusted photos see, without regard to control: where they show a place, and where their rays meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.prediction import predict_photo_coordinates
+from orip.geometry.rays import intersect_rays
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.image_vectors import image_vectors
+from orip.records.block import Block, PhotoPoints
+from orip.records.solution import Solution
+from orip.units import RADIANS_PER_DEGREE
+
+_ERRORS = 5.0
+"""Standard errors within which a photo point is where a place is seen."""
+
+
+_PART = 100_000
+"""Photo points whose distortion is removed at a time: partials take several times the memory of the vectors."""
+
+
+class PhotoSight:
+    """The photo points of a block as an adjustment's photos see them; rows are those of `Block.photo_points`.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solution : Solution
+    """
+
+    def __init__(self, block: Block, solution: Solution) -> None:
+        self.block, self.solution = block, solution
+        cameras = tuple(
+            replace(camera, parameters=tuple(values))
+            for camera, values in zip(block.cameras, solution.cameras.values.tolist(), strict=True)
+        )
+        self._vectors = _vectors_in_parts(replace(block, cameras=cameras))
+        self._centres = block.ground.to_local(solution.photos.values[:, :3])
+        rotations = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
+        axes = block.ground.axes_at(solution.photos.values[:, :3])
+        self._rotations = np.swapaxes(axes, 1, 2) @ rotations
+
+    def limit(self, row: int) -> float:
+        """Return how far (mm) a photo point may be from where its place is seen."""
+        return float(_ERRORS * max(1.0, self.solution.sigma0) * self.block.photo_points.error[row].max())
+
+    def off(self, row: int, xyz: FloatArray) -> FloatArray:
+        """Return how far (n,) (mm) from a photo point its photo shows places (n, 3); NaN for those behind it."""
+        photo = int(self.block.photo_points.photo[row])
+        camera = self.block.cameras[self.block.photo_camera[photo]]
+        name = self.block.photos[photo].name
+        xy = predict_photo_coordinates(self.solution, name, camera, xyz, self.block.ground)
+        return np.asarray(np.linalg.norm(xy - self.block.photo_points.xy[row], axis=1))
+
+    def meeting(self, rows: Sequence[int] | IntArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return where the rays of photo points meet, and its standard deviations; None where they do not meet."""
+        chosen = np.asarray(rows, dtype=np.int64)
+        photos = self.block.photo_points.photo[chosen]
+        directions = (self._rotations[photos] @ self._vectors[chosen][:, :, None])[:, :, 0]
+        index = np.zeros(len(chosen), dtype=np.int64)
+        place = intersect_rays(self._centres[photos], directions, index, 1)
+        if not np.isfinite(place).all():
+            return None
+        xyz = self.block.ground.to_project(place)
+        if not all(bool(self.off(row, xyz)[0] <= self.limit(row)) for row in chosen.tolist()):
+            return None
+        return xyz[0], self._deviations(chosen, place[0], directions)
+
+    def _deviations(self, rows: IntArray, place: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return standard deviations (3,) of a place from the errors of its photo points."""
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        distance = np.linalg.norm(place - self._centres[self.block.photo_points.photo[rows]], axis=1)
+        across = (
+            self.block.photo_points.error[rows].max(axis=1) * distance / np.linalg.norm(self._vectors[rows], axis=1)
+        )
+        normals = ((np.eye(3) - unit[:, :, None] * unit[:, None, :]) / across[:, None, None] ** 2).sum(axis=0)
+        return np.asarray(max(1.0, self.solution.sigma0) * np.sqrt(np.diag(np.linalg.pinv(normals))))
+
+
+def _vectors_in_parts(block: Block) -> FloatArray:
+    """Return the image vectors (n, 3) of a block's photo points, some at a time."""
+    points = block.photo_points
+    count = len(points.photo)
+    parts = [
+        PhotoPoints(points.photo[part], points.point[part], points.xy[part], points.error[part], points.used[part])
+        for part in (slice(first, first + _PART) for first in range(0, count, _PART))
+    ]
+    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=each)) for each in parts)])

@@ -1,0 +1,156 @@
+"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` cannot be had."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.geometry.perspective import Perspective, perspective_with_partials
+from orip.prelim.intersection import group_sums
+from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
+from orip.prelim.refinement.problem import Arrangement, Network, Residuals, State
+from orip.prelim.refinement.reduced_equations import ReducedEquations
+from orip.records.preliminary import CAMERA_CORRECTIONS
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+_DENSE = 0.1
+"""Part of the couplings between photos and points above which a product of full matrices is faster."""
+
+
+class _Rows(NamedTuple):
+    """Linearised equations of m rays, weighted: partials (m, 2, k) and misclosures (m, 2, 1)."""
+
+    by_photo: FloatArray
+    by_point: FloatArray
+    by_camera: FloatArray
+    misclosure: FloatArray
+
+
+class ArraySolver:
+    """Normal equations of a network: points eliminated, photos in a band.
+
+    Parameters
+    ----------
+    network : Network
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._arranged = Arrangement(network)
+
+    def residuals(self, state: State) -> Residuals:
+        """Return the residuals of all rays."""
+        network = self._network
+        image = self._perspective(state)
+        residual = (image.xy - corrected(network.rays, state.corrections).vectors[:, :2]) / network.rays.error[:, None]
+        return Residuals(residual, image.in_front, state.of_cameras)
+
+    def moved(self, state: State, at: Residuals, factors: FloatArray, damping: float) -> State:
+        """Return the state after one step; the residuals are those of the state."""
+        order, photos, points = self._arranged.order, len(state.centres), len(state.points)
+        rows = self._rows(state, at, factors)
+        inverse = np.linalg.inv(_damped(self._by_points(rows.by_point, rows.by_point), damping))
+        half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
+        # what the points take away is the product of these with themselves
+        coupling = self._sparse(half[self._network.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
+        point_right = (half @ self._by_points(rows.by_point, rows.misclosure)).ravel()
+        point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(3 * points, -1)
+        blocks = _damped(self._by_photos(rows.by_photo, rows.by_photo), damping)
+        equations = ReducedEquations(
+            _band(blocks[order], coupling),
+            self._by_photos(rows.by_photo, rows.misclosure)[order].ravel() - coupling.T @ point_right,
+            self._by_photos(rows.by_photo, rows.by_camera)[order].reshape(6 * len(order), -1)
+            - coupling.T @ point_border,
+            np.einsum("nki,nkj->ij", rows.by_camera, rows.by_camera) - point_border.T @ point_border,
+            np.einsum("nki,nkj->i", rows.by_camera, rows.misclosure) - point_border.T @ point_right,
+        )
+        solution, of_cameras = equations.solved(state.corrections)
+        left = (point_right - coupling @ solution - point_border @ of_cameras).reshape(points, 1, 3)
+        by_photos = np.zeros((photos, 6))
+        by_photos[order] = -solution.reshape(-1, 6)
+        return state.moved(by_photos, -(left @ half)[:, 0], -of_cameras.reshape(-1, CAMERA_CORRECTIONS))
+
+    def _rows(self, state: State, at: Residuals, factors: FloatArray) -> _Rows:
+        network, rays = self._network, self._network.rays
+        image = self._perspective(state)
+        root = (np.sqrt(np.where(at.in_front, factors, 0.0)))[:, None]
+        scaled = (root / rays.error[:, None])[:, :, None]
+        by_photo = np.concatenate([image.by_rotation, -image.by_point], axis=2) * scaled
+        return _Rows(
+            by_photo * network.photo_free[rays.photo, None, None],
+            image.by_point * scaled * network.point_free[rays.point, None, None],
+            self._by_camera(image.xy, state.corrections.size) * scaled,
+            (at.residual * root)[:, :, None],
+        )
+
+    def _by_photos(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return the sums of left^T right over the rays of each photo."""
+        return group_sums(self._network.rays.photo, np.swapaxes(left, 1, 2) @ right, len(self._network.photo_free))
+
+    def _by_points(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return the sums of left^T right over the rays of each point."""
+        return group_sums(self._network.rays.point, np.swapaxes(left, 1, 2) @ right, len(self._network.point_free))
+
+    def _perspective(self, state: State) -> Perspective:
+        """Return images of all rays' points, with partials."""
+        rays = corrected(self._network.rays, state.corrections)
+        offset = state.points[rays.point] - state.centres[rays.photo]
+        return perspective_with_partials(offset, state.rotations[rays.photo], -rays.vectors[:, 2])
+
+    def _by_camera(self, image: FloatArray, columns: int) -> FloatArray:
+        """Return the partials (m, 2, all cameras' corrections) of the residuals in mm."""
+        rays = self._network.rays
+        camera, count = camera_of(rays), len(rays.photo)
+        partials = np.zeros((count, 2, columns // CAMERA_CORRECTIONS, CAMERA_CORRECTIONS))
+        rows = np.flatnonzero(camera >= 0)
+        partials[rows, :, camera[rows]] = by_corrections(rays)[rows]
+        partials[:, :, :, 0] *= image[:, :, None]
+        return partials.reshape(count, 2, columns)
+
+    def _sparse(self, coupling: FloatArray) -> csr_array:
+        """Return couplings (m, 3, 6) of points and photos as a sparse array (3 q, 6 free photos)."""
+        from scipy.sparse import bsr_array, csr_array
+
+        network, place = self._network, self._arranged.place
+        rows = np.flatnonzero(network.photo_free[network.rays.photo] & network.point_free[network.rays.point])
+        rows = rows[np.lexsort((place[network.rays.photo[rows]], network.rays.point[rows]))]
+        counts = np.bincount(network.rays.point[rows], minlength=len(network.point_free))
+        pointer = np.concatenate([[0], np.cumsum(counts)])
+        shape = (3 * len(network.point_free), 6 * len(self._arranged.order))
+        return csr_array(bsr_array((coupling[rows], place[network.rays.photo[rows]], pointer), shape=shape))
+
+
+def _damped(normals: FloatArray, damping: float) -> FloatArray:
+    """Return normal matrices (k, m, m) with a larger diagonal; what has no equations at all becomes regular."""
+    diagonal = np.einsum("kii->ki", normals)
+    floor = 1e-12 * diagonal.max(axis=1, keepdims=True)
+    floor = np.where(floor > 0.0, floor, 1.0)
+    return np.asarray(normals + (damping * diagonal + floor)[:, :, None] * np.eye(normals.shape[1]))
+
+
+def _band(blocks: FloatArray, coupling: csr_array) -> FloatArray:
+    """Return the lower half of diagonal blocks (k, 6, 6) - coupling^T coupling, its diagonals (width, size)."""
+    size = coupling.shape[1]
+    if coupling.nnz > _DENSE * coupling.shape[0] * size:
+        full = coupling.toarray()
+        product = full.T @ full
+        rows, columns = np.nonzero(product)
+        values = product[rows, columns]
+    else:
+        sparse = (coupling.T @ coupling).tocoo()
+        rows, columns, values = sparse.row.astype(np.int64), sparse.col.astype(np.int64), sparse.data
+    start = np.repeat(6 * np.arange(len(blocks)), 36)
+    within = np.tile(np.arange(36), len(blocks))
+    rows = np.concatenate([start + within // 6, rows])
+    columns = np.concatenate([start + within % 6, columns])
+    values = np.concatenate([blocks.ravel(), -values])
+    lower = rows >= columns
+    below = (rows - columns)[lower]
+    width = int(below.max(initial=0)) + 1
+    band = np.bincount(below * size + columns[lower], values[lower], width * size).reshape(width, size)
+    return np.asarray(band, dtype=np.float64)

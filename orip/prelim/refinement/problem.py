@@ -1,0 +1,112 @@
+"""Photos and points that are refined together: which are unknown, where they stand, and what residuals they leave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray
+from orip.geometry.rotation import rotation_about_axes
+from orip.prelim.refinement.camera_corrections import EXPECTED
+from orip.records.preliminary import ImageRays
+
+_MEDIAN = np.sqrt(2.0 * np.log(2.0))
+"""Median length of a residual with two normal components of standard deviation 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Rotations (p, 3, 3) and centres (p, 3) of photos, points (q, 3), and corrections of k cameras (k, 4)."""
+
+    rotations: FloatArray
+    centres: FloatArray
+    points: FloatArray
+    corrections: FloatArray
+
+    @property
+    def of_cameras(self) -> float:
+        """Return the square sum of the cameras' corrections over what is expected of them."""
+        return float(((self.corrections / EXPECTED) ** 2).sum())
+
+    def moved(self, by_photos: FloatArray, by_points: FloatArray, by_cameras: FloatArray) -> State:
+        """Return the state after turns and shifts (p, 6) of photos, shifts of points, and changes of corrections."""
+        # half a radian keeps a turn where the linearisation means something
+        largest = float(np.linalg.norm(by_photos[:, :3], axis=1).max(initial=0.0))
+        factor = min(1.0, 0.5 / max(largest, 1e-300))
+        return State(
+            rotation_about_axes(factor * by_photos[:, :3]) @ self.rotations,
+            self.centres + factor * by_photos[:, 3:],
+            self.points + factor * by_points,
+            self.corrections + factor * by_cameras,
+        )
+
+
+class Residuals(NamedTuple):
+    """Of m rays: residuals (m, 2) over their a-priori errors, and whether the point is in front (m,).
+
+    And of the state that they belong to what its cameras' corrections add to the square sum.
+    """
+
+    residual: FloatArray
+    in_front: BoolArray
+    of_cameras: float
+
+    @property
+    def length(self) -> FloatArray:
+        """Return the lengths (m,) of the residuals; infinite behind the photo."""
+        return np.where(self.in_front, np.linalg.norm(self.residual, axis=1), np.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Which rays take part, point by point, and which photos and points are unknown.
+
+    Parameters
+    ----------
+    rays : ImageRays
+        m of them.
+    photo_free, point_free : arrays (p,), (q,) of bool
+    """
+
+    rays: ImageRays
+    photo_free: BoolArray
+    point_free: BoolArray
+
+    @property
+    def redundancy(self) -> int:
+        """Return twice the number of rays minus that of the unknowns."""
+        return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
+
+    def scale(self, length: FloatArray) -> float:
+        """Return the robust scale of the residuals, from their median; 0 without redundancy."""
+        share = self.redundancy / (2 * len(self.rays.photo)) if len(self.rays.photo) else 0.0
+        return float(np.median(length)) / _MEDIAN / np.sqrt(share) if share > 0.0 else 0.0
+
+
+class Arrangement:
+    """The order of the photos of a network that keeps the band of their normal equations narrow.
+
+    Attributes
+    ----------
+    order : array (f,)
+        Free photos.
+    place : array (p,)
+        Of each photo in this order, -1 of one that is held.
+    """
+
+    def __init__(self, network: Network) -> None:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        rays = network.rays
+        free = network.photo_free[rays.photo]
+        photos, points = len(network.photo_free), len(network.point_free)
+        ones = np.ones(np.count_nonzero(free))
+        sees = csr_array((ones, (rays.point[free], rays.photo[free])), shape=(points, photos))
+        sees = sees[network.point_free]
+        order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
+        self.order = order[network.photo_free[order]]
+        self.place = np.full(photos, -1)
+        self.place[self.order] = np.arange(len(self.order))

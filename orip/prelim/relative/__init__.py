@@ -1,0 +1,1 @@
+"""Relative orientation of two photos without initial values, from the points common to them."""

@@ -1,0 +1,177 @@
+"""Relative orientation of a model without initial values: two photos, the points common to them, and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.geometry.rotation import cross_matrix
+from orip.prelim.photo_index import PhotoIndex, photo_index
+from orip.prelim.relative.parallax import Pairs, parallaxes
+from orip.prelim.relative.remarks import remarks_on
+from orip.prelim.relative.solution import Solution, solve
+from orip.prelim.relative.start import POINTS_NEEDED
+from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+
+_NO_BASE = 3.0
+"""Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain
+them, half of which are below 1.2."""
+
+_NO_MODEL = 0.01
+"""Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
+
+_FITS = 3.0
+"""Standard deviations within which a point fits that is measured under another number."""
+
+_LARGEST_SCALE = 20.0
+"""Of errors that a camera out of calibration makes; above it numbers are confused, and their parallaxes say nothing."""
+
+
+def orient_pair(
+    rays: ImageRays,
+    left: int,
+    right: int,
+    *,
+    model: str,
+    row: int | None,
+    column: int | None,
+    index: PhotoIndex | None = None,
+) -> RelativeOrientation | NotOriented:
+    """Orient the right photo to the left one (dependent pair), without initial values.
+
+    Five-point solutions of samples of the points start an adjustment of all parallaxes with Danish weights. It finds
+    its way where a third of the points are blunders, and where all residuals are many times the a-priori error: weights
+    are reduced above five times the a-priori error or, where it is larger, a robust estimate of what the residuals are.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    left, right : int
+        Photos.
+    model : str
+        Its name.
+    row, column : int or None
+    index : PhotoIndex, optional
+        Of the rays, where many pairs of them are oriented.
+
+    Returns
+    -------
+    RelativeOrientation or NotOriented
+
+    Notes
+    -----
+    The residual parallax is y left - y right in the normal case; in general see `orip.prelim.relative.parallax`. Its
+    a-priori error is the root of the squares of both photos' errors of a coordinate.
+
+    The base is as long as brings the mean of the points' 1 / depth to 1 / C: in the normal case bx is then the mean
+    x parallax. Its largest component fixes the scale and has no standard deviation.
+
+    Standard deviations are those of the a-priori errors times `seuw` (without redundancy, times 1). Those of model
+    coordinates are of the intersection of the two rays alone, times `seuw` where that is above 1.
+    """
+    rows = (index or photo_index(rays)).common_points(left, right)
+    names = rays.photos[left], rays.photos[right]
+    pairs = Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.hypot(rays.error[rows[0]], rays.error[rows[1]]))
+    count = len(pairs.error)
+    if count < POINTS_NEEDED:
+        points = "1 point" if count == 1 else f"{count} points"
+        reason = f"photo {names[0]} and photo {names[1]} share {points}, {POINTS_NEEDED} are needed"
+        return NotOriented(model, "", reason)
+    solution = solve(pairs)
+    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share determine no orientation"
+    if solution is None:
+        return NotOriented(model, "", reason)
+    fault = _fault(solution, pairs)
+    if fault is not None:
+        return NotOriented(model, "", f"{reason}: {fault}")
+    return _result(rays, (left, right), rows, solution, pairs, (model, row, column))
+
+
+def _fault(solution: Solution, pairs: Pairs) -> str | None:
+    """Return why an orientation is none, or None."""
+    count = len(pairs.error)
+    typical = solution.seuw * float(pairs.error.sum()) / count
+    if solution.by_chance or typical > _NO_MODEL * float(np.abs(pairs.left[:, 2]).sum()) / count:
+        return f"their rays miss each other by {typical:.2g} mm; are point numbers or photos confused?"
+    if solution.left_by_rotation < _NO_BASE * min(solution.scale, _LARGEST_SCALE):
+        return "there is no base between them; both were taken from one place"
+    usable = int(np.count_nonzero(solution.usable))
+    if usable < max(POINTS_NEEDED, count / 2):
+        return f"the rays of only {usable} of them meet in front of both photos"
+    return None
+
+
+def _result(
+    rays: ImageRays,
+    photos: tuple[int, int],
+    rows: tuple[IntArray, IntArray],
+    solution: Solution,
+    pairs: Pairs,
+    place: tuple[str, int | None, int | None],
+) -> RelativeOrientation:
+    seuw, at_least_one = solution.seuw, max(solution.seuw, 1.0)
+    unit_weight = seuw or 1.0
+    base = solution.length * solution.photos.base
+    points = rays.point[rows[0]]
+    names = tuple(rays.points[each] for each in points.tolist())
+    return RelativeOrientation(
+        model=place[0],
+        left=rays.photos[photos[0]],
+        right=rays.photos[photos[1]],
+        row=place[1],
+        column=place[2],
+        points=names,
+        left_xy=rays.xy[rows[0]],
+        right_xy=rays.xy[rows[1]],
+        parallax=solution.parallax,
+        parallax_deviation=seuw * pairs.error * np.sqrt(solution.redundancy_number),
+        weight_factor=solution.weight_factor,
+        in_front=solution.in_front,
+        base=base,
+        base_deviation=unit_weight * solution.length * solution.base_deviation,
+        angles=solution.angles,
+        angle_deviation=unit_weight * solution.angle_deviation,
+        iterations=solution.iterations,
+        seuw=seuw,
+        max_residual=float(np.abs(solution.parallax[solution.weight_factor == 1.0]).max()),
+        block=_model(place[0], photos, points, solution),
+        remarks=remarks_on(
+            names,
+            solution.parallax,
+            pairs.error * at_least_one,
+            solution.weight_factor,
+            solution.in_front,
+            base=base,
+            seuw=seuw,
+            ambiguous=solution.ambiguous,
+            exchanged=_exchanged(solution, pairs, at_least_one),
+        ),
+    )
+
+
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> SubBlock:
+    rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
+    rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
+    centres[1] = solution.length * solution.photos.base
+    return SubBlock(
+        name,
+        np.array(photos, dtype=np.int64),
+        rotations,
+        centres,
+        points[solution.usable],
+        solution.length * solution.coordinates[solution.usable],
+        max(solution.seuw, 1.0) * solution.length * solution.deviations[solution.usable],
+    )
+
+
+def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
+    """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
+    wrong = np.flatnonzero(solution.weight_factor < 1.0)
+    if len(wrong) < 2:
+        return []
+    in_left, in_right = np.meshgrid(wrong, wrong, indexing="ij")
+    mixed = Pairs(pairs.left[in_left.ravel()], pairs.right[in_right.ravel()], pairs.error[in_left.ravel()])
+    sizes = np.abs(parallaxes(cross_matrix(solution.photos.base) @ solution.photos.rotation, mixed))
+    fits = (sizes < _FITS * unit_weight * mixed.error).reshape(in_left.shape)
+    first, second = np.nonzero(np.triu(fits & fits.T, k=1))
+    return list(zip(wrong[first].tolist(), wrong[second].tolist(), strict=True))

@@ -1,0 +1,111 @@
+"""Orientations that the space resection of a photo starts from, found without initial values."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.homography import plane_orientations
+from orip.geometry.three_point_resection import three_point_resection
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.resection.adjustment import KnownPoints, Orientations
+from orip.prelim.sampling import subsets
+
+_TRIPLES = 50
+"""With 35 % blunders a triple is free of them with probability 0.27: 50 of them all miss with probability 1e-7, and
+some of the good ones have a good shape."""
+
+_CANDIDATES = 5
+"""Orientations that are improved before the best is chosen; both of a plane are among them."""
+
+_FITS = 9.0
+"""Square of the standardised residual that most points have at least where no triple has led to the orientation; as
+soon as there are candidates enough below it, no more triples are tried."""
+
+_PLANE = 0.15
+"""Thickness over width of an object below which its homography gives orientations too."""
+
+
+def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
+    """Return the most promising orientations, the best first; of three points all there are.
+
+    Parameters
+    ----------
+    known : KnownPoints
+    seed : int
+        Of the choice among many triples.
+
+    Returns
+    -------
+    Orientations
+        None where no triple can be seen as it is in the photo.
+
+    Notes
+    -----
+    Orientations of triples (Grunert 1841), and of an object that is nearly plane from its homography, are ranked by the
+    quantile of the residuals that blunders leave alone (least median of squares, Rousseeuw 1984).
+    """
+    triples = subsets(len(known), 3, _TRIPLES, seed)
+    tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
+    if len(known) == 3:
+        return _most_square_first(known, tried)
+    if quantile.min(initial=np.inf) > _FITS and _is_flat(known):
+        of_plane = _of_plane(known)
+        tried, quantile = tried.joined(of_plane), np.concatenate([quantile, _quantile(known, of_plane)])
+        tried, _ = _best(tried, quantile)
+    return tried
+
+
+def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
+    """Return the best orientations of triples of points, the best first, and their quantiles.
+
+    Triples that come after those that gave candidates enough which fit are not looked at.
+    """
+    found = three_point_resection(known.vectors[triples], known.coordinates[triples])
+    tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
+    quantile = _quantile(known, tried)
+    triple = np.nonzero(found.valid)[0]
+    enough = np.flatnonzero(np.cumsum(quantile <= _FITS) >= _CANDIDATES)
+    looked_at = triple <= (triple[enough[0]] if len(enough) else len(triples))
+    return _best(tried.of(looked_at), quantile[looked_at])
+
+
+def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
+    """Do what `_of_triples` does in the compiled loop."""
+    rotations, centres, quantile = np.empty((_CANDIDATES, 3, 3)), np.empty((_CANDIDATES, 3)), np.empty(_CANDIDATES)
+    kernels.rank(
+        *known.arrays, np.ascontiguousarray(triples), rotations, centres, quantile, np.empty(len(known)),
+        known.error_mm, known.least, _FITS,
+    )  # fmt: skip
+    number = np.count_nonzero(np.isfinite(quantile))
+    return Orientations(rotations[:number], centres[:number]), quantile[:number]
+
+
+def _best(tried: Orientations, quantile: FloatArray) -> tuple[Orientations, FloatArray]:
+    """Return the orientations of which most points fit best, and their quantiles."""
+    best = np.argsort(quantile, kind="stable")
+    best = best[np.isfinite(quantile[best])][:_CANDIDATES]
+    return tried.of(best), quantile[best]
+
+
+def _quantile(known: KnownPoints, at: Orientations) -> FloatArray:
+    return np.asarray(np.partition(known.squares(at), known.least - 1, axis=1)[:, known.least - 1])
+
+
+def _is_flat(known: KnownPoints) -> bool:
+    _, width, thickness = np.linalg.svd(known.coordinates, compute_uv=False)
+    return bool(thickness < _PLANE * width)
+
+
+def _of_plane(known: KnownPoints) -> Orientations:
+    try:
+        return Orientations(*plane_orientations(known.vectors, known.coordinates))
+    except ValueError:
+        return Orientations(np.empty((0, 3, 3)), np.empty((0, 3)))
+
+
+def _most_square_first(known: KnownPoints, found: Orientations) -> Orientations:
+    """Return orientations in the order of the angle at which they look at the plane of three points."""
+    normal = np.cross(known.coordinates[1] - known.coordinates[0], known.coordinates[2] - known.coordinates[0])
+    cosine = np.abs(found.centres @ normal) / np.linalg.norm(found.centres, axis=1)
+    return found.of(np.argsort(-cosine, kind="stable"))

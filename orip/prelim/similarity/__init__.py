@@ -1,0 +1,1 @@
+"""Spatial similarities: joining models and strips, and taking the block to the ground."""

@@ -1,0 +1,238 @@
+"""Absolute orientation: the similarity that takes a block to the ground, by control points known in full or in part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.similarity import Similarity
+from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity.joining import Joined, Names, similarity_step, steady_deviations, transformed
+from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
+from orip.prelim.similarity.start import start_from_triples
+from orip.records.preliminary import NotOriented, SubBlock
+
+_CONSTANT = 0.1
+"""Of the median a-priori error: what stands for the error 0 of a constant coordinate."""
+
+_CENTRE = 0.01
+"""Of their extent: a-priori error of projection centres that are given without one."""
+
+_AGREEMENT = 0.3
+"""Typical residual, as part of the extent of the control, at which block and control do not show the same. Blocks of a
+camera that is not calibrated may be bent by a fifth; points with interchanged names lie some 0.5 apart."""
+
+_BESIDE_ONE_LINE = 3.0
+"""Standard deviations; points that leave a line by less say nothing of the rotation about it."""
+
+_WELL = 2.0
+"""Standard error of unit weight up to which control that is known in part and in full agrees."""
+
+_COORDINATES = 7
+
+_FEW = 7
+"""Points known in full; with more of them the wrong ones show among them."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPositions:
+    """Points or projection centres whose ground coordinates are known.
+
+    Parameters
+    ----------
+    names : tuple of str
+        n names.
+    coordinates : array (n, 3)
+        Ground units; NaN where not known.
+    errors : array (n, 3)
+        A-priori errors; 0 or NaN: constant, or in a centre not known; a negative one: not to be used.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    errors: FloatArray
+
+
+def absolute_orientation(
+    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+) -> Joined | NotOriented:
+    """Take a block to the ground.
+
+    Parameters
+    ----------
+    block : SubBlock
+    names : Names
+        For the block's indices.
+    control : KnownPositions
+        Control points; those that are not in the block play no part.
+    centres : KnownPositions, optional
+        Projection centres, used where the control points alone do not suffice.
+
+    Returns
+    -------
+    Joined or NotOriented
+        Three points known in full and off one line are needed, or seven coordinates that determine the similarity.
+    """
+    found = _from(block, names, control)
+    if isinstance(found, Joined) or centres is None:
+        return found
+    with_centres = _from(block, names, control, centres)
+    if isinstance(with_centres, NotOriented):
+        return found
+    remark = f"projection centres are used as control, since without them {found.reason}"
+    return replace(with_centres, step=replace(with_centres.step, remarks=(remark, *with_centres.step.remarks)))
+
+
+def control_of_block(
+    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+) -> tuple[tuple[str, ...], CommonPoints]:
+    """Return the control that is in a block, projection centres below the points, and its names: "photo P1"."""
+    own = {names.points[k]: row for row, k in enumerate(block.points)}
+    rows, at, target, errors = _usable(control, own)
+    chosen = [control.names[k] for k in rows]
+    source, deviation = block.coordinates[at], steady_deviations(block)[at]
+    if centres is not None:
+        photos = {names.photos[k]: row for row, k in enumerate(block.photos)}
+        given, at_centre, place, error = _usable(centres, photos)
+        chosen += [f"photo {centres.names[k]}" for k in given]
+        reduced = place - place.mean(axis=0) if len(place) else place
+        usual = _CENTRE * float(np.sqrt((reduced**2).sum(axis=1).mean())) if len(place) else 0.0
+        source = np.vstack([source, block.centres[at_centre]])
+        deviation = np.vstack([deviation, np.zeros((len(at_centre), 3))])
+        target = np.vstack([target, place])
+        errors = np.vstack([errors, np.where(error > 0.0, error, usual)])
+    held = np.isfinite(target) & ~(errors > 0.0)
+    positive = errors[errors > 0.0]
+    errors = np.where(held, _CONSTANT * float(np.median(positive)) if positive.size else 0.0, errors)
+    return tuple(chosen), CommonPoints(source, target, deviation, errors, np.zeros(len(source), dtype=bool))
+
+
+def _usable(known: KnownPositions, own: dict[str, int]) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Return rows of the known positions, rows of the block, coordinates and errors of what is in both."""
+    used = np.isfinite(known.coordinates) & ~(known.errors < 0.0)
+    rows = np.array([k for k, name in enumerate(known.names) if name in own and used[k].any()], dtype=np.int64)
+    at = np.array([own[known.names[k]] for k in rows], dtype=np.int64)
+    return rows, at, np.where(used, known.coordinates, np.nan)[rows], np.where(used, known.errors, np.nan)[rows]
+
+
+def _from(
+    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+) -> Joined | NotOriented:
+    points, common = control_of_block(block, names, control, centres)
+    remarks: list[str] = []
+    try:
+        found = fitted(common, block.rotations, remarks)
+    except ValueError as error:
+        return NotOriented(block.name, "", str(error))
+    typical, extent = float(np.median(found.lengths)), common.extent
+    if typical > _AGREEMENT * extent:
+        return NotOriented(
+            block.name,
+            "",
+            f"the control does not fit the block: residuals are {typical:.3g} with an extent of {extent:.3g} "
+            f"({len(points)} control points: {', '.join(points)})",
+        )
+    step = similarity_step(found, "absolute", (block.name, ""), points, common.target)
+    remarks += misfitting_control(points, found)
+    return Joined(found.similarity, transformed(block, found.similarity), replace(step, remarks=tuple(remarks)))
+
+
+def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
+    """Adjust the similarity from the block to its control.
+
+    Parameters
+    ----------
+    common : CommonPoints
+    rotations : array (p, 3, 3)
+        Of the block's photos; of two solutions that fit equally the one with upright photos is taken.
+    remarks : list of str
+        To which that choice is added.
+
+    Raises
+    ------
+    ValueError
+        When the control does not suffice: too few points or coordinates, or points on one line.
+    """
+    full = common.full
+    count = int(np.count_nonzero(full))
+    width, length = _width(common)
+    on_line = width < _BESIDE_ONE_LINE * _middle_error(common, width, length)
+    if count >= 3 and not on_line:
+        found = adjusted(common, start_from_triples(common))
+        if full.all() or count > _FEW or (found.fits.all() and found.s0 < _WELL):
+            return found
+        # of few full points the wrong ones show only with the help of those known in part
+        other = adjusted_from_all_sides(common, rotations, [])
+        return min(found, other, key=lambda each: float(np.median(each.lengths)))
+    known = common.known
+    axes = known.sum(axis=0)
+    if count == len(full) and count >= 3:
+        message = (
+            f"the control points lie on one line: they are {width:.2g} beside it, with a length of {length:.3g}; "
+            "measure one more, off the line"
+        )
+        raise ValueError(message)
+    if axes.sum() < _COORDINATES:
+        raise ValueError(_too_few(count, len(full), axes))
+    try:
+        return adjusted_from_all_sides(common, rotations, remarks)
+    except ValueError:
+        message = (
+            f"the known coordinates (X of {axes[0]}, Y of {axes[1]}, Z of {axes[2]} points) do not determine position, "
+            "rotation and scale: two points known in X and Y and three in Z, off one line, are needed"
+        )
+        raise ValueError(message) from None
+
+
+def _too_few(full: int, points: int, axes: IntArray) -> str:
+    if not points:
+        return "no control point is in the block, 3 are needed"
+    counted = f"{points} control point" + ("" if points == 1 else "s")
+    if full == points:
+        return f"{counted} in the block, 3 are needed"
+    return (
+        f"{counted} in the block with {axes.sum()} known coordinates (X of {axes[0]}, Y of {axes[1]}, Z of {axes[2]}): "
+        f"3 points known in X, Y and Z or at least {_COORDINATES} coordinates are needed"
+    )
+
+
+def _width(common: CommonPoints) -> tuple[float, float]:
+    """Return root mean square distance across and along the line that is nearest to the full points, ground units."""
+    full = common.target[common.full]
+    if len(full) < 3:
+        return 0.0, 0.0
+    singular = np.linalg.svd(full - full.mean(axis=0), compute_uv=False) / np.sqrt(len(full))
+    return float(singular[1]), float(singular[0])
+
+
+def _middle_error(common: CommonPoints, width: float, length: float) -> float:
+    """Return the median error of the full points, ground units; a millionth of their length where none is given."""
+    if not length:
+        return np.inf
+    source = common.source[common.full]
+    size = float(np.sqrt(((source - source.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    scale = float(np.hypot(length, width)) / max(size, 1e-300)
+    errors = common.errors(Similarity(scale, np.eye(3), np.zeros(3)))[common.full]
+    given = (common.source_deviation > 0.0).any() or (common.target_deviation > 0.0).any()
+    return max(float(np.median(errors)), 1e-6 * length) if given else 1e-6 * length
+
+
+def misfitting_control(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
+    """Return a sentence for each control point of which a coordinate does not fit."""
+    full = (found.weight_factor == 1.0) & np.isfinite(found.residuals)
+    usual = float(np.sqrt(np.mean(found.residuals[full] ** 2))) if full.any() else 0.0
+    sentences = []
+    for k in np.argsort(-found.lengths):
+        off = [axis for axis in range(3) if found.weight_factor[k, axis] < 1.0]
+        if off:
+            axes = ", ".join("XYZ"[axis] for axis in off)
+            values = ", ".join(f"{found.residuals[k, axis]:.3g}" for axis in off)
+            point = points[k] if points[k].startswith("photo ") else f"control point {points[k]}"
+            sentences.append(
+                f"{axes} of {point} {'does' if len(off) == 1 else 'do'} not fit: the block lies "
+                f"{values} beside it (root mean square of the others: {usual:.2g})"
+            )
+    return sentences

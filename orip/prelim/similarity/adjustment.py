@@ -1,0 +1,335 @@
+"""Adjustment of a spatial similarity by least squares with Danish weights.
+
+How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
+Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; what lies
+beyond three times of it is weighted down.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.adjustment.weights import danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.geometry.similarity import (
+    UNKNOWNS,
+    Similarities,
+    Similarity,
+    similarity_with_partials,
+)
+from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
+
+ALL_UNKNOWNS = np.arange(UNKNOWNS)
+NO_ROTATION = np.arange(4)
+"""Scale and shift: the rotation is held."""
+
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the size of one standard normal residual."""
+
+_LIMIT = 3.0
+"""Standard residuals up to it keep their weight."""
+
+LEAST_ERROR = 1e-3
+"""Of the median: no coordinate is taken for so much better than the others that it alone decides."""
+
+_SINGULAR = 1e-9
+"""Smallest eigenvalue of the normal equations with unit diagonal: points a 30000th of their extent off one line."""
+
+_STEPS = 40
+_FREE_STEPS = _STEPS // 2
+"""Weights that still jump from one state to another after half of the steps are kept as they are."""
+
+_LARGEST_TURN = 0.5
+"""Radians; a longer step leaves what the linear equations are good for."""
+
+_RULES = np.array(
+    [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, _LARGEST_TURN, _STEPS, _FREE_STEPS, _MEDIAN_OF_NORMAL],
+    dtype=np.float64,
+)
+"""As the compiled loop takes them: `SimilarityRules` in kernels/similarity.h."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommonPoints:
+    """n points in two systems.
+
+    Parameters
+    ----------
+    source, target : arrays (n, 3)
+        NaN in `target` where a coordinate is not known.
+    source_deviation, target_deviation : arrays (n, 3)
+        Standard deviations, each in its own system.
+    trusted : array (n,) of bool
+        Never weighted down: a projection centre, which cannot be taken for another one.
+    """
+
+    source: FloatArray
+    target: FloatArray
+    source_deviation: FloatArray
+    target_deviation: FloatArray
+    trusted: BoolArray
+
+    @property
+    def known(self) -> BoolArray:
+        """Return which target coordinates are known, array (n, 3)."""
+        return np.isfinite(self.target)
+
+    @property
+    def full(self) -> BoolArray:
+        """Return which points are known in all three coordinates, array (n,)."""
+        return np.asarray(self.known.all(axis=1))
+
+    @property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Return coordinates and deviations, as the compiled loops take them."""
+        return tuple(
+            map(np.ascontiguousarray, (self.source, self.target, self.source_deviation, self.target_deviation))
+        )
+
+    def of(self, rows: IntArray) -> CommonPoints:
+        """Return some of the points."""
+        return CommonPoints(
+            self.source[rows],
+            self.target[rows],
+            self.source_deviation[rows],
+            self.target_deviation[rows],
+            self.trusted[rows],
+        )
+
+    @property
+    def extent(self) -> float:
+        """Return the root mean square distance of the points from their centroid in the target system."""
+        known = self.known
+        counts, target = known.sum(axis=0), np.where(known, self.target, 0.0)
+        reduced = np.where(known, target - target.sum(axis=0) / counts, 0.0)
+        return math.sqrt(float(((reduced**2).sum(axis=0) / counts).sum()))
+
+    def errors(self, at: Similarity) -> FloatArray:
+        """Return the standard deviations (n, 3) of differences in the target system."""
+        moved = (at.scale**2) * (self.source_deviation**2 @ (at.rotation**2).T)
+        errors = np.sqrt(moved + self.target_deviation**2)
+        known = errors[self.known]
+        median = float(np.median(known[known > 0])) if (known > 0).any() else 0.0
+        return np.maximum(errors, LEAST_ERROR * median if median else 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SimilarityAdjustment:
+    """What an adjustment found; parameters as in `orip.records.preliminary.SimilarityStep`.
+
+    Parameters
+    ----------
+    similarity : Similarity
+    angles : array (3,)
+        omega, phi, kappa of its rotation.
+    scale_deviation : float
+    shift_deviation, angle_deviation : arrays (3,)
+        0 for what was held.
+    residuals : array (n, 3)
+        Transformed minus target; NaN where not known.
+    weight_factor : array (n, 3)
+        1 where not known.
+    iterations : int
+    s0 : float
+        Of the observations of full weight; 0 with no redundancy.
+    """
+
+    similarity: Similarity
+    angles: FloatArray
+    scale_deviation: float
+    shift_deviation: FloatArray
+    angle_deviation: FloatArray
+    residuals: FloatArray
+    weight_factor: FloatArray
+    iterations: int
+    s0: float
+
+    @property
+    def fits(self) -> BoolArray:
+        """Return which points keep their full weight in all coordinates, array (n,)."""
+        return np.asarray((self.weight_factor == 1.0).all(axis=1))
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Return the lengths (n,) of the residuals, of the coordinates that are known."""
+        known = np.where(np.isnan(self.residuals), 0.0, self.residuals)
+        return np.asarray(np.sqrt((known**2).sum(axis=1)))
+
+    @property
+    def max_residual(self) -> float:
+        """Return the largest residual of full weight."""
+        full = np.abs(self.residuals[(self.weight_factor == 1.0) & np.isfinite(self.residuals)])
+        return float(full.max()) if full.size else 0.0
+
+
+def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_UNKNOWNS) -> SimilarityAdjustment:
+    """Adjust a similarity by Gauss-Newton with Danish weights for every coordinate.
+
+    Parameters
+    ----------
+    common : CommonPoints
+    start : Similarity
+    unknowns : array of int
+        `ALL_UNKNOWNS` or `NO_ROTATION`.
+
+    Returns
+    -------
+    SimilarityAdjustment
+
+    Raises
+    ------
+    ValueError
+        When the coordinates are fewer than the unknowns or do not determine them.
+    """
+    if np.count_nonzero(common.known) < len(unknowns):
+        message = f"{np.count_nonzero(common.known)} coordinates, {len(unknowns)} are needed"
+        raise ValueError(message)
+    return (_compiled_adjustment(common, start, unknowns) if is_compiled() else None) or _adjustment(
+        common, start, unknowns
+    )
+
+
+def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment | None:
+    """Do what `_adjustment` does in the compiled loop; None where that is not sure to be regular."""
+    found, shape = np.empty(25), common.source.shape
+    found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
+    factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
+    if not kernels.adjust_joint(
+        *common.arrays, common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
+    ):  # fmt: skip
+        return None
+    scale, scale_deviation, s0, iterations = found[[0, 16, 23, 24]].tolist()
+    return SimilarityAdjustment(
+        Similarity(scale, found[1:10].reshape(3, 3), found[10:13]), found[13:16], scale_deviation, found[17:20],
+        found[20:23], residuals, factors, int(iterations), s0,
+    )  # fmt: skip
+
+
+def _adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment:
+    equations = _Equations(common, start, unknowns)
+    at = equations.start
+    factors, previous = equations.factors(at), None
+    for iteration in range(1, _STEPS + 1):
+        at, step = equations.corrected(at, factors)
+        previous = factors
+        if iteration < _FREE_STEPS:
+            factors = equations.factors(at)
+        if step < 1e-4 and np.abs(factors - previous).max() < 0.01:
+            break
+    return equations.result(at, factors, iteration)
+
+
+class _Equations:
+    """The equations of an adjustment: source points reduced to their centroid, so that the shift is its image."""
+
+    def __init__(self, common: CommonPoints, start: Similarity, unknowns: IntArray) -> None:
+        self.common, self.unknowns = common, unknowns
+        self.centroid = common.source.mean(axis=0)
+        self.reduced = common.source - self.centroid
+        self.known = common.known
+        self.errors = common.errors(start)[self.known]
+        self.trusted = np.repeat(common.trusted[:, None], 3, axis=1)[self.known]
+        self.redundancy = len(self.errors) - len(unknowns)
+        self.start = Similarities(
+            np.array([start.scale]), start.rotation[None], np.asarray(start.apply(self.centroid))[None]
+        )
+
+    def linearised(self, at: Similarities) -> tuple[FloatArray, FloatArray]:
+        """Return standard residuals (k,) and the design matrix (k, u), both divided by the errors."""
+        found = similarity_with_partials(at, self.reduced)
+        residual = (found.value[0] - self.common.target)[self.known] / self.errors
+        design = found.by_unknowns[0][self.known][:, self.unknowns] / self.errors[:, None]
+        return residual, design
+
+    def factors(self, at: Similarities) -> FloatArray:
+        """Return the weight factors (k,) at a state."""
+        residual = np.abs(at.apply(self.reduced)[0] - self.common.target)[self.known] / self.errors
+        if self.redundancy <= 0 or self.trusted.all():
+            return np.ones(len(residual))
+        shrunk = np.sqrt(len(residual) / self.redundancy)
+        scale = float(np.median(residual[~self.trusted])) * shrunk / _MEDIAN_OF_NORMAL
+        limit = _LIMIT if scale <= 1.0 else scale * student_limit(self.redundancy)
+        return np.where(self.trusted, 1.0, danish_weights(residual, limit))
+
+    def corrected(self, at: Similarities, factors: FloatArray) -> tuple[Similarities, float]:
+        """Return the next state, and the length of the step in standard deviations of the unknowns."""
+        residual, design = self.linearised(at)
+        normal, scaling = _scaled_normals(design, factors)
+        right = scaling * (design.T @ (factors * residual))
+        change = -np.linalg.solve(normal, right)
+        step = float(np.sqrt(max(0.0, -float(change @ right)) / len(self.unknowns)))
+        changes = np.zeros((1, UNKNOWNS))
+        changes[0, self.unknowns] = change * scaling
+        turn = float(np.linalg.norm(changes[0, 4:]))
+        return at.moved(changes * min(1.0, _LARGEST_TURN / max(turn, 1e-300))), step
+
+    def result(self, at: Similarities, factors: FloatArray, iterations: int) -> SimilarityAdjustment:
+        residual, design = self.linearised(at)
+        normal, scaling = _scaled_normals(design, factors)
+        cofactor = scaling[:, None] * np.linalg.inv(normal) * scaling
+        redundancy = 1.0 - factors * ((design @ cofactor) * design).sum(axis=1)
+        full = factors == 1.0
+        used = float(redundancy[full].sum())
+        # redundancy numbers add up to whole numbers but for rounding
+        s0 = float(np.sqrt((residual[full] ** 2).sum() / used)) if used > 1e-6 else 0.0
+        similarity = Similarity(
+            float(at.scale[0]), at.rotation[0], at.shift[0] - at.scale[0] * (at.rotation[0] @ self.centroid)
+        )
+        covariance = np.zeros((UNKNOWNS, UNKNOWNS))
+        covariance[np.ix_(self.unknowns, self.unknowns)] = cofactor * (s0**2 if used > 1e-6 else 1.0)
+        angles = angles_from_rotation(similarity.rotation)
+        deviations = _deviations(similarity, angles, self.centroid, covariance)
+        residuals, weights = np.full(self.known.shape, np.nan), np.ones(self.known.shape)
+        residuals[self.known], weights[self.known] = residual * self.errors, factors
+        return SimilarityAdjustment(
+            similarity,
+            angles,
+            float(deviations[0]),
+            deviations[1:4],
+            deviations[4:],
+            residuals,
+            weights,
+            iterations,
+            s0,
+        )
+
+
+def _scaled_normals(design: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations with unit diagonal, and the scaling of the unknowns that made it."""
+    normal = design.T @ (factors[:, None] * design)
+    diagonal = np.diag(normal)
+    if not (diagonal > 0.0).all():
+        message = "the points do not determine the transformation"
+        raise ValueError(message)
+    scaling = 1.0 / np.sqrt(diagonal)
+    normal = scaling[:, None] * normal * scaling
+    if np.linalg.eigvalsh(normal)[0] < _SINGULAR:
+        message = "the points do not determine the transformation"
+        raise ValueError(message)
+    return normal, scaling
+
+
+def _deviations(similarity: Similarity, angles: FloatArray, centroid: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the deviations of scale, shift and angles from the covariance of the unknowns at the centroid."""
+    unit = Similarities(np.array([similarity.scale]), similarity.rotation[None], np.zeros((1, 3)))
+    lever = similarity_with_partials(unit, centroid[None]).by_unknowns[0, 0]
+    change = np.eye(UNKNOWNS)
+    change[0, 0] = similarity.scale
+    # T = (image of the centroid) - m R centroid
+    change[1:4, 0], change[1:4, 4:] = -lever[:, 0], -lever[:, 4:]
+    change[4:, 4:] = angle_rates_from_axes_rotation(angles)
+    return np.asarray(np.sqrt(np.maximum(np.diag(change @ covariance @ change.T), 0.0)))
+
+
+def student_limit(redundancy: float) -> float:
+    """Return what a residual exceeds as rarely as a normal one exceeds 3, when s0 comes from few redundancies.
+
+    Expansion of Student's distribution (Abramowitz and Stegun 1964, 26.7.5).
+    """
+    z = _LIMIT
+    first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
+    return z + first / redundancy + second / redundancy**2

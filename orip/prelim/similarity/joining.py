@@ -1,0 +1,357 @@
+"""Joining two sub-blocks: the similarity that takes one to the system of the other, from what both contain.
+
+Both contain points, and often a photo. A common photo gives the rotation at once, and its projection centre is a point
+that no one can have numbered wrongly and that lies far off the ground points, which may all be near one line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.similarity import Similarity
+from orip.prelim.similarity.adjustment import (
+    ALL_UNKNOWNS,
+    NO_ROTATION,
+    CommonPoints,
+    SimilarityAdjustment,
+    adjusted,
+)
+from orip.prelim.similarity.medians import median, medians
+from orip.prelim.similarity.start import best_start, start_from_triples
+from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+
+Step = Literal["bridge", "connect", "absolute"]
+
+_AGREEMENT = 0.05
+"""Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
+however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
+
+_LARGE = 0.1 * _AGREEMENT
+"""Typical residual, as part of the extent, above which most points should fit."""
+
+_NAMED = 6
+"""Points that are named one by one."""
+
+_MM = 1000.0
+"""Systems are in metres at photo scale."""
+
+_STEADY = 0.3
+"""Of the median: the spread of two determinations may be nothing by chance, and is then no measure of precision."""
+
+
+class Names(Protocol):
+    """What indices of photos and points count in, such as `ImageRays`."""
+
+    @property
+    def photos(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def points(self) -> tuple[str, ...]: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """A sub-block in the system of another one, or on the ground.
+
+    Parameters
+    ----------
+    similarity : Similarity
+        That took it there.
+    block : SubBlock
+        In the target system. Points that do not fit have their residuals as deviations.
+    step : SimilarityStep
+        For the listing.
+    """
+
+    similarity: Similarity
+    block: SubBlock
+    step: SimilarityStep
+
+
+def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined | NotOriented:
+    """Take a sub-block to the system of another one, by their common points and photos.
+
+    Parameters
+    ----------
+    source, target : SubBlock
+        The one that is moved, and the one that stays.
+    names : Names
+        For the points and photos of remarks.
+    step : {"bridge", "connect"}
+        What the listing calls it.
+
+    Returns
+    -------
+    Joined or NotOriented
+        Without a common photo three points off one line are needed; with one, a single point. With fewer than four
+        common places (points and projection centres) the rotation is that of the common photo.
+    """
+    return _Joint(source, target, names, step).joined()
+
+
+class _Joint:
+    """What two sub-blocks have in common: points first, then the projection centres of photos."""
+
+    def __init__(self, source: SubBlock, target: SubBlock, names: Names, step: Step) -> None:
+        self.source, self.target, self.names, self.step = source, target, names, step
+        self.at_source, self.at_target = _common(source.points, target.points)
+        self.photo_source, self.photo_target = _common(source.photos, target.photos)
+        self.points = [names.points[k] for k in source.points[self.at_source].tolist()]
+        self.photos = [names.photos[k] for k in source.photos[self.photo_source].tolist()]
+
+    @cached_property
+    def common(self) -> CommonPoints:
+        """The common points, and below them the projection centres."""
+        source, target, centres = self.source, self.target, len(self.photos)
+        return CommonPoints(
+            np.concatenate([source.coordinates[self.at_source], source.centres[self.photo_source]]),
+            np.concatenate([target.coordinates[self.at_target], target.centres[self.photo_target]]),
+            _with_centres(steady_deviations(source)[self.at_source], centres),
+            _with_centres(steady_deviations(target)[self.at_target], centres),
+            np.arange(len(self.points) + centres) >= len(self.points),
+        )
+
+    def joined(self) -> Joined | NotOriented:
+        missing = self._missing()
+        if missing:
+            return self._failed(missing)
+        remarks: list[str] = []
+        try:
+            found = self._by_photos(remarks) if self.photos else adjusted(self.common, start_from_triples(self.common))
+            reason = self._disagreement(found)
+            if reason and self.photos and len(self.points) >= 3:
+                remarks.append("the rotations of the common photo do not agree; joined by the points")
+                found = adjusted(self.common, start_from_triples(self.common))
+                reason = self._disagreement(found)
+        except ValueError as error:
+            return self._failed(f"{error}; {self._shared()}")
+        if reason:
+            return self._failed(reason)
+        remarks += misfits(self.points, found)
+        return self._result(found, remarks)
+
+    def _missing(self) -> str:
+        points, photos = len(self.points), len(self.photos)
+        if photos and points + photos < 2:
+            return f"photo {self.photos[0]} is common, but no point: there is no scale; measure common points"
+        if not photos and points < 3:
+            return f"{_counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
+        return ""
+
+    def _shared(self) -> str:
+        photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
+        return f"common are {_counted(len(self.points), 'point')}{photos}"
+
+    def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
+        """Adjust from the rotations and centres of the common photos."""
+        start = best_start(self.common, [self._start(k) for k in range(len(self.photos))])
+        if len(self.common.source) >= 4:
+            try:
+                return adjusted(self.common, start, ALL_UNKNOWNS)
+            except ValueError:
+                remarks.append("the common points and the projection centre lie on one line")
+        remarks.append(
+            f"with {_counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
+        )
+        return adjusted(self.common, start, NO_ROTATION)
+
+    def _start(self, photo: int) -> Similarity:
+        """Return the similarity that one common photo gives: only its scale comes from the points."""
+        at_source, at_target = self.photo_source[photo], self.photo_target[photo]
+        rotation = self.target.rotations[at_target] @ self.source.rotations[at_source].T
+        own, other = self.source.centres[at_source], self.target.centres[at_target]
+        lengths = np.linalg.norm(self.common.source - own, axis=1)
+        images = np.linalg.norm(self.common.target - other, axis=1)
+        far = lengths > 1e-9 * lengths.max()
+        scale = median(images[far] / lengths[far]) if far.any() else 1.0
+        return Similarity(scale, rotation, other - scale * (rotation @ own))
+
+    def _disagreement(self, found: SimilarityAdjustment) -> str:
+        """Return why the common points cannot be those of the same object, or nothing."""
+        extent = self.common.extent
+        typical = median(found.lengths[: len(self.points)]) if self.points else 0.0
+        if typical <= _LARGE * extent:
+            return ""
+        if typical > _AGREEMENT * extent:
+            return (
+                f"the common points do not agree: their residuals are {typical * _MM:.2g} mm with an extent of "
+                f"{extent * _MM:.2g} mm at photo scale; {self._shared()}: are points of one model numbered wrongly?"
+            )
+        fits = int(np.count_nonzero(found.fits[: len(self.points)]))
+        if 2 * fits < len(self.points):
+            return (
+                f"only {fits} of {len(self.points)} common points agree: are points of one model numbered wrongly? "
+                f"The residuals are {typical * _MM:.2g} mm with an extent of {extent * _MM:.2g} mm at photo scale"
+            )
+        return ""
+
+    def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> Joined:
+        count = len(self.points)
+        own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
+        block = transformed(self.source, found.similarity)
+        off = np.flatnonzero(~own.fits)
+        if len(off):
+            deviations = block.deviations.copy()
+            rows = self.at_source[off]
+            deviations[rows] = np.maximum(deviations[rows], np.abs(own.residuals[off]))
+            block = replace(block, deviations=deviations)
+        step = similarity_step(
+            own,
+            self.step,
+            (self.source.name, self.target.name),
+            self.points,
+            self.common.target[:count],
+            common_photo=self.photos[0] if self.photos else "",
+            remarks=remarks,
+        )
+        return Joined(found.similarity, block, step)
+
+    def _failed(self, reason: str) -> NotOriented:
+        return NotOriented(self.source.name, self.target.name, reason)
+
+
+def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
+    """Return where the indices that occur in both are in each; none occurs twice in one."""
+    _, at_source, at_target = np.intersect1d(source, target, assume_unique=True, return_indices=True)
+    return at_source, at_target
+
+
+def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
+    """Return deviations of points and, below them, of projection centres, which weigh like the points' middle one."""
+    middle = median(deviations) if deviations.size else 0.0
+    return np.concatenate([deviations, np.full((centres, 3), middle)])
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def steady_deviations(block: SubBlock) -> FloatArray:
+    """Return the deviations of a sub-block as weights need them: none far below the median of its axis.
+
+    One that is not known is taken for the median, and all for 0 where none is known.
+    """
+    known = np.isfinite(block.deviations)
+    if known.all() and known.size:
+        return np.maximum(block.deviations, _STEADY * medians(block.deviations))
+    middle = np.array(
+        [median(column[has]) if has.any() else 0.0 for column, has in zip(block.deviations.T, known.T, strict=True)]
+    )
+    return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
+
+
+def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
+    """Return a sentence for each point that does not fit, for the first few of many."""
+    fits = found.fits[: len(points)]
+    if fits.all():
+        return []
+    lengths = found.lengths[: len(points)]
+    usual = lengths[fits]
+    others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
+    off = [k for k in np.argsort(-lengths) if not fits[k]]
+    sentences = [
+        f"point {points[k]} does not fit: it is {lengths[k] * _MM:.2g} mm at photo scale off{others}"
+        for k in off[:_NAMED]
+    ]
+    return [*sentences, f"{len(off) - _NAMED} more points do not fit"] if len(off) > _NAMED else sentences
+
+
+def similarity_step(
+    found: SimilarityAdjustment,
+    step: Step,
+    systems: tuple[str, str],
+    points: Sequence[str],
+    coordinates: FloatArray,
+    *,
+    common_photo: str = "",
+    remarks: Sequence[str] = (),
+) -> SimilarityStep:
+    """Return what a listing says of an adjustment whose points are all named."""
+    return SimilarityStep(
+        step=step,
+        source=systems[0],
+        target=systems[1],
+        common_photo=common_photo,
+        points=tuple(points),
+        coordinates=coordinates,
+        residuals=found.residuals,
+        weight_factor=found.weight_factor,
+        scale=found.similarity.scale,
+        scale_deviation=found.scale_deviation,
+        shift=found.similarity.shift,
+        shift_deviation=found.shift_deviation,
+        angles=found.angles,
+        angle_deviation=found.angle_deviation,
+        iterations=found.iterations,
+        s0=found.s0,
+        max_residual=found.max_residual,
+        remarks=tuple(remarks),
+    )
+
+
+def transformed(block: SubBlock, similarity: Similarity) -> SubBlock:
+    """Return a sub-block in the target system of a similarity; deviations are propagated from axis to axis."""
+    variances = similarity.scale**2 * (block.deviations**2 @ (similarity.rotation**2).T)
+    return replace(
+        block,
+        rotations=similarity.rotation @ block.rotations,
+        centres=similarity.apply(block.centres),
+        coordinates=similarity.apply(block.coordinates),
+        deviations=np.sqrt(variances),
+    )
+
+
+def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
+    """Return several sub-blocks of one system as one.
+
+    A point that occurs more than once has the weighted mean of its determinations, and their root mean square spread
+    as its deviation. A photo that occurs more than once is as in the first.
+
+    Parameters
+    ----------
+    blocks : sequence of SubBlock
+        One at least; the first gives the name.
+
+    Returns
+    -------
+    SubBlock
+        Photos and points of several in ascending order; of one as they are.
+    """
+    if len(blocks) == 1:
+        return blocks[0]
+    photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
+    all_points = np.concatenate([each.points for each in blocks])
+    order = np.argsort(all_points, kind="stable")
+    points = all_points[order]
+    coordinates = np.concatenate([each.coordinates for each in blocks])[order]
+    deviations = np.concatenate([each.deviations for each in blocks])[order]
+    steady = np.concatenate([steady_deviations(each) for each in blocks])[order]
+    weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
+    is_first = np.ones(len(points), dtype=bool)
+    is_first[1:] = points[1:] != points[:-1]
+    starts, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
+    count = np.bincount(place)
+    mean = np.add.reduceat(weights * coordinates, starts) / np.add.reduceat(weights, starts)
+    square = np.add.reduceat((coordinates - mean[place]) ** 2, starts)
+    spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
+    once = count == 1
+    mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
+    return SubBlock(
+        blocks[0].name,
+        photos,
+        np.concatenate([each.rotations for each in blocks])[first],
+        np.concatenate([each.centres for each in blocks])[first],
+        points[starts],
+        mean,
+        spread,
+    )
+
+
+def _tiny(coordinates: FloatArray) -> float:
+    """Return a deviation that is nothing beside the coordinates, where none is given."""
+    return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))

@@ -1,0 +1,61 @@
+"""Strip connection: strips become a block in the system of the first one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from orip.prelim.similarity.bridging import JoinedSystems
+from orip.prelim.similarity.joining import Joined, Names, assembled, join
+from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+
+
+def connect(strip: SubBlock, block: SubBlock, names: Names) -> Joined | NotOriented:
+    """Connect a strip to another one, or to a block of strips; see `join`."""
+    return join(strip, block, names, "connect")
+
+
+def connect_strips(strips: Sequence[SubBlock], names: Names) -> JoinedSystems:
+    """Connect strips to one block.
+
+    Parameters
+    ----------
+    strips : sequence of SubBlock
+        In the order of their rows.
+    names : Names
+
+    Returns
+    -------
+    JoinedSystems
+        Each strip is connected to all that is connected so far. One that cannot be is tried again when others have
+        been, and begins a block of its own in the end; the failures say why.
+    """
+    waiting = list(strips)
+    systems: list[SubBlock] = []
+    steps: list[SimilarityStep] = []
+    failures: list[NotOriented] = []
+    while waiting:
+        members = [waiting.pop(0)]
+        failed = _connect_all(members, waiting, steps, names)
+        systems.append(assembled(members))
+        failures.extend(failed[:1])
+    return JoinedSystems(tuple(systems), tuple(steps), tuple(failures))
+
+
+def _connect_all(
+    members: list[SubBlock], waiting: list[SubBlock], steps: list[SimilarityStep], names: Names
+) -> list[NotOriented]:
+    """Move strips from those that wait to the members of a block; return why those that are left do not connect."""
+    while True:
+        failed: list[NotOriented] = []
+        before, block = len(waiting), assembled(members)
+        for strip in tuple(waiting):
+            found = connect(strip, block, names)
+            if isinstance(found, Joined):
+                members.append(found.block)
+                block = assembled(members)
+                steps.append(found.step)
+                waiting.remove(strip)
+            else:
+                failed.append(found)
+        if not waiting or len(waiting) == before:
+            return failed

@@ -1,0 +1,111 @@
+"""The assembled block: everything that one bundle adjustment starts from, in arrays, angles in radians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.records.camera import Camera
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.records.ground import PLAIN, GroundSystem
+from orip.records.photo import Photo
+from orip.records.project import BundleDefinition
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoPoints:
+    """n measured photo points.
+
+    Parameters
+    ----------
+    photo, point : arrays (n,) of int
+        Indices into the block's photos and points.
+    xy : array (n, 2)
+        Photo coordinates in the fiducial system, mm.
+    error : array (n, 2)
+        A-priori errors, mm, greater than zero.
+    used : array (n, 2) of bool
+        False: disregarded component.
+    """
+
+    photo: IntArray
+    point: IntArray
+    xy: FloatArray
+    error: FloatArray
+    used: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class TheodoliteSet:
+    """A set of theodolite directions: its zero direction (radians), and whether that is held."""
+
+    name: str
+    zero_direction: float
+    constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What is adjusted.
+
+    Photos and points start at local coordinates of `ground`. All that is observed or given (control, distances, the
+    photos' records) is in the project's.
+
+    Parameters
+    ----------
+    definition : BundleDefinition
+    cameras : tuple of Camera
+    photos : tuple of Photo
+        Their `constant` elements are no unknowns.
+    photo_camera : array (number of photos,) of int
+    photo_orientation : array (number of photos, 6)
+        Starting values in the order of `PHOTO_PARAMETERS`, ground unit and radians, local.
+    point_names : tuple of str
+    point_start : array (number of points, 3)
+        Starting coordinates, ground unit, local.
+    photo_points : PhotoPoints
+    control_points : tuple of ControlPoint
+        Those of measured points alone, rejected ones included.
+    constant_points : array (number of points, 3) of bool
+        Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
+    elements, distances, directions : tuples
+        Those whose names are in the block.
+    theodolites : tuple of TheodoliteSet
+    held_additional : set of (camera, parameter)
+        Additional parameters that are held at zero.
+    ground : GroundSystem
+        From local coordinates to the project's.
+    constant_elements : tuple of ControlElement
+        Elements of photos and points that are constant in the project, but depend on unknowns in the local frame.
+    """
+
+    definition: BundleDefinition
+    cameras: tuple[Camera, ...]
+    photos: tuple[Photo, ...]
+    photo_camera: IntArray
+    photo_orientation: FloatArray
+    point_names: tuple[str, ...]
+    point_start: FloatArray
+    photo_points: PhotoPoints
+    constant_points: BoolArray
+    control_points: tuple[ControlPoint, ...] = ()
+    elements: tuple[ControlElement, ...] = ()
+    distances: tuple[ControlDistance, ...] = ()
+    directions: tuple[ControlDirection, ...] = ()
+    theodolites: tuple[TheodoliteSet, ...] = ()
+    held_additional: frozenset[tuple[str, str]] = frozenset()
+    ground: GroundSystem = PLAIN
+    constant_elements: tuple[ControlElement, ...] = ()
+
+    def point_index(self) -> Mapping[str, int]:
+        """Return the place of each point by its name."""
+        return _index(self.point_names)
+
+
+@lru_cache(maxsize=2)
+def _index(names: tuple[str, ...]) -> Mapping[str, int]:
+    # every kind of observation asks for it
+    return MappingProxyType({name: index for index, name in enumerate(names)})

@@ -1,0 +1,178 @@
+"""The drive table: what the plate processor has to know to drive from model to model, and its error codes.
+
+Every name is in the form of `record_key`. A template or photo is mounted on the upper or the lower stage plate; the
+left eyepiece shows the upper one, so that a model whose left photo is on the lower stage has its optics swapped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, NamedTuple
+
+from orip.records.camera import AdditionalSet, DistortionArgument
+from orip.records.photo import Stage
+
+STAGES: tuple[Stage, Stage] = ("UPPER", "LOWER")
+"""The stages in the order of every pair of plate positions."""
+
+PlateUnit = Literal["mm", "px"]
+
+Optics = Literal["NORMAL", "SWAPPED"]
+
+Triple = tuple[float, float, float]
+
+
+class DriveCode(IntEnum):
+    """Error codes of the plate processor; `NONE` is no error."""
+
+    NONE = 0
+    UNKNOWN_VERB = 100
+    ARGUMENT_COUNT = 101
+    NOT_A_NUMBER = 102
+    LINE_TOO_LONG = 103
+    BAD_KEYWORD = 104
+    BUSY = 110
+    TABLE_FORMAT = 120
+    TABLE_DAMAGED = 121
+    TABLE_INCONSISTENT = 122
+    TABLE_TOO_LARGE = 123
+    NO_TABLE = 200
+    UNKNOWN_MODEL = 201
+    UNKNOWN_PHOTO = 202
+    ONE_STAGE = 203
+    LOCKED = 204
+    WRONG_GUIDE = 205
+    BEHIND_CAMERA = 310
+    OUTSIDE_STAGE = 311
+    NOT_INVERTIBLE = 312
+    PARALLEL_RAYS = 313
+    INTERNAL = 900
+
+
+class DriveFault(NamedTuple):
+    """Why something was refused: its code, and a sentence for people."""
+
+    code: DriveCode
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StageLimits:
+    """Travel of a stage in plate units, and the least count that its read-out is rounded to."""
+
+    x_min: float
+    x_max: float
+    y_min: float
+    y_max: float
+    least_count: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveParameterSet:
+    """Additional parameters of a camera: the set, its base (mm), and all values in the order of the set's names."""
+
+    name: AdditionalSet
+    base: float
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCamera:
+    """A camera as adjusted.
+
+    Parameters
+    ----------
+    name : str
+    parameters : tuple of 11 floats
+        In the order of `CAMERA_PARAMETERS`.
+    frame : tuple (x, y)
+        Size of the photo frame, mm; a zero means that there is no frame line in that direction.
+    distortion_at : {"ideal", "measured"}
+    additional : DriveParameterSet or None
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+    frame: tuple[float, float]
+    distortion_at: DistortionArgument
+    additional: DriveParameterSet | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTemplate:
+    """A template and the stage that it is mounted on."""
+
+    name: str
+    stage: Stage
+
+
+@dataclass(frozen=True, slots=True)
+class DrivePhoto:
+    """A photo as adjusted.
+
+    Parameters
+    ----------
+    name, camera : str
+    template : str or None
+    stage : {"UPPER", "LOWER"}
+    centre : tuple (X0, Y0, Z0)
+        Ground units.
+    rotation : tuple of 9 floats
+        Photo axes to ground axes, row by row.
+    affine : tuple (a0, a1, a2, b0, b1, b2)
+        Photo (mm) to plate: x = a0 + a1 xf + a2 yf, y = b0 + b1 xf + b2 yf.
+    """
+
+    name: str
+    camera: str
+    template: str | None
+    stage: Stage
+    centre: Triple
+    rotation: tuple[float, ...]
+    affine: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveModel:
+    """Two photos seen stereoscopically, and the model's place in the block (1, 1 is upper left)."""
+
+    name: str
+    row: int
+    column: int
+    left: str
+    right: str
+    optics: Optics
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTable:
+    """Everything that is downloaded to the plate processor.
+
+    Parameters
+    ----------
+    block, project : str
+        Names of the bundle adjustment and of the project.
+    plate_unit : {"mm", "px"}
+    object_unit : str
+    upper, lower : StageLimits
+    cameras, templates, photos, models : tuples
+    start : tuple (X, Y, Z)
+        Where the measuring mark is driven to after the download.
+    """
+
+    block: str
+    project: str
+    plate_unit: PlateUnit
+    object_unit: str
+    upper: StageLimits
+    lower: StageLimits
+    cameras: tuple[DriveCamera, ...]
+    templates: tuple[DriveTemplate, ...]
+    photos: tuple[DrivePhoto, ...]
+    models: tuple[DriveModel, ...]
+    start: Triple
+
+    def limits(self, stage: Stage) -> StageLimits:
+        """Return the limits of a stage."""
+        return self.upper if stage == "UPPER" else self.lower

@@ -1,0 +1,178 @@
+"""Measurements: the records of a measurement log, and the state that replaying the log leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.records.photo import Stage
+
+TransformationKind = Literal["A", "C", "W"]
+"""Plane transformations: A affine, C conform, W conform without scale."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredMarks:
+    """Tick or fiducial marks as measured.
+
+    Parameters
+    ----------
+    names : tuple of str, length n
+    measured : array (n, 2)
+        Measured coordinates: plate or template millimetres, or pixels straight from a log of a scan.
+    disregarded : array (n,) of bool
+        Residual listed, no influence.
+    given : array (n, 2)
+        The mark's own photo coordinates, mm; NaN where the camera or temtick record has them.
+    """
+
+    names: tuple[str, ...]
+    measured: FloatArray
+    disregarded: BoolArray
+    given: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where in the text something stands."""
+
+    path: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class TemplateRecord:
+    """``TEMPLATE``: a template is mounted and its tick marks are measured on the plate."""
+
+    place: Place
+    template: str
+    transformation: TransformationKind
+    stage: Stage | None
+    marks: MeasuredMarks
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoRecord:
+    """``PHOTO``: fiducial marks of one photo, plate coordinates."""
+
+    place: Place
+    photo: str
+    transformation: TransformationKind
+    marks: MeasuredMarks
+
+
+@dataclass(frozen=True, slots=True)
+class PointsRecord:
+    """``POINTS``: photo points of one bundle in one photo, plate coordinates (pixels for sensor or scan).
+
+    Parameters
+    ----------
+    names : tuple of str, length n
+    measured : array (n, 2)
+    errors : array (n, 2)
+        Own a-priori errors along the photo axes; NaN: the bundle's measurement precision; negative: disregarded.
+    errors_in_pixels : array (n, 2) of bool
+        Whether that error was given as '0.5px'; the others are millimetres.
+    disregarded : array (n,) of bool
+    lines : array (n,) of int
+    """
+
+    place: Place
+    bundle: str
+    photo: str
+    names: tuple[str, ...]
+    measured: FloatArray
+    errors: FloatArray
+    errors_in_pixels: BoolArray
+    disregarded: BoolArray
+    lines: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class EditRecord:
+    """``DISREGARD``, ``INCLUDE`` or ``KILL`` of a point, mark or tick.
+
+    `owner` is the photo (template for a tick), `name` the point, mark or tick; ``*`` stands for all. Only points have a
+    `bundle`.
+    """
+
+    place: Place
+    action: Literal["DISREGARD", "INCLUDE", "KILL"]
+    what: Literal["POINT", "MARK", "TICK"]
+    bundle: str | None
+    owner: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class FiducialsRecord:
+    """``FIDUCIALS``: fiducial marks of a camera, digitised in plate coordinates."""
+
+    place: Place
+    camera: str
+    arrangement: Literal["corners", "midsides"]
+    marks: MeasuredMarks
+
+
+@dataclass(frozen=True, slots=True)
+class TicksRecord:
+    """``TICKS``: tick marks of a temtick record, digitised and taken as they are."""
+
+    place: Place
+    temtick: str
+    marks: MeasuredMarks
+
+
+LogRecord = TemplateRecord | PhotoRecord | PointsRecord | EditRecord | FiducialsRecord | TicksRecord
+
+
+@dataclass(frozen=True, slots=True)
+class TemplateOrientation:
+    """Tick marks of a template as measured on the stage plate (plate mm): what orients it."""
+
+    template: str
+    transformation: TransformationKind
+    stage: Stage | None
+    marks: MeasuredMarks
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoOrientation:
+    """Fiducial marks of a photo in template (off a template: plate) millimetres: what orients it."""
+
+    photo: str
+    transformation: TransformationKind
+    marks: MeasuredMarks
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoObservations:
+    """Photo points of one bundle adjustment, sorted by photo and point as they were measured.
+
+    Parameters
+    ----------
+    bundle : str
+    photos, points : tuple of str, length n
+        Photo and point of each observation.
+    measured : array (n, 2)
+        Template coordinates (plate off a template), mm; pixels for a digital frame.
+    errors : array (n, 2)
+        Own a-priori errors along the photo axes, mm; NaN: the bundle's measurement precision; negative: disregarded.
+    disregarded : array (n,) of bool
+        Residual listed, no influence.
+    """
+
+    bundle: str
+    photos: tuple[str, ...]
+    points: tuple[str, ...]
+    measured: FloatArray
+    errors: FloatArray
+    disregarded: BoolArray
+
+
+def no_observations(bundle: str) -> PhotoObservations:
+    """Return the observations of a bundle in which nothing is measured yet."""
+    return PhotoObservations(bundle, (), (), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))

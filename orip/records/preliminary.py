@@ -1,0 +1,338 @@
+"""Preliminary values: the rays that they are computed from, and what each step of their computation found.
+
+Indices of photos and points count in one `ImageRays`. Everything is radians; coordinates are those of the system that a
+class names. A model's own system is that of its left photo: origin in the left projection centre, axes of the left
+photo, unit the metre at photo scale (millimetres of the photo / 1000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+
+CAMERA_CORRECTIONS = 4
+"""Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownCameras:
+    """Cameras whose interior orientation the adjustment will estimate, in full or in part.
+
+    Parameters
+    ----------
+    of_photo : array (number of photos,) of int
+        -1 for a photo of a camera that is known; empty where all are.
+    unknown : array (cameras, `CAMERA_CORRECTIONS`) of bool
+    """
+
+    of_photo: IntArray
+    unknown: BoolArray
+
+
+ALL_KNOWN = UnknownCameras(np.empty(0, dtype=np.int64), np.empty((0, CAMERA_CORRECTIONS), dtype=np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class ImageRays:
+    """n measured photo points freed of distortion.
+
+    Parameters
+    ----------
+    photos, points : tuples of str
+    photo, point : arrays (n,) of int
+        Indices into `photos` and `points`.
+    xy : array (n, 2)
+        Measured photo coordinates, fiducial system, mm.
+    vectors : array (n, 3)
+        Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
+    error : array (n,)
+        A-priori error of a photo coordinate, mm.
+    cameras : UnknownCameras
+    """
+
+    photos: tuple[str, ...]
+    points: tuple[str, ...]
+    photo: IntArray
+    point: IntArray
+    xy: FloatArray
+    vectors: FloatArray
+    error: FloatArray
+    cameras: UnknownCameras = ALL_KNOWN
+
+    def of(self, rows: IntArray | BoolArray) -> ImageRays:
+        """Return some of the rays, or all in another order; photos and points keep their indices."""
+        return ImageRays(
+            self.photos,
+            self.points,
+            self.photo[rows],
+            self.point[rows],
+            self.xy[rows],
+            self.vectors[rows],
+            self.error[rows],
+            self.cameras,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SubBlock:
+    """Photos and points in one system: a model, a strip of bridged models, or the block.
+
+    Parameters
+    ----------
+    name : str
+        Of the model, or of the first model.
+    photos : array (p,) of int
+    rotations : array (p, 3, 3)
+        Photo to system.
+    centres : array (p, 3)
+    points : array (q,) of int
+    coordinates : array (q, 3)
+    deviations : array (q, 3)
+        Standard deviations of the coordinates: of the intersection in a model, of what bridging and connection found.
+    """
+
+    name: str
+    photos: IntArray
+    rotations: FloatArray
+    centres: FloatArray
+    points: IntArray
+    coordinates: FloatArray
+    deviations: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeOrientation:
+    """The relative orientation of one model (dependent pair: the right photo to the left one).
+
+    Parameters
+    ----------
+    model, left, right : str
+    row, column : int or None
+        Place of the model; None for a pair of photos that the chain chose itself.
+    points : tuple of str
+        n common points.
+    left_xy, right_xy : arrays (n, 2)
+        Measured photo coordinates, mm.
+    parallax : array (n,)
+        Residual parallax py, mm.
+    parallax_deviation : array (n,)
+        Standard deviation spy of the residual parallax, mm.
+    weight_factor : array (n,)
+        Of the Danish method; below 1: down-weighted.
+    in_front : array (n,) of bool
+        The point lies in front of both photos.
+    base : array (3,)
+        Right projection centre in the model's system, metres at photo scale.
+    base_deviation : array (3,)
+        0 for the component that fixes the scale.
+    angles, angle_deviation : arrays (3,)
+        omega, phi, kappa of the right photo in the model's system.
+    iterations : int
+    seuw : float
+        Standard error of unit weight; 0 with no redundancy.
+    max_residual : float
+        Largest residual parallax of a point with full weight, mm.
+    block : SubBlock
+        Both photos and the points in front of both of them, in the model's system.
+    remarks : tuple of str
+        What the user should know, in sentences.
+    """
+
+    model: str
+    left: str
+    right: str
+    row: int | None
+    column: int | None
+    points: tuple[str, ...]
+    left_xy: FloatArray
+    right_xy: FloatArray
+    parallax: FloatArray
+    parallax_deviation: FloatArray
+    weight_factor: FloatArray
+    in_front: BoolArray
+    base: FloatArray
+    base_deviation: FloatArray
+    angles: FloatArray
+    angle_deviation: FloatArray
+    iterations: int
+    seuw: float
+    max_residual: float
+    block: SubBlock
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NotOriented:
+    """A model, a joint or a photo that could not be oriented: its names, and why, as a sentence."""
+
+    name: str
+    other: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SimilarityStep:
+    """A spatial similarity X = T + m R x that took one system to another: bridging, connection, absolute orientation.
+
+    Parameters
+    ----------
+    step : {"bridge", "connect", "absolute"}
+    source, target : str
+        First model of the system that was moved and of the one that stays; target "" is the ground.
+    common_photo : str
+        Photo that appears in both; "" if none.
+    points : tuple of str
+        n common points (control points, and "photo NAME" for centres that serve as control); the centre of the common
+        photo is not among them.
+    coordinates : array (n, 3)
+        In the target system; NaN where not known.
+    residuals : array (n, 3)
+        Transformed minus target; NaN where not known.
+    weight_factor : array (n, 3)
+    scale, scale_deviation : float
+    shift, shift_deviation : arrays (3,)
+    angles, angle_deviation : arrays (3,)
+        omega, phi, kappa of R.
+    iterations : int
+    s0 : float
+        Standard error of unit weight; 0 with no redundancy.
+    max_residual : float
+        Largest residual of full weight, units of the target system.
+    remarks : tuple of str
+    """
+
+    step: Literal["bridge", "connect", "absolute"]
+    source: str
+    target: str
+    common_photo: str
+    points: tuple[str, ...]
+    coordinates: FloatArray
+    residuals: FloatArray
+    weight_factor: FloatArray
+    scale: float
+    scale_deviation: float
+    shift: FloatArray
+    shift_deviation: FloatArray
+    angles: FloatArray
+    angle_deviation: FloatArray
+    iterations: int
+    s0: float
+    max_residual: float
+    remarks: tuple[str, ...] = ()
+
+
+Stage = Literal["relative", "bridged", "connected", "absolute"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCoordinates:
+    """The model coordinate list after a step for all: every system that there is at that stage.
+
+    Parameters
+    ----------
+    stage : {"relative", "bridged", "connected", "absolute"}
+    photos, points : tuples of str
+        Names that the indices of the sub-blocks count in.
+    systems : tuple of SubBlock
+        One a model, one a strip, or one for the block (several where they could not be joined).
+    """
+
+    stage: Stage
+    photos: tuple[str, ...]
+    points: tuple[str, ...]
+    systems: tuple[SubBlock, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoStart:
+    """Preliminary orientation of one photo, and how it was found.
+
+    Parameters
+    ----------
+    name : str
+    rotation : array (3, 3) or None
+        Photo to ground; None: could not be oriented.
+    centre : array (3,) or None
+        Ground units.
+    how : str
+        A sentence: what was done, or why it could not be oriented.
+    """
+
+    name: str
+    rotation: FloatArray | None
+    centre: FloatArray | None
+    how: str
+
+
+@dataclass(frozen=True, slots=True)
+class PointStarts:
+    """Preliminary coordinates of q points.
+
+    Parameters
+    ----------
+    names : tuple of str
+    coordinates : array (q, 3)
+        Ground units.
+    deviations : array (q, 3)
+        sX sY sZ; NaN where they are not known.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    deviations: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraStart:
+    """Preliminary values of an unknown camera.
+
+    Parameters
+    ----------
+    name : str
+    parameters : tuple of 11 floats
+        In the order of `CAMERA_PARAMETERS`; those that are not unknown as given.
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+
+
+NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class PreliminaryValues:
+    """What the chain found for a block, step by step.
+
+    Parameters
+    ----------
+    relative : tuple of RelativeOrientation
+    bridges, connections : tuples of SimilarityStep
+    absolute : SimilarityStep or None
+    failures : tuple of NotOriented
+        Models and joints that failed.
+    photos : tuple of PhotoStart
+    points : PointStarts
+    findings : tuple of str
+        What the user should know of the block as a whole: reflected or swapped control, units, blunders; in sentences.
+    cameras : tuple of CameraStart
+        Unknown cameras, as the orientations of the photos ask for.
+    """
+
+    relative: tuple[RelativeOrientation, ...]
+    bridges: tuple[SimilarityStep, ...]
+    connections: tuple[SimilarityStep, ...]
+    absolute: SimilarityStep | None
+    failures: tuple[NotOriented, ...]
+    photos: tuple[PhotoStart, ...]
+    points: PointStarts
+    findings: tuple[str, ...]
+    cameras: tuple[CameraStart, ...] = ()

@@ -1,0 +1,89 @@
+"""A project as its owner defines it: cameras, photos, templates, bundle adjustments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from orip.records.camera import Camera
+from orip.records.photo import Photo, Template, Temtick
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """An a-priori error of photo coordinates: millimetres, or pixels of a sensor or scan."""
+
+    value: float
+    unit: Literal["mm", "px"] = "mm"
+
+
+@dataclass(frozen=True, slots=True)
+class StereoModel:
+    """Two photos seen stereoscopically, and the model's place in the block (1, 1 is upper left)."""
+
+    name: str
+    left: str
+    right: str
+    row: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class BundleDefinition:
+    """What controls one bundle adjustment.
+
+    Parameters
+    ----------
+    name : str
+        Also the base name of the .EXO, .PRE and .DRV files.
+    measurement_precision : Precision
+        A-priori error of photo coordinates that carry none of their own.
+    enp_stop : float
+        Iterations end at this exponent of numerical precision.
+    max_iterations, start_down_weight : int
+        Down-weighting starts at iteration `start_down_weight`; equal to `max_iterations` it is off.
+    max_standard_residual : float
+        Standard residual above which the Danish method reduces a weight.
+    max_lost_digits : float
+        Decimal digits that a diagonal element may lose before its unknown is removed.
+    datum : {"control", "free"}
+        What fixes the ground system.
+    datum_points : tuple of str
+        Points of a free network's inner constraints; empty: all.
+    models : tuple of StereoModel
+    """
+
+    name: str
+    measurement_precision: Precision = Precision(0.005)
+    enp_stop: float = 4.0
+    max_iterations: int = 20
+    start_down_weight: int = 2
+    max_standard_residual: float = 5.0
+    max_lost_digits: float = 12.0
+    datum: Literal["control", "free"] = "control"
+    datum_points: tuple[str, ...] = ()
+    models: tuple[StereoModel, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectDefinition:
+    """All that orip.toml says, checked and with the defaults filled in.
+
+    File names are relative to the project folder. `control_files` and `project_files` are base names without extension.
+    """
+
+    name: str
+    user: str
+    camera_file: str
+    temtick_file: str
+    project_files: str
+    control_files: str
+    measurement_files: tuple[str, ...]
+    ground_unit: str = "m"
+    crs: str | None = None
+    cameras: tuple[Camera, ...] = ()
+    temticks: tuple[Temtick, ...] = ()
+    templates: tuple[Template, ...] = ()
+    photos: tuple[Photo, ...] = ()
+    bundles: tuple[BundleDefinition, ...] = ()
+    gates: tuple[str, ...] = ()

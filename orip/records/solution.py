@@ -1,0 +1,218 @@
+"""The solution of one bundle adjustment: all that is printed, stored and compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.records.control import PointKind
+
+Status = Literal["converged", "doubtful", "not_converged", "stopped"]
+
+
+@dataclass(frozen=True, slots=True)
+class IterationPass:
+    """What one iteration shows: its number, ENP, down-weighted components, singular unknowns, sigma0."""
+
+    iteration: int
+    enp: float
+    sigma0: float
+    down_weighted: int
+    singular: int
+    step_limited: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SingularUnknown:
+    """An unknown that the observations do not determine: group (CAMERA, PHOTO, POINT), name, kind, digits lost."""
+
+    group: str
+    name: str
+    kind: str
+    lost_digits: float
+
+
+@dataclass(frozen=True, slots=True)
+class Correlation:
+    """Correlation coefficient of two unknowns, each named ``camera.C``."""
+
+    a: str
+    b: str
+    r: float
+
+
+@dataclass(frozen=True, slots=True)
+class Blunder:
+    """An observation found to be wrong, in the order it was found; size and sd in the observation's unit."""
+
+    order: int
+    kind: str
+    photo: str
+    point: str
+    component: str
+    size: float
+    sd: float
+    statistic: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A weakness of the block in the user's names, with what to do."""
+
+    code: str
+    where: str
+    text: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class CheckPoint:
+    """Adjusted minus given coordinates (ground unit); NaN where the coordinate is not given."""
+
+    name: str
+    dX: float
+    dY: float
+    dZ: float
+
+
+@dataclass(frozen=True, slots=True)
+class InteriorSummary:
+    """Parameters of one plane transformation of the interior orientation (mm, degrees, unitless scales)."""
+
+    group: Literal["templates", "photos"]
+    name: str
+    type: str
+    x0: float
+    y0: float
+    ro: float
+    sk: float
+    sx: float
+    sy: float
+    s0: float
+    redundancy: int
+
+
+@dataclass(frozen=True, slots=True)
+class Residuals:
+    """One row per observation component; all arrays have length n.
+
+    `residual` is adjusted minus observed; photo components in mm, ground components in ground units, angles in degrees.
+    `weight_factor`, `redundancy_number` and `w` are NaN for a disregarded component; `w` also where the redundancy
+    number is too small to tell.
+    """
+
+    kind: tuple[str, ...]
+    photo: tuple[str, ...]
+    point: tuple[str, ...]
+    component: tuple[str, ...]
+    observed: FloatArray
+    residual: FloatArray
+    a_priori: FloatArray
+    standard_residual: FloatArray
+    weight_factor: FloatArray
+    redundancy_number: FloatArray
+    w: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Reliability:
+    """Reliability of n observation components, in the unit of each; NaN where nothing checks it.
+
+    Parameters
+    ----------
+    minimal_detectable_bias : array (n,)
+        Internal reliability: the smallest error found with probability 0.80 by a test with error probability 0.001.
+    external : array (n,)
+        Influence of such an error on the unknowns, in standard deviations.
+    adjusted_sd : array (n,)
+        Standard deviation of the adjusted observation.
+    """
+
+    minimal_detectable_bias: FloatArray
+    external: FloatArray
+    adjusted_sd: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Adjusted values of records of one group.
+
+    Parameters
+    ----------
+    names : tuple of str, length n
+    values, sd : arrays (n, k)
+        In the order of `CAMERA_PARAMETERS`, `PHOTO_PARAMETERS` (degrees) or X, Y, Z. A standard deviation is NaN for a
+        constant and infinite for an unknown that was removed because nothing determines it.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    sd: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class AdditionalEstimate:
+    """An additional parameter of a camera's set; the standard deviation is infinite for one that was removed."""
+
+    camera: str
+    name: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """A line that listings show with the key figures: what coordinates and rotations refer to."""
+
+    text: str
+
+
+def _no_correlations() -> FloatArray:
+    return np.empty((0, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
+
+    `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
+    where a coordinate has no standard deviation; without rows they are not known.
+    """
+
+    project: str
+    user: str
+    bundle: str
+    ground_unit: str
+    run: str
+    status: Status
+    sigma0: float
+    sigma0_all: float
+    redundancy: int
+    redundancy_used: float
+    observations: int
+    unknowns: int
+    enp: float
+    iterations: tuple[IterationPass, ...]
+    cameras: Estimates
+    photos: Estimates
+    points: Estimates
+    point_rays: tuple[int, ...]
+    point_kinds: tuple[PointKind, ...]
+    residuals: Residuals
+    photo_rotation_sd_about_axes: tuple[bool, ...]
+    singular: tuple[SingularUnknown, ...] = ()
+    correlations: tuple[Correlation, ...] = ()
+    blunders: tuple[Blunder, ...] = ()
+    diagnosis: tuple[Diagnosis, ...] = ()
+    check_points: tuple[CheckPoint, ...] = ()
+    interior: tuple[InteriorSummary, ...] = ()
+    inputs: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[tuple[str, str, str], ...] = ()
+    additional: tuple[AdditionalEstimate, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    photo_correlations: FloatArray = field(default_factory=_no_correlations)
+    point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -1,0 +1,1 @@
+"""The bundle adjustment from the stores to the stores: preliminary values, solution, gates, results, report."""

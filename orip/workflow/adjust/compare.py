@@ -1,0 +1,78 @@
+"""`orip compare`: the figures of two results against each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import Complaint, InputError, UsageError
+from orip.files.result.reader import read_result
+from orip.records.figure import ResultFigures
+from orip.workflow.adjust.differences import Comparison, Tolerance, compare_figures
+
+
+@dataclass(frozen=True, slots=True)
+class CompareOutcome:
+    """The files that were compared, as they are shown, and what came out."""
+
+    a: str
+    b: str
+    tolerance: Tolerance
+    comparison: Comparison
+
+
+def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutcome:
+    """Compare two results. Reads only.
+
+    Parameters
+    ----------
+    folder : Path
+        What relative paths are relative to.
+    a, b : Path
+        A result.json, or a project folder with one.
+    tolerance : Tolerance
+
+    Raises
+    ------
+    InputError
+        If a file is no result; both are looked at.
+    UsageError
+        If a tolerance is negative or no number, or a folder has several results.
+    """
+    _require_sound(tolerance)
+    complaints: list[Complaint] = []
+    results: list[ResultFigures] = []
+    shown: list[str] = []
+    for given in (a, b):
+        try:
+            path, name = _result_file(folder, given)
+            results.append(read_result(path, name))
+            shown.append(name)
+        except InputError as error:
+            complaints += error.complaints
+    if complaints:
+        raise InputError(list(dict.fromkeys(complaints)))
+    return CompareOutcome(shown[0], shown[1], tolerance, compare_figures(results[0], results[1], tolerance))
+
+
+def _require_sound(tolerance: Tolerance) -> None:
+    given = {"--tolerance": tolerance.absolute, "--relative": tolerance.relative, "--sigma": tolerance.sigma}
+    for option, value in given.items():
+        if value is not None and not (math.isfinite(value) and value >= 0.0):
+            message = f"{option} is {value}, but only a number of 0 or more is allowed"
+            raise UsageError(message)
+
+
+def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
+    path = folder / given
+    if not path.is_dir():
+        return path, str(given)
+    found = sorted(each.name for each in path.iterdir() if each.name.endswith("result.json"))
+    if not found:
+        message = "there is no result.json in this folder; run 'orip solve' there first"
+        raise InputError.single(message, str(given))
+    if len(found) > 1:
+        message = f"the folder '{given}' has several results; name one of them: {', '.join(found)}"
+        raise UsageError(message)
+    return path / found[0], str(given / found[0])

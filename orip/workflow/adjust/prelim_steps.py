@@ -1,0 +1,235 @@
+"""`orip prelim relative`, `bridge`, `connect`, `absolute`, `show`: one step to preliminary values, looked at alone.
+
+Every step is computed from the measurements anew, with the steps before it: nothing of it is kept, and nothing is ever
+older than what was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
+from orip.prelim.chain import preliminary_values
+from orip.prelim.image_rays import image_rays
+from orip.prelim.in_project import absolute_in_project, block_in_project
+from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
+from orip.prelim.photo_index import photo_index
+from orip.prelim.similarity.bridging import JoinedSystems, bridge
+from orip.prelim.similarity.joining import Joined
+from orip.prelim.similarity.strip_connection import connect
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.records.preliminary import (
+    ImageRays,
+    ModelCoordinates,
+    NotOriented,
+    PreliminaryValues,
+    RelativeOrientation,
+    SimilarityStep,
+    Stage,
+    SubBlock,
+)
+from orip.records.project import StereoModel
+from orip.workflow.adjust.bundle_input import gathered_block, read_stored
+from orip.workflow.adjust.starting_values import not_oriented
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.texts import raise_complaints, read_ground
+
+
+@dataclass(frozen=True, slots=True)
+class PrelimInput:
+    """What preliminary values are computed from."""
+
+    project: Project
+    bundle: str
+    block: Block
+    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def models(self) -> tuple[StereoModel, ...]:
+        """Return the models in driving order.
+
+        Raises
+        ------
+        InputError
+            If the bundle has none.
+        """
+        models = self.block.definition.models
+        if not models:
+            message = (
+                f"bundle {self.bundle} has no models to go step by step; define them ([[bundle.model]] in orip.toml: "
+                "name, left, right, row, column), or run 'orip prelim', which orients photos without them"
+            )
+            raise InputError.single(message)
+        return tuple(in_driving_order(models))
+
+    def model(self, name: str) -> StereoModel:
+        """Return a model by its name.
+
+        Raises
+        ------
+        UsageError
+            If there is none.
+        """
+        for model in self.models:
+            if record_key(model.name) == record_key(name):
+                return model
+        listed = ", ".join(model.name for model in self.models)
+        message = f"there is no model '{name}' in bundle {self.bundle}; its models are: {listed}"
+        raise UsageError(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Relative:
+    """Models that are oriented relatively, and those that could not be."""
+
+    oriented: tuple[RelativeOrientation, ...]
+    failures: tuple[NotOriented, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Similarities:
+    """Similarities that could be determined, and those that could not."""
+
+    steps: tuple[SimilarityStep, ...]
+    failures: tuple[NotOriented, ...]
+
+
+def open_prelim(folder: Path, bundle: str | None) -> PrelimInput:
+    """Read what preliminary values of a bundle are computed from.
+
+    Raises
+    ------
+    InputError, UsageError, LockedError
+    """
+    project = open_project(folder)
+    name = project.bundle_name(bundle)
+    ground = read_ground(project, name)
+    raise_complaints(ground.complaints)
+    stored = read_stored(project, name)
+    block, warnings = gathered_block(project, stored, ground.records)
+    return PrelimInput(project, name, block, (*ground.warnings, *stored.interior.warnings, *warnings))
+
+
+def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
+    """Orient one model relatively, or all of them."""
+    rays = image_rays(given.block)
+    index = photo_index(rays)
+    if model is None:
+        oriented, failures = orient_models(rays, given.models, index)
+        return Relative(tuple(oriented), tuple(failures))
+    found = orient_model(rays, given.model(model), index)
+    return Relative((found,), ()) if isinstance(found, RelativeOrientation) else Relative((), (found,))
+
+
+def bridges(given: PrelimInput, model: str | None) -> Similarities:
+    """Bridge all rows, or one model to the next one in its row.
+
+    Raises
+    ------
+    UsageError
+        If there is no such model, or none after it in its row.
+    NotSolvableError
+        If one of the two could not be oriented relatively.
+    """
+    rays = image_rays(given.block)
+    if model is None:
+        bridged = _bridged(given, rays)
+        return Similarities(bridged.steps, bridged.failures)
+    first = given.model(model)
+    after = [each for each in given.models if each.row == first.row and each.column > first.column]
+    if not after:
+        message = f"model {first.name} is the last of row {first.row}: there is no next one to bridge it to"
+        raise UsageError(message)
+    found = bridge(_oriented(rays, after[0]), _oriented(rays, first), rays)
+    return _one(found)
+
+
+def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similarities:
+    """Connect all rows, or one row to another one.
+
+    Raises
+    ------
+    UsageError
+        If there is no such row.
+    """
+    rays = image_rays(given.block)
+    if rows is None:
+        connected = connect_rows(_bridged(given, rays), rays)
+        return Similarities(connected.steps, connected.failures)
+    target, source = (_strip(given, rays, row) for row in rows)
+    return _one(connect(source, target, rays))
+
+
+def values_of(given: PrelimInput) -> PreliminaryValues:
+    """Run the whole chain, and take its absolute orientation to the project's coordinates."""
+    return absolute_in_project(preliminary_values(given.block), given.block.ground)
+
+
+def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:
+    """Return the model coordinate list after a step for all.
+
+    Raises
+    ------
+    NotSolvableError
+        If there are none after this step.
+    """
+    rays = image_rays(given.block)
+    systems, reason = _systems(given, rays, stage)
+    if not systems:
+        raise NotSolvableError(reason)
+    return ModelCoordinates(stage, rays.photos, rays.points, systems)
+
+
+def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[SubBlock, ...], str]:
+    """Return the systems after a step, and what to say if there are none."""
+    if stage == "absolute":
+        values = values_of(given)
+        block = block_in_project(values, rays, given.block.ground)
+        return (block,) if len(block.photos) else (), not_oriented(values)
+    if stage == "relative":
+        found = relative_orientations(given, None)
+        return tuple(each.block for each in found.oriented), _reasons(found.failures)
+    joined = _bridged(given, rays)
+    if stage == "connected":
+        joined = connect_rows(joined, rays)
+    return joined.systems, _reasons(joined.failures)
+
+
+def _reasons(failures: Sequence[NotOriented]) -> str:
+    return "\n".join(f"model {each.name}: {each.reason}" for each in failures)
+
+
+def _bridged(given: PrelimInput, rays: ImageRays) -> JoinedSystems:
+    oriented, failures = orient_models(rays, given.models, photo_index(rays))
+    bridged = bridge_rows(oriented, rays)
+    return JoinedSystems(bridged.systems, bridged.steps, (*failures, *bridged.failures))
+
+
+def _oriented(rays: ImageRays, model: StereoModel) -> SubBlock:
+    found = orient_model(rays, model, photo_index(rays))
+    if isinstance(found, NotOriented):
+        message = f"model {model.name} cannot be bridged: {found.reason}"
+        raise NotSolvableError(message)
+    return found.block
+
+
+def _strip(given: PrelimInput, rays: ImageRays, row: int) -> SubBlock:
+    """Return the strip of a row; of one that falls to pieces, the largest."""
+    models = [model for model in given.models if model.row == row]
+    if not models:
+        listed = ", ".join(map(str, dict.fromkeys(model.row for model in given.models)))
+        message = f"there is no row {row} in bundle {given.bundle}; its rows are: {listed}"
+        raise UsageError(message)
+    oriented, failures = orient_models(rays, models, photo_index(rays))
+    strips: Sequence[SubBlock] = bridge_rows(oriented, rays).systems
+    if not strips:
+        message = f"row {row} has no model that is oriented: {failures[0].reason}"
+        raise NotSolvableError(message)
+    return max(strips, key=lambda strip: len(strip.photos))
+
+
+def _one(found: Joined | NotOriented) -> Similarities:
+    return Similarities((found.step,), ()) if isinstance(found, Joined) else Similarities((), (found,))

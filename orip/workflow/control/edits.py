@@ -1,0 +1,339 @@
+"""`orip control`: lines of the control texts and of preliminary coordinates, edited in place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from orip.errors import Complaint, InputError, OripError, ProjectWarning, UsageError
+from orip.files.control.forms import FORMS, REJECTED, UNKNOWN, ControlForm, ControlKind, Fields, with_words
+from orip.files.control.lines import ControlLines, read_control_lines
+from orip.files.stores.transaction import writing
+from orip.files.text.atomic import replace_text
+from orip.files.text.decimal_numbers import is_number, parse_number
+from orip.files.text.lines import TextLine
+from orip.files.text.shown import shown_token
+from orip.interior.known_names import listed_names
+from orip.workflow.control.names import unknown_name_warnings
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.texts import read_ground, read_ground_control
+from orip.workflow.records.measurements import is_written
+
+Weighting = Literal["disregard", "include", "reject"]
+
+
+@dataclass(frozen=True, slots=True)
+class LineChange:
+    """A line before and after an edit, without line ends; None: there was none, or is none any more."""
+
+    action: Literal["added", "changed", "killed"]
+    line: int
+    old: str | None
+    new: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlOutcome:
+    """What a command did to a control text, or would do (`dry_run`); no changes: it was so already."""
+
+    project: Project
+    shown: str
+    changes: tuple[LineChange, ...]
+    warnings: tuple[ProjectWarning, ...]
+    dry_run: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ControlTable:
+    """The records of a control text: line number, fields by key, and whether a point is rejected."""
+
+    shown: str
+    form: ControlForm
+    rows: tuple[tuple[int, Fields, bool], ...]
+
+    def records(self) -> list[dict[str, str | float | int | bool | None]]:
+        """Return the records with numbers as numbers; None: not known, or not given."""
+        return [
+            {**dict(self._values(fields)), **({"rejected": rejected} if self.form.rejects else {}), "line": line}
+            for line, fields, rejected in self.rows
+        ]
+
+    def _values(self, fields: Fields) -> Iterator[tuple[str, str | float | None]]:
+        for index, (key, text) in enumerate(zip(self.form.keys, fields, strict=True)):
+            if index < self.form.identity:
+                yield key, text
+            else:
+                yield key, None if text is None or text == UNKNOWN else parse_number(text)
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """A control text of a project."""
+
+    project: Project
+    kind: ControlKind
+    path: Path
+    bundle: str | None
+
+    @property
+    def form(self) -> ControlForm:
+        return FORMS[self.kind]
+
+    @property
+    def shown(self) -> str:
+        return self.project.shown(self.path)
+
+
+_Edit = Callable[[_File, ControlLines], ControlLines]
+
+
+def list_control(folder: Path, kind: ControlKind, bundle: str | None = None) -> ControlTable:
+    """Return the records of a control text.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong in it.
+    UsageError
+        If it is not clear which bundle's preliminary coordinates are meant.
+    """
+    file = _file(folder, kind, bundle)
+    lines = _read(file)
+    _check(file, lines)
+    rows = tuple((line.number, file.form.fields_of(line), _is_rejected(file.form, line)) for line in lines.records())
+    return ControlTable(file.shown, file.form, rows)
+
+
+def add_control(
+    folder: Path,
+    kind: ControlKind,
+    name: str,
+    words: Sequence[str],
+    *,
+    before: str | None = None,
+    bundle: str | None = None,
+    dry_run: bool = False,
+) -> ControlOutcome:
+    """Add a line with values given as KEY=VALUE, at the end or before another one.
+
+    Raises
+    ------
+    InputError
+        With everything that is or would be wrong in the text; nothing is written then.
+    UsageError
+        If a record that is named is not there, or there are several.
+    """
+
+    def edit(file: _File, lines: ControlLines) -> ControlLines:
+        form = file.form
+        fields, faults = with_words(form, [name, *[None] * (len(form.keys) - 1)], words)
+        _raise(faults)
+        for line in lines.records():
+            known = form.fields_of(line)
+            if form.identity_of(known) == form.identity_of(fields):
+                return _known(file, lines, line, fields)
+        number = None if before is None else _find(file, lines, before).number
+        return lines.with_record([text for text in fields if text is not None], number, form.identity)
+
+    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+
+
+def edit_control(
+    folder: Path,
+    kind: ControlKind,
+    name: str,
+    words: Sequence[str],
+    *,
+    bundle: str | None = None,
+    dry_run: bool = False,
+) -> ControlOutcome:
+    """Change values of a line, its name as well; raises what `add_control` does.
+
+    `name` is the record's name, or as many of its first fields as tell it from others, parted by blanks.
+    """
+
+    def edit(file: _File, lines: ControlLines) -> ControlLines:
+        line = _find(file, lines, name)
+        fields, faults = with_words(file.form, file.form.fields_of(line), words)
+        _raise(faults)
+        return _with_fields(file.form, lines, line, fields)
+
+    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+
+
+def kill_control(
+    folder: Path, kind: ControlKind, names: Sequence[str], *, bundle: str | None = None, dry_run: bool = False
+) -> ControlOutcome:
+    """Take lines out, none named: all of them; comments on lines of their own stay. Raises what `add_control` does."""
+
+    def edit(file: _File, lines: ControlLines) -> ControlLines:
+        found = [_find(file, lines, name) for name in names] if names else lines.records()
+        return lines.without_lines(line.number for line in found)
+
+    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+
+
+def weight_control(
+    folder: Path, kind: ControlKind, weighting: Weighting, names: Sequence[str], *, dry_run: bool = False
+) -> ControlOutcome:
+    """Disregard records (a-priori errors become negative), include them again, or reject control points altogether.
+
+    Raises
+    ------
+    InputError
+        If an a-priori error is 0, which has no sign; else what `add_control` raises.
+    UsageError
+    """
+
+    def edit(file: _File, lines: ControlLines) -> ControlLines:
+        faults: list[str] = []
+        for name in names:
+            lines = _weighted(file, lines, _find(file, lines, name), weighting, faults)
+        _raise(faults)
+        return lines
+
+    return _change(_file(folder, kind, None), edit, dry_run=dry_run)
+
+
+# one line
+
+
+def _find(file: _File, lines: ControlLines, name: str) -> TextLine:
+    form = file.form
+    found = [line for line in lines.records() if form.is_meant(name, form.fields_of(line))]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        known = listed_names(dict.fromkeys(line.fields[0].text for line in lines.records()))
+        message = f"{file.shown} has no {form.singular} '{shown_token(name)}'; known are: {known}"
+    else:
+        listed = ", ".join(f"'{' '.join(field.text for field in line.fields[: form.identity])}'" for line in found)
+        message = f"{file.shown} has {len(found)} of the name '{shown_token(name)}'; write one of {listed}, in quotes"
+    raise UsageError(message)
+
+
+def _known(file: _File, lines: ControlLines, line: TextLine, fields: Fields) -> ControlLines:
+    """Return the lines as they are if a record that is to be added is there with the same values."""
+    known = file.form.fields_of(line)
+    words = [f"{key}={text or ''}" for key, text in zip(file.form.keys, fields, strict=True)]
+    same, _ = with_words(file.form, known, words)
+    if same[file.form.identity :] == known[file.form.identity :] and not _is_rejected(file.form, line):
+        return lines
+    name = " ".join(field.text for field in line.fields[: file.form.identity])
+    message = f"{file.form.singular} {name} is there already, with other values; change it with 'edit'"
+    raise InputError.single(message, file.shown, line.number)
+
+
+def _with_fields(form: ControlForm, lines: ControlLines, line: TextLine, fields: Fields) -> ControlLines:
+    old = form.fields_of(line)
+    new = {index: text for index, text in enumerate(fields) if text is not None and text != old[index]}
+    lines = lines.with_fields(line.number, new)
+    return lines.without_fields(line.number, fields.index(None)) if None in fields else lines
+
+
+def _weighted(
+    file: _File, lines: ControlLines, line: TextLine, weighting: Weighting, faults: list[str]
+) -> ControlLines:
+    form = file.form
+    if weighting == "reject":
+        return lines if _is_rejected(form, line) else lines.with_fields(line.number, {len(form.keys): REJECTED})
+    fields = form.fields_of(line)
+    for index, key in enumerate(form.keys):
+        text = fields[index]
+        if key not in form.errors or text is None or text == UNKNOWN or not is_number(text):
+            continue
+        if weighting == "disregard" and parse_number(text) == 0.0:
+            faults.append(
+                f"{form.singular} {fields[0]}: {key} is 0 (constant), which has no sign; give it an a-priori error "
+                f"{'or reject the point' if form.rejects else 'or kill the line'}"
+            )
+        fields[index] = text.lstrip("+-") if weighting == "include" else f"-{text.lstrip('+-')}"
+    lines = _with_fields(form, lines, line, fields)
+    rejected = weighting == "include" and _is_rejected(form, line)
+    return lines.without_fields(line.number, len(form.keys)) if rejected else lines
+
+
+def _is_rejected(form: ControlForm, line: TextLine) -> bool:
+    return form.rejects and len(line.fields) > len(form.keys)
+
+
+# the file
+
+
+def _file(folder: Path, kind: ControlKind, bundle: str | None) -> _File:
+    project = open_project(folder)
+    if kind == "preliminary":
+        name = project.bundle_name(bundle)
+        return _File(project, kind, project.preliminary(name), name)
+    path = project.folder / f"{project.definition.control_files}.{FORMS[kind].extension}"
+    return _File(project, kind, path, None)
+
+
+def _read(file: _File) -> ControlLines:
+    """Return the lines of the file; one of the same name in other letters is not to be overlooked."""
+    if not file.path.exists():
+        found = read_ground_control(file.project) if file.bundle is None else read_ground(file.project, file.bundle)
+        same = [each for each in found.complaints if each.path.lower() == file.shown.lower()]
+        if same:
+            raise InputError(same)
+    return read_control_lines(file.path, file.shown)
+
+
+def _change(file: _File, edit: _Edit, *, dry_run: bool) -> ControlOutcome:
+    # Who edits the same text at the same time waits, as for a store.
+    lock = file.project.exterior
+    with writing([lock]) if is_written(lock) and not dry_run else nullcontext():
+        old = _read(file)
+        new = edit(file, old)
+        changes = tuple(_changes(old, new))
+        warnings = _check(file, new) if changes else ()
+        if changes and not dry_run:
+            _write(file, new)
+    known = {each.text for each in file.form.parse(old.parsed, file.shown).warnings}
+    touched = [change.line for change in changes if change.new is not None]
+    names = unknown_name_warnings(file.project, file.kind, file.shown, new, touched)
+    warnings = (*(each for each in warnings if each.text not in known), *names)
+    return ControlOutcome(file.project, file.shown, changes, warnings, dry_run)
+
+
+def _check(file: _File, lines: ControlLines) -> tuple[ProjectWarning, ...]:
+    parsed = file.form.parse(lines.parsed, file.shown)
+    if parsed.complaints:
+        raise InputError(parsed.complaints)
+    return parsed.warnings
+
+
+def _changes(old: ControlLines, new: ControlLines) -> Iterator[LineChange]:
+    """Compare line by line: an edit adds one line, takes some out, or changes some."""
+    before, after = old.parsed.records, new.parsed.records
+    if len(after) > len(before):
+        first = next((n for n, (was, now) in enumerate(zip(before, after, strict=False)) if was != now), len(before))
+        yield LineChange("added", first + 1, None, after[first])
+    elif len(after) < len(before):
+        kept = iter([*after, None])
+        waiting = next(kept)
+        for number, line in enumerate(before, start=1):
+            if line == waiting:
+                waiting = next(kept)
+            else:
+                yield LineChange("killed", number, line, None)
+    else:
+        for number, (was, now) in enumerate(zip(before, after, strict=True), start=1):
+            if was != now:
+                yield LineChange("changed", number, was, now)
+
+
+def _write(file: _File, lines: ControlLines) -> None:
+    try:
+        replace_text(file.path, lines.text)
+    except OSError as error:
+        message = f"{file.shown} cannot be written: {error.strerror or error}; it is as it was"
+        raise OripError(message) from error
+
+
+def _raise(faults: Sequence[str]) -> None:
+    if faults:
+        raise InputError([Complaint(fault) for fault in faults])

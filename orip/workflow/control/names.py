@@ -1,0 +1,97 @@
+"""Names in lines of control texts that nothing else in the project has: probably misspelt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from orip.errors import ProjectWarning
+from orip.files.control.forms import FORMS, ControlKind
+from orip.files.control.lines import ControlLines
+from orip.files.stores import cameras, exterior, observations, photos
+from orip.files.stores.transaction import reading
+from orip.files.text.shown import shown_token
+from orip.records.names import record_key
+from orip.workflow.project.folder import Project
+from orip.workflow.project.texts import read_ground_control
+from orip.workflow.records.measurements import is_written
+
+_POINT_FIELDS: dict[ControlKind, tuple[str, ...]] = {
+    "points": ("name",),
+    "preliminary": ("name",),
+    "distances": ("from", "to"),
+    "directions": ("station", "target"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """Names that there are; record names as keys."""
+
+    measured: frozenset[str]
+    given: frozenset[str]
+    cameras: frozenset[str]
+    photos: frozenset[str]
+    sets: frozenset[str]
+
+
+def unknown_name_warnings(
+    project: Project, kind: ControlKind, shown: str, lines: ControlLines, numbers: Iterable[int]
+) -> tuple[ProjectWarning, ...]:
+    """Warn of names in some lines that are neither measured nor otherwise known; nothing measured yet: no warnings."""
+    wanted = set(numbers)
+    if not wanted:
+        return ()
+    known, form = _known(project), FORMS[kind]
+    return tuple(
+        ProjectWarning("unused-name", f"{shown}:{line.number}", text)
+        for line in lines.records()
+        if line.number in wanted
+        for text in _unknown(kind, dict(zip(form.keys, form.fields_of(line), strict=True)), known)
+    )
+
+
+def _known(project: Project) -> _Known:
+    with reading([project.cameras, project.photos, project.exterior]) as stores:
+        camera_names = [each.record.name for each in cameras.read(stores[project.cameras])]
+        photo_names = [each.record.name for each in photos.read(stores[project.photos])]
+        bundles = [each.record.name for each in exterior.read(stores[project.exterior])]
+    measured: set[str] = set()
+    paths = list(filter(is_written, map(project.observations, bundles)))
+    with reading(paths) as stores:
+        for path in paths:
+            found = observations.read(stores[path])
+            measured.update(found.points if found is not None else ())
+    control = read_ground_control(project).records
+    return _Known(
+        frozenset(measured),
+        frozenset(point.name for point in control.points),
+        frozenset(map(record_key, camera_names)),
+        frozenset(map(record_key, photo_names)),
+        frozenset(each.set for each in control.directions),
+    )
+
+
+def _unknown(kind: ControlKind, fields: dict[str, str | None], known: _Known) -> Iterator[str]:
+    if kind == "elements":
+        yield from _unknown_element(fields["name"] or "", (fields["group"] or "").upper(), known)
+        return
+    if not known.measured:
+        return
+    given = known.given if kind in {"distances", "directions"} else frozenset()
+    for key in _POINT_FIELDS[kind]:
+        name = fields[key] or ""
+        if name not in known.measured and name not in given:
+            yield f"point '{shown_token(name)}' is not measured in any photo"
+
+
+def _unknown_element(name: str, group: str, known: _Known) -> Iterator[str]:
+    shown = shown_token(name)
+    if group == "CAMERA" and known.cameras and record_key(name) not in known.cameras:
+        yield f"there is no camera '{shown}'"
+    if group == "PHOTO" and known.photos and record_key(name) not in known.photos:
+        yield f"there is no photo '{shown}'"
+    if group == "POINT" and known.measured and name not in known.measured | known.given:
+        yield f"point '{shown}' is not measured in any photo"
+    if group == "THEODOLITE" and name not in known.sets:
+        yield f"there is no set '{shown}' of directions"

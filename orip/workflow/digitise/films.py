@@ -1,0 +1,277 @@
+"""What is measured when digitising begins, and where films lie on their stages.
+
+The measurement texts tell, with the log that is being written: what was digitised counts at once, whether 'orip
+measure' has read it or not, and a session that was interrupted is taken up where it ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from orip.errors import ProjectWarning, UsageError
+from orip.files.log.text import read_measurements
+from orip.files.stores.transaction import reading
+from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior, interior_orientation
+from orip.interior.known_names import near_names
+from orip.interior.log_coordinates import stored_to_log
+from orip.interior.measured import Measured
+from orip.interior.pixels import scan_transformation
+from orip.interior.replay import replay
+from orip.multimodel.state import Position
+from orip.records.measurement import LogRecord, MeasuredMarks, PhotoRecord, TemplateRecord
+from orip.records.names import record_key
+from orip.records.photo import Photo, Scan, Stage, Template
+from orip.records.project import BundleDefinition
+from orip.records.stages import plan_stages
+from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.texts import EDITS_FILE, measurement_files, raise_complaints
+
+Marked = TypeVar("Marked", TemplateRecord, PhotoRecord)
+Defined = TypeVar("Defined", Template, Photo)
+
+_NO_MARKS = MeasuredMarks((), np.empty((0, 2)), np.empty(0, dtype=bool), np.empty((0, 2)))
+
+
+@dataclass(frozen=True)
+class Films:
+    """Definitions, and what the texts leave measured of them.
+
+    Parameters
+    ----------
+    project : Project
+    log : Path
+        Where measurements are written to.
+    stored : StoredDefinitions
+    definitions : Definitions
+        With digitised marks.
+    records : tuple of LogRecord
+        Of all texts, in the order of replay.
+    measured : Measured
+    interior : Interior
+    warnings : tuple of ProjectWarning
+    """
+
+    project: Project
+    log: Path
+    stored: StoredDefinitions
+    definitions: Definitions
+    records: tuple[LogRecord, ...]
+    measured: Measured
+    interior: Interior
+    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def shown_log(self) -> str:
+        """Return the log as the user would name it."""
+        return self.project.shown(self.log)
+
+    def bundle(self, name: str | None) -> BundleDefinition:
+        """Return a bundle; None: the project's only one."""
+        return self.stored.bundle(self.project.bundle_name(name))
+
+    def template(self, name: str) -> Template:
+        """Return a template; raise UsageError, with names like it, if there is none."""
+        return _defined(self.definitions.templates, "template", name)
+
+    def photo(self, name: str) -> Photo:
+        """Return a photo; raise UsageError, with names like it, if there is none."""
+        return _defined(self.definitions.photos, "photo", name)
+
+    @cached_property
+    def stages(self) -> Mapping[str, Stage]:
+        """Return the stage of every photo (`record_key`) that has one: as mounted, else as defined, else by models."""
+        mounted = [
+            replace(template, stage=self.measured.templates[key].stage or template.stage)
+            if key in self.measured.templates
+            else template
+            for key, template in self.definitions.templates.items()
+        ]
+        models = [model for bundle in self.stored.bundles for model in bundle.record.models]
+        return plan_stages(tuple(self.definitions.photos.values()), mounted, models).stages
+
+    def stage_of(self, photo: str) -> Stage:
+        """Return the stage of a photo; raise UsageError if nothing tells."""
+        stage = self.stages.get(record_key(photo))
+        if stage is None:
+            message = (
+                f'nothing tells which stage photo {photo} is on; give it (or its template) stage = "UPPER" or '
+                "\"LOWER\" in orip.toml and run 'orip init'"
+            )
+            raise UsageError(message)
+        return stage
+
+    def plate_of_stored(self, photo: Photo) -> PlaneTransformation | None:
+        """Return stored coordinates of a photo to plate units; None where its template is not oriented."""
+        to_log = stored_to_log(photo, self.definitions, self.interior.to_template)
+        return to_log and plate_of_log(self.scan_of(photo)).after(to_log)
+
+    def scan_of(self, photo: Photo) -> Scan | None:
+        """Return the scan that a photo is measured in."""
+        template = self.definitions.template_of(photo)
+        return photo.scan or (template.scan if template else None)
+
+    def ticks_on_plate(self, template: Template) -> MeasuredMarks:
+        """Return the tick marks of a template as last measured, plate mm; also too few of them for an orientation."""
+        found = self.measured.templates.get(record_key(template.name))
+        if found is not None:
+            return found.marks
+        last = self._last(TemplateRecord, template.name)
+        return _NO_MARKS if last is None else _on_plate(last[1].marks, template.scan)
+
+    def fiducials_on_plate(self, photo: Photo) -> MeasuredMarks:
+        """Return the fiducial marks of a photo as last measured, where they are on the plate now."""
+        found, to_plate = self.measured.photos.get(record_key(photo.name)), self.plate_of_stored(photo)
+        if found is not None and to_plate is not None:
+            return replace(found.marks, measured=to_plate.apply(found.marks.measured))
+        last = self._last(PhotoRecord, photo.name)
+        mounted = self._last(TemplateRecord, photo.template) if photo.template is not None else None
+        if last is None or (mounted is not None and mounted[0] > last[0]):
+            return _NO_MARKS
+        return _on_plate(last[1].marks, self.scan_of(photo))
+
+    def points_on_plate(self, bundle: str) -> dict[tuple[str, str], Position]:
+        """Return by (photo key, point) where measured points of a bundle are on the plate now."""
+        found = self.measured.observations.get(record_key(bundle))
+        if found is None:
+            return {}
+        photos = {record_key(name) for name in found.photos}
+        to_plate = {key: self.plate_of_stored(self.definitions.photos[key]) for key in photos}
+        places: dict[tuple[str, str], Position] = {}
+        for name, point, xy in zip(found.photos, found.points, found.measured, strict=True):
+            transformation = to_plate[record_key(name)]
+            if transformation is not None:
+                places[record_key(name), point] = position(transformation, xy)
+        return places
+
+    def _last(self, kind: type[Marked], name: str) -> tuple[int, Marked] | None:
+        """Return the last record of a kind for a template or photo, and its place in the log."""
+        for place in reversed(range(len(self.records))):
+            record = self.records[place]
+            if isinstance(record, kind) and record_key(_owner(record)) == record_key(name):
+                return place, record
+        return None
+
+
+def films_at_hand(folder: Path, log: Path) -> Films:
+    """Read a project, its measurement texts and the log, and replay them.
+
+    What keeps a replay from being complete, such as a template of which two tick marks are digitised yet, becomes a
+    warning: it may be what is digitised next.
+
+    Parameters
+    ----------
+    folder : Path
+    log : Path
+        Where measurements will be written to, relative to the project folder; need not exist.
+
+    Raises
+    ------
+    InputError
+        If the project is not initialised, or a text cannot be read.
+    """
+    project = open_project(folder)
+    path = project.folder / log
+    with reading(project.record_stores) as stores:
+        stored = read_definitions(project, stores)
+    require_initialised(project, stored)
+    records = log_records(project, _files(project, path))
+    films = _replayed(project, path, stored, records)
+    return replace(films, warnings=(*_not_in_project(project, path), *films.warnings))
+
+
+def films_of(films: Films, files: Sequence[Path]) -> Films:
+    """Return the same films as other measurement files leave them, relative ones in the project folder.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read.
+    """
+    records = log_records(films.project, [films.project.folder / path for path in files])
+    return _replayed(films.project, films.log, films.stored, records)
+
+
+def _replayed(project: Project, log: Path, stored: StoredDefinitions, records: tuple[LogRecord, ...]) -> Films:
+    by_name = stored.by_name()
+    replayed = replay(records, by_name, Measured())
+    measured = replayed.measured
+    definitions = replace(
+        by_name,
+        cameras={**by_name.cameras, **measured.cameras},
+        temticks={**by_name.temticks, **measured.temticks},
+    )
+    unfinished = tuple(
+        ProjectWarning("not-complete", f"{each.path}:{each.line}" if each.line else each.path, each.message)
+        for each in replayed.complaints
+    )
+    interior = interior_orientation(definitions, measured)
+    return Films(project, log, stored, definitions, records, measured, interior, unfinished)
+
+
+def log_records(project: Project, files: Sequence[Path]) -> tuple[LogRecord, ...]:
+    """Read measurement texts one after the other.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong in them.
+    """
+    read = [read_measurements(path, project.shown(path)) for path in files]
+    raise_complaints([complaint for each in read for complaint in each.complaints])
+    return tuple(record for each in read for record in each.records)
+
+
+def plate_of_log(scan: Scan | None) -> PlaneTransformation:
+    """Return coordinates of a log to plate units: pixels of a scan to mm, all others as they are."""
+    return scan_transformation(scan) if scan is not None else IDENTITY
+
+
+def position(transformation: PlaneTransformation, xy: Sequence[float] | np.ndarray) -> Position:
+    """Return one transformed position."""
+    x, y = transformation.apply(np.array([xy]))[0].tolist()
+    return x, y
+
+
+def _files(project: Project, log: Path) -> list[Path]:
+    """Return the measurement files there are, the log among them."""
+    listed = list(measurement_files(project).records)
+    if log.exists() and log.resolve() not in {each.resolve() for each in listed}:
+        listed.append(log)
+    return listed
+
+
+def _not_in_project(project: Project, log: Path) -> Iterator[ProjectWarning]:
+    shown = project.shown(log)
+    if shown != EDITS_FILE and not any(fnmatch(shown, each) for each in project.definition.measurement_files):
+        text = (
+            "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it; add it to "
+            "measurement_files in orip.toml"
+        )
+        yield ProjectWarning("not-in-project", shown, text)
+
+
+def _on_plate(marks: MeasuredMarks, scan: Scan | None) -> MeasuredMarks:
+    return replace(marks, measured=plate_of_log(scan).apply(marks.measured))
+
+
+def _owner(record: TemplateRecord | PhotoRecord) -> str:
+    return record.template if isinstance(record, TemplateRecord) else record.photo
+
+
+def _defined(records: Mapping[str, Defined], kind: str, name: str) -> Defined:
+    found = records.get(record_key(name))
+    if found is None:
+        near = near_names(name, (each.name for each in records.values()))
+        message = f"{kind} {name} is not defined; {near}"
+        raise UsageError(message)
+    return found

@@ -1,0 +1,322 @@
+"""`orip digitise template` and `orip digitise photo`: tick marks and fiducial marks, driven to and digitised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from orip.errors import InputError, ProjectWarning, UsageError
+from orip.files.log.writing import measurement_line, photo_header, template_header
+from orip.geometry.plane import PlaneTransformation
+from orip.interior.driving_orientation import DrivingOrientation, drive_photo, drive_template
+from orip.interior.orientation import (
+    OrientationError,
+    OrientedMarks,
+    given_coordinates_of_photo,
+    given_coordinates_of_template,
+    orient_photo,
+    orient_template,
+)
+from orip.multimodel.state import Position
+from orip.records.camera import Mark
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
+from orip.records.names import record_key
+from orip.records.photo import Photo, Stage, Template
+from orip.workflow.digitise.films import Films, films_at_hand, plate_of_log, position
+from orip.workflow.digitise.means import Digitised, Means
+from orip.workflow.digitise.operator import Sought, Visit
+from orip.workflow.digitise.session import Entry, Outcome, Place, Session
+
+
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """A template or photo whose marks are digitised.
+
+    `marks` are those to visit, with their given coordinates, `of_record` the names of those that need not say them;
+    `before` is what was measured before, on the plate.
+    `driving` and `adjusted` take digitised marks, plate to given; `to_marks` takes the plate to the system that the
+    marks of the orientation are in.
+    """
+
+    what: Literal["TICK", "MARK"]
+    name: str
+    stage: Stage
+    header: str
+    marks: tuple[Mark, ...]
+    of_record: frozenset[str]
+    before: MeasuredMarks
+    again: bool
+    to_log: PlaneTransformation
+    to_marks: PlaneTransformation
+    driving: Callable[[MeasuredMarks], DrivingOrientation]
+    adjusted: Callable[[MeasuredMarks], OrientedMarks]
+
+    @property
+    def title(self) -> str:
+        """Return what the sheet is called."""
+        return f"{'template' if self.what == 'TICK' else 'photo'} {self.name}"
+
+
+def digitise_template(
+    folder: Path,
+    log: Path,
+    means: Means,
+    template: str,
+    *,
+    kind: TransformationKind | None = None,
+    stage: Stage | None = None,
+    again: bool = False,
+) -> Digitised:
+    """Digitise the tick marks of a template that has been mounted.
+
+    Parameters
+    ----------
+    folder : Path
+    log : Path
+        Measurement text that is written to, relative to the project folder.
+    means : Means
+    template : str
+    kind : {"A", "C", "W"} or None
+        None: as it was oriented before, else affine.
+    stage : {"UPPER", "LOWER"} or None
+        None: as it was mounted before, or as defined.
+    again : bool
+        Drive to where they were digitised, and keep what is not digitised again.
+
+    Raises
+    ------
+    UsageError, InputError, LinkError
+    """
+    films = films_at_hand(folder, log)
+    sheet = _template_sheet(films, films.template(template), kind, stage, again=again)
+    return _digitise(films, means, [sheet])
+
+
+def digitise_photos(
+    folder: Path,
+    log: Path,
+    means: Means,
+    photos: Sequence[str],
+    *,
+    template: str | None = None,
+    kind: TransformationKind | None = None,
+    again: bool = False,
+    start: str | None = None,
+) -> Digitised:
+    """Digitise the fiducial marks of photos, one after the other.
+
+    Parameters
+    ----------
+    photos : sequence of str
+    template : str or None
+        All photos on that template instead.
+    start : str or None
+        The photo to begin with.
+
+    Raises
+    ------
+    UsageError, InputError, LinkError
+    """
+    films = films_at_hand(folder, log)
+    if bool(photos) == (template is not None):
+        message = "name photos, or a template with --template whose photos are meant"
+        raise UsageError(message)
+    chosen = [films.photo(name) for name in photos] if template is None else _on_template(films, template)
+    if start is not None:
+        names = [record_key(each.name) for each in chosen]
+        if record_key(start) not in names:
+            message = f"photo {start} is not among those to digitise: {', '.join(each.name for each in chosen)}"
+            raise UsageError(message)
+        chosen = chosen[names.index(record_key(start)) :]
+    return _digitise(films, means, [_photo_sheet(films, each, kind, again=again) for each in chosen])
+
+
+def _on_template(films: Films, template: str) -> list[Photo]:
+    key = record_key(films.template(template).name)
+    found = [each for each in films.definitions.photos.values() if record_key(each.template or "") == key]
+    if not found:
+        message = f'no photo is on template {template}; define photos with template = "{template}" in orip.toml'
+        raise InputError.single(message)
+    return found
+
+
+def _template_sheet(
+    films: Films, template: Template, kind: TransformationKind | None, stage: Stage | None, *, again: bool
+) -> _Sheet:
+    known = films.measured.templates.get(record_key(template.name))
+    before = films.ticks_on_plate(template)
+    ticks = films.definitions.temtick_of(template).ticks
+    chosen: TransformationKind = kind or (known.transformation if known else "A")
+    mounted = stage or _stage_of_template(films, template)
+    stored = films.interior.to_template.get(record_key(template.name))
+
+    def orientation(marks: MeasuredMarks) -> TemplateOrientation:
+        return TemplateOrientation(template.name, chosen, mounted, marks)
+
+    given = given_coordinates_of_template(orientation(before), ticks)
+    return _Sheet(
+        "TICK", template.name, mounted, template_header(template.name, chosen, mounted),
+        _to_visit(f"template {template.name}", ticks, before, given, again=again), _names(ticks), before, again,
+        plate_of_log(template.scan).inverse(), plate_of_log(None),
+        lambda marks: drive_template(orientation(marks), ticks, stored),
+        lambda marks: orient_template(orientation(marks), ticks),
+    )  # fmt: skip
+
+
+def _stage_of_template(films: Films, template: Template) -> Stage:
+    known = films.measured.templates.get(record_key(template.name))
+    on_it = (films.stages.get(record_key(photo.name)) for photo in films.definitions.photos.values()
+             if record_key(photo.template or "") == record_key(template.name))  # fmt: skip
+    stage = (known.stage if known else None) or template.stage or next(on_it, None)
+    if stage is None:
+        message = f"nothing tells which stage template {template.name} is on; name it with --stage UPPER or LOWER"
+        raise UsageError(message)
+    return stage
+
+
+def _photo_sheet(films: Films, photo: Photo, kind: TransformationKind | None, *, again: bool) -> _Sheet:
+    camera = films.definitions.camera_of(photo)
+    if not camera.fiducials:
+        message = f"photo {photo.name} has no fiducial marks: its camera {camera.name} has none"
+        raise InputError.single(message)
+    to_plate = films.plate_of_stored(photo)
+    if to_plate is None:
+        message = (
+            f"photo {photo.name} is on template {photo.template}, which is not oriented; digitise its tick marks "
+            f"first: orip digitise template {photo.template}"
+        )
+        raise InputError.single(message)
+    known = films.measured.photos.get(record_key(photo.name))
+    before = films.fiducials_on_plate(photo)
+    chosen: TransformationKind = kind or (known.transformation if known else "A")
+    stored = films.interior.to_photo.get(record_key(photo.name))
+
+    def orientation(marks: MeasuredMarks) -> PhotoOrientation:
+        return PhotoOrientation(photo.name, chosen, marks)
+
+    given = given_coordinates_of_photo(orientation(before), camera)
+    return _Sheet(
+        "MARK", photo.name, films.stage_of(photo.name), photo_header(photo.name, chosen),
+        _to_visit(f"photo {photo.name}", camera.fiducials, before, given, again=again),
+        _names(camera.fiducials), before, again,
+        plate_of_log(films.scan_of(photo)).inverse(), to_plate.inverse(),
+        lambda marks: drive_photo(orientation(marks), camera, stored),
+        lambda marks: orient_photo(orientation(marks), camera, photo.template is not None),
+    )  # fmt: skip
+
+
+def _to_visit(
+    title: str, record: Iterable[Mark], before: MeasuredMarks, given: np.ndarray, *, again: bool
+) -> tuple[Mark, ...]:
+    if not again:
+        return tuple(record)
+    if not before.names:
+        message = f"{title} has no marks to digitise again; leave --again out"
+        raise InputError.single(message)
+    return tuple(Mark(name, x, y) for name, (x, y) in zip(before.names, given.tolist(), strict=True))
+
+
+def _names(marks: Iterable[Mark]) -> frozenset[str]:
+    return frozenset(mark.name for mark in marks)
+
+
+def _digitise(films: Films, means: Means, sheets: Sequence[_Sheet]) -> Digitised:
+    going_on = f"all of it is in {films.shown_log}; repeat the command, photos of a template with --from PHOTO"
+    orientations: list[MarkAdjustment] = []
+    with means.session(films, going_on) as session:
+        for number, sheet in enumerate(sheets, start=1):
+            session.tell(f"{sheet.title} on the {sheet.stage} stage ({number} of {len(sheets)})")
+            orientations += _digitise_sheet(session, sheet)
+            if session.ending != "complete":
+                break
+    return means.outcome(films, session, orientations)
+
+
+class _Digitising:
+    """The marks of a sheet as they come in: where they are on the plate, and their lines in the log."""
+
+    def __init__(self, sheet: _Sheet) -> None:
+        self._sheet = sheet
+        self._before: dict[str, Position] = {
+            name: (x, y) for name, (x, y) in zip(sheet.before.names, sheet.before.measured.tolist(), strict=True)
+        }
+        self._on_plate = dict(self._before) if sheet.again else {}
+        self._new: set[str] = set()
+        self._has_changed = False
+
+    def place(self, mark: Mark) -> Place:
+        """Return where to look for a mark: where it was, or by the marks that were digitised already."""
+        if self._sheet.again:
+            return Place("measured before", self._before[mark.name])
+        to_given = self._sheet.driving(self.marks()).transformation.after(self._sheet.to_marks)
+        return Place("predicted", position(to_given.inverse(), (mark.x, mark.y)))
+
+    def take(self, mark: Mark, outcome: Outcome, xy: Position | None) -> None:
+        """Take what was decided about a mark."""
+        if xy is not None:
+            self._on_plate[mark.name] = xy
+            self._new.add(mark.name)
+        elif outcome == "skipped":
+            self._on_plate.pop(mark.name, None)
+        elif mark.name in self._before:
+            self._on_plate[mark.name] = self._before[mark.name]
+        self._has_changed |= xy is not None or (outcome == "skipped" and self._sheet.again)
+
+    def lines(self) -> list[str]:
+        """Return the lines of the log's block; none as long as all is as it was."""
+        if not self._has_changed:
+            return []
+        marks = self.marks()
+        own = {each.name for each in self._sheet.marks} - self._sheet.of_record
+        return [
+            measurement_line(
+                name,
+                position(self._sheet.to_log, self._on_plate[name]),
+                (x, y) if name in own else None,
+                is_disregarded=bool(off),
+            )
+            for name, (x, y), off in zip(marks.names, marks.given.tolist(), marks.disregarded, strict=True)
+        ]
+
+    def marks(self) -> MeasuredMarks:
+        """Return the marks there are, in the system of the orientation's marks."""
+        names = tuple(each.name for each in self._sheet.marks if each.name in self._on_plate)
+        given = {each.name: (each.x, each.y) for each in self._sheet.marks}
+        before = dict(zip(self._sheet.before.names, self._sheet.before.disregarded.tolist(), strict=True))
+        return MeasuredMarks(
+            names,
+            self._sheet.to_marks.apply(np.array([self._on_plate[name] for name in names]).reshape(-1, 2)),
+            np.array([name not in self._new and before.get(name, False) for name in names], dtype=bool),
+            np.array([given[name] for name in names]).reshape(-1, 2),
+        )
+
+
+def _digitise_sheet(session: Session, sheet: _Sheet) -> Iterator[MarkAdjustment]:
+    """Digitise the marks of a sheet; yield its orientation if they suffice for one."""
+    digitising = _Digitising(sheet)
+    what = sheet.what.lower()
+    session.log.chapter(f"orip digitise {sheet.title}")
+    session.link.guide(sheet.stage)
+    for mark in sheet.marks:
+        place = session.drive(sheet.stage, digitising.place(mark))
+        session.tell(f"at {what} {mark.name} of {sheet.name} ({place.known})")
+        sought = Sought(sheet.what, record_key(sheet.name), mark.name, sheet.stage)
+        decision = session.decision(Visit((sought,), "FOOT LEFT"))
+        if decision.outcome is None:
+            break
+        xy = decision.at(sheet.stage)
+        digitising.take(mark, decision.outcome, xy)
+        session.log.put(sheet.header, digitising.lines())
+        logged = None if xy is None else position(sheet.to_log, xy)
+        session.enter(Entry(what, sheet.name, mark.name, decision.outcome, place.known, place.xy, logged))
+    if not digitising.lines():
+        return
+    try:
+        yield sheet.adjusted(digitising.marks()).adjustment
+    except OrientationError as reason:
+        session.warnings.append(ProjectWarning("not-oriented", sheet.title, str(reason)))

@@ -1,0 +1,223 @@
+"""Who digitises: an operator at the plate processor, a script of what he would do, or a simulation of him.
+
+Whoever it is, what he does comes out of the plate processor's queue of events: RIGHT (foot switch) with the plate
+coordinates of both stages, LEFT, or a key. Scripts and simulations are requests that are sent in his place.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
+
+from orip.errors import Complaint, InputError
+from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.parsed import Parsed
+from orip.link.client import ProcessorFault
+from orip.multimodel.readout import ObjectReadout
+from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.records.drive_table import DriveCode
+from orip.records.photo import Stage
+from orip.workflow.digitise.films import Films
+
+PAUSE_S = 0.05
+"""Between two questions for an event: shorter than a foot feels."""
+
+Tell = Callable[[str], None]
+"""Who is told, line by line, what is going on."""
+
+
+class Instrument(Protocol):
+    """What digitising needs of a plate processor; `orip.link.client.PlateProcessorLink` is one."""
+
+    def request(self, line: str) -> str:
+        """Send a request."""
+
+    def drive_plate(self, stage: Stage, x: float, y: float) -> Driven:
+        """Drive one stage to plate coordinates."""
+
+    def change_model(self, name: str) -> Driven:
+        """Make a model the active one."""
+
+    def position(self, system: Literal["OBJECT"]) -> ObjectReadout:
+        """Return where the mark is in the object."""
+
+    def status(self) -> Status:
+        """Return what is set."""
+
+    def is_moving(self) -> bool:
+        """Tell whether the stages are on their way."""
+
+    def guide(self, system: Guide) -> Status:
+        """Choose the guiding system."""
+
+    def automatic(self, on: bool) -> Status:
+        """Let models change at frame lines, or not."""
+
+    def lock(self, side: Side | None) -> Status:
+        """Lock a plate, or none."""
+
+    def next_event(self) -> Event | None:
+        """Return the oldest event; None if there is none."""
+
+
+class Sought(NamedTuple):
+    """A mark or point that the operator is to set the measuring mark on.
+
+    `owner` is the `record_key` of its template (of a tick) or photo.
+    """
+
+    what: Literal["TICK", "MARK", "POINT"]
+    owner: str
+    name: str
+    stage: Stage
+
+
+class Visit(NamedTuple):
+    """What is digitised with one press of the foot switch, and the request that says that it cannot be."""
+
+    sought: tuple[Sought, ...]
+    refusal: Literal["FOOT LEFT", "KEY ENTER"]
+
+
+class Operator(Protocol):
+    """Who sets the measuring mark."""
+
+    def act(self, link: Instrument, visit: Visit) -> Event | None:
+        """Return what is done about a visit, once it is; None where nobody does anything any more."""
+
+
+class AtTheProcessor:
+    """An operator with wheels, foot switches and keys of his own."""
+
+    def act(self, link: Instrument, _visit: Visit) -> Event:
+        """Wait for him."""
+        while (event := link.next_event()) is None:
+            time.sleep(PAUSE_S)
+        return event
+
+
+class Script:
+    """Requests of a text, sent until one of them is an event.
+
+    Parameters
+    ----------
+    requests : iterable of str
+        May come as they are typed.
+    refused : function of the request and the fault
+        What to do about one that the plate processor refuses.
+    """
+
+    def __init__(self, requests: Iterable[str], refused: Callable[[str, ProcessorFault], None]) -> None:
+        self._requests = iter(requests)
+        self._refused = refused
+
+    def act(self, link: Instrument, _visit: Visit) -> Event | None:
+        """Send requests."""
+        for request in self._requests:
+            try:
+                send(link, request)
+            except ProcessorFault as fault:
+                self._refused(request, fault)
+            event = link.next_event()
+            if event is not None:
+                return event
+        return None
+
+
+class Simulation:
+    """An operator who finds everything where it is known to be.
+
+    Parameters
+    ----------
+    places : mapping of (what, owner, name) to plate coordinates
+    """
+
+    def __init__(self, places: Mapping[tuple[str, str, str], Position]) -> None:
+        self._places = places
+
+    def act(self, link: Instrument, visit: Visit) -> Event | None:
+        """Set the measuring mark and press the foot switch; refuse what is not known or cannot be driven to."""
+        send(link, "FOOT RIGHT" if self._can_set_mark(link, visit.sought) else visit.refusal)
+        return link.next_event()
+
+    def _can_set_mark(self, link: Instrument, sought: Sequence[Sought]) -> bool:
+        places = [self._places.get(each[:3]) for each in sought]
+        try:
+            for each, place in zip(sought, places, strict=True):
+                if place is None:
+                    return False
+                link.drive_plate(each.stage, *place)
+        except ProcessorFault as fault:
+            if fault.code != DriveCode.OUTSIDE_STAGE:
+                raise
+            return False
+        return True
+
+
+def send(link: Instrument, request: str) -> None:
+    """Send a request, an event only when the stages have come to rest."""
+    while request.split(maxsplit=1)[0].upper() in ("FOOT", "KEY") and link.is_moving():
+        time.sleep(PAUSE_S)
+    link.request(request)
+
+
+_REQUESTS = ("FOOT", "KEY", "MOVE", "DRIVE", "GUIDE", "LOCK", "PRISM")
+"""What an operator can do at the panel."""
+
+
+def read_script(path: Path, shown: str) -> list[str]:
+    """Read a script: a request in each line.
+
+    Raises
+    ------
+    InputError
+        With all lines that are none.
+    """
+    text = read_lines(path, shown)
+    script = script_requests(text.records, shown)
+    if text.complaints or script.complaints:
+        raise InputError([*text.complaints, *script.complaints])
+    return script.records
+
+
+def typed_requests(lines: Iterable[str], tell: Tell) -> Iterator[str]:
+    """Yield requests as they are typed; tell of lines that are none."""
+    for line in lines:
+        found = script_requests([line], "")
+        yield from found.records
+        for complaint in found.complaints:
+            tell(complaint.message)
+
+
+def script_requests(lines: Sequence[str], shown: str) -> Parsed[list[str]]:
+    """Return the requests of lines, without comments, and a complaint for each line that is none."""
+    requests, complaints = [], []
+    for line in field_lines(list(lines)):
+        words = [field.text for field in line.fields]
+        if words[0].upper() in _REQUESTS:
+            requests.append(" ".join(words))
+        else:
+            message = f"'{words[0]}' is nothing an operator does; write one of {', '.join(_REQUESTS)}"
+            complaints.append(Complaint(message, shown, line.number))
+    return Parsed(requests, tuple(complaints))
+
+
+def places_of(films: Films) -> dict[tuple[str, str, str], Position]:
+    """Return by (what, owner, name) where everything that is measured is on its plate now."""
+    places: dict[tuple[str, str, str], Position] = {}
+    for key, template in films.definitions.templates.items():
+        marks = films.ticks_on_plate(template)
+        places |= {("TICK", key, name): _pair(xy) for name, xy in zip(marks.names, marks.measured, strict=True)}
+    for key, photo in films.definitions.photos.items():
+        marks = films.fiducials_on_plate(photo)
+        places |= {("MARK", key, name): _pair(xy) for name, xy in zip(marks.names, marks.measured, strict=True)}
+    for bundle in films.definitions.bundles:
+        found = films.points_on_plate(bundle)
+        places |= {("POINT", photo, point): xy for (photo, point), xy in found.items()}
+    return places
+
+
+def _pair(xy: Sequence[float]) -> Position:
+    return float(xy[0]), float(xy[1])

@@ -1,0 +1,262 @@
+"""Which points are to be digitised, and in which photos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from orip.errors import Complaint, InputError, UsageError
+from orip.files.log.work_list import ListedPoint, read_work_list
+from orip.files.stores import solutions
+from orip.files.stores.transaction import reading
+from orip.files.text.natural_order import natural_key
+from orip.geometry.plane import PlaneTransformation
+from orip.interior.known_names import near_names
+from orip.multimodel.digitising import DigitisedBlock, PhotoPair
+from orip.multimodel.state import Position
+from orip.records.measurement import no_observations
+from orip.records.names import name_fault, record_key
+from orip.records.project import BundleDefinition, StereoModel
+from orip.workflow.digitise.films import Films, plate_of_log, position
+from orip.workflow.digitise.session import Place
+from orip.workflow.observations.at_hand import BundleAtHand
+from orip.workflow.observations.places import Places
+from orip.workflow.project.texts import raise_complaints
+
+
+@dataclass(frozen=True, slots=True)
+class PointChoice:
+    """Which points somebody wants to digitise.
+
+    Parameters
+    ----------
+    photos : tuple of str
+        In these photos alone; none: in any.
+    model : str or None
+        In the photos of this model alone.
+    points : tuple of str
+        These points; none: all that are (with `again`) measured, or by the last adjustment are to be seen and not
+        measured yet.
+    file : Path or None
+        Points of a list, relative to the project folder.
+    again : bool
+        Drive to where points were measured, and measure them again.
+    """
+
+    photos: tuple[str, ...] = ()
+    model: str | None = None
+    points: tuple[str, ...] = ()
+    file: Path | None = None
+    again: bool = False
+
+
+@dataclass(frozen=True)
+class PointsAtHand:
+    """The points of a bundle: where they are measured on the plates, and where they should be; photos by key."""
+
+    films: Films
+    bundle: BundleDefinition
+    measured: dict[tuple[str, str], Position]
+    places: Places
+    photos: dict[str, str]
+
+    @cached_property
+    def measured_photos(self) -> dict[str, list[str]]:
+        """Return the photos that each point is measured in."""
+        found: dict[str, list[str]] = {}
+        for photo, point in self.measured:
+            found.setdefault(point, []).append(photo)
+        return found
+
+    @cached_property
+    def block(self) -> DigitisedBlock:
+        """Return the models, and the stages of photos that have one."""
+        models = sorted(self.bundle.models, key=lambda each: (each.row, each.column))
+        return DigitisedBlock(tuple(map(_pair, models)), self.films.stages)
+
+    def predicted(self, photo: str, point: str) -> Position | None:
+        """Return where the last adjustment predicts a point on the plate, also beyond frame lines; None: nowhere."""
+        found = self.places.anywhere(photo).get(point)
+        if found is None or any(each != each for each in found.log_xy):  # NaN: no interior orientation
+            return None
+        return position(self._plate_of_log(photo), found.log_xy)
+
+    def middle(self, photo: str) -> Position | None:
+        """Return where the middle of a photo is on the plate; None where it is not oriented."""
+        record = self.films.definitions.photos[photo]
+        to_photo, to_plate = self.films.interior.to_photo.get(photo), self.films.plate_of_stored(record)
+        if to_photo is None or to_plate is None:
+            return None
+        return position(to_plate.after(to_photo.inverse()), (0.0, 0.0))
+
+    def place(self, photo: str, point: str, *, again: bool) -> Place:
+        """Return where to look for a point."""
+        before, predicted = self.measured.get((photo, point)), self.predicted(photo, point)
+        if before is not None and (again or predicted is None):
+            return Place("measured before", before)
+        if predicted is not None:
+            return Place("predicted", predicted)
+        return Place("middle", self.middle(photo))
+
+    def to_log(self, photo: str, xy: Position) -> Position:
+        """Return log coordinates of plate coordinates."""
+        return position(self._plate_of_log(photo).inverse(), xy)
+
+    def _plate_of_log(self, photo: str) -> PlaneTransformation:
+        return plate_of_log(self.films.scan_of(self.films.definitions.photos[photo]))
+
+
+def points_at_hand(films: Films, name: str | None) -> PointsAtHand:
+    """Return what is known of the points of a bundle (None: the project's only one).
+
+    Raises
+    ------
+    UsageError
+        If there is no such bundle.
+    InputError
+        If the ground control or preliminary points are at fault.
+    """
+    bundle = films.bundle(name)
+    with reading([films.project.exterior]) as stores:
+        solution = solutions.read(stores[films.project.exterior], bundle.name)
+    observations = films.measured.observations.get(record_key(bundle.name), no_observations(bundle.name))
+    at_hand = BundleAtHand(films.project, bundle, films.definitions, observations, films.interior, solution)
+    photos = at_hand.photos or {key: photo.name for key, photo in films.definitions.photos.items()}
+    return PointsAtHand(films, bundle, films.points_on_plate(bundle.name), Places(at_hand), photos)
+
+
+def wanted_points(at_hand: PointsAtHand, choice: PointChoice) -> dict[str, list[str]]:
+    """Return the photos in which each point is to be digitised, points in their order.
+
+    Raises
+    ------
+    UsageError
+        If a photo, model or point is not known, or nothing tells where a point is.
+    InputError
+        If the list is at fault.
+    """
+    photos = _photos(at_hand, choice)
+    listed = _listed(at_hand, choice)
+    named = [ListedPoint(point, None, None, 0) for point in choice.points]
+    if not listed and not named:
+        if choice.file is not None:
+            return {}
+        return _all(at_hand, photos, again=choice.again)
+    wanted: dict[str, list[str]] = {}
+    unknown: list[str] = []
+    measured: list[str] = []
+    for each in (*named, *listed):
+        if each.photo is not None:
+            found = [photo for photo in photos if photo == record_key(each.photo)]
+        else:
+            found = list(_photos_of(at_hand, choice, photos, each.point))
+            if not found:
+                is_done = each.point in at_hand.measured_photos and not choice.again
+                (measured if is_done else unknown).append(each.point)
+        of_point = wanted.setdefault(each.point, [])
+        of_point += [photo for photo in found if photo not in of_point]
+    _refuse(at_hand, unknown, measured, again=choice.again)
+    return {point: of_point for point, of_point in wanted.items() if of_point}
+
+
+def _photos(at_hand: PointsAtHand, choice: PointChoice) -> list[str]:
+    """Return the photos that may be meant."""
+    photos = list(at_hand.photos)
+    if choice.photos:
+        photos = [record_key(at_hand.films.photo(name).name) for name in choice.photos]
+    if choice.model is not None:
+        model = model_named(at_hand.bundle, choice.model)
+        photos = [photo for photo in photos if photo in (record_key(model.left), record_key(model.right))]
+        if not photos:
+            message = f"model {model.name} is made of {model.left} and {model.right}; name these with --photo, or none"
+            raise UsageError(message)
+    return photos
+
+
+def model_named(bundle: BundleDefinition, name: str) -> StereoModel:
+    """Return a model; raise UsageError, with names like it, if the bundle has none of that name."""
+    for model in bundle.models:
+        if record_key(model.name) == record_key(name):
+            return model
+    message = f"bundle {bundle.name} has no model {name}; {near_names(name, (each.name for each in bundle.models))}"
+    raise UsageError(message)
+
+
+def _listed(at_hand: PointsAtHand, choice: PointChoice) -> list[ListedPoint]:
+    """Return the points of the list, those of other bundles left out."""
+    if choice.file is None:
+        return []
+    path = at_hand.films.project.folder / choice.file
+    shown = at_hand.films.project.shown(path)
+    found = read_work_list(path, shown)
+    faults = [*found.complaints]
+    mine = [
+        each
+        for each in found.records
+        if record_key(each.bundle or at_hand.bundle.name) == record_key(at_hand.bundle.name)
+    ]
+    for each in {record_key(each.photo): each for each in mine if each.photo is not None}.values():
+        if record_key(each.photo or "") not in at_hand.films.definitions.photos:
+            known = (photo.name for photo in at_hand.films.definitions.photos.values())
+            message = f"photo {each.photo} is not defined; {near_names(each.photo or '', known)}"
+            faults.append(Complaint(message, shown, each.line))
+    raise_complaints(faults)
+    return mine
+
+
+def _all(at_hand: PointsAtHand, photos: Sequence[str], *, again: bool) -> dict[str, list[str]]:
+    if again:
+        pairs = [pair for pair in at_hand.measured if pair[0] in photos]
+    else:
+        pairs = [
+            (photo, point)
+            for photo in photos
+            for point in at_hand.places.predicted(photo)
+            if (photo, point) not in at_hand.measured and at_hand.predicted(photo, point) is not None
+        ]
+    points = sorted({point for _, point in pairs}, key=lambda point: (natural_key(point), point))
+    of_point: dict[str, list[str]] = {point: [] for point in points}
+    for photo, point in pairs:
+        of_point[point].append(photo)
+    return of_point
+
+
+def _photos_of(at_hand: PointsAtHand, choice: PointChoice, photos: Iterable[str], point: str) -> Iterator[str]:
+    """Yield the photos in which a point that was named is to be digitised.
+
+    Photos that were named, or a model, are taken as they are; else it is those that should show the point.
+    """
+    is_named = bool(choice.photos) or choice.model is not None
+    for photo in photos:
+        if choice.again:
+            if (photo, point) in at_hand.measured:
+                yield photo
+        elif (photo, point) not in at_hand.measured and (is_named or point in at_hand.places.predicted(photo)):
+            yield photo
+
+
+def _refuse(at_hand: PointsAtHand, unknown: Sequence[str], measured: Sequence[str], *, again: bool) -> None:
+    """Raise InputError for points that nothing can be done about, all of them."""
+    complaints = [
+        Complaint(f"point {point} is measured in all photos that are meant; --again measures it again")
+        for point in measured
+    ]
+    for point in unknown:
+        fault = name_fault(point)
+        if fault is not None:
+            complaints.append(Complaint(f"point {point}: {fault}"))
+        elif again:
+            near = near_names(point, at_hand.measured_photos)
+            complaints.append(Complaint(f"point {point} is not measured in any photo that is meant; {near}"))
+        else:
+            text = f"nothing tells where point {point} is; name the photos with --photo, or a model with --model"
+            complaints.append(Complaint(text))
+    if complaints:
+        raise InputError(complaints)
+
+
+def _pair(model: StereoModel) -> PhotoPair:
+    name, left, right = (record_key(each) for each in (model.name, model.left, model.right))
+    return PhotoPair(name, left, right, model.row, model.column)

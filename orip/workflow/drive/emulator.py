@@ -1,0 +1,157 @@
+"""`orip drive emulate`: the emulated plate processor from its start to a signal, with the state that it keeps."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import ipaddress
+import signal
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import LinkError, OripError, UsageError
+from orip.files.drive.processor_state import ProcessorState, raise_no_state, read_processor_state, write_processor_state
+from orip.link.emulator import Emulator
+from orip.link.station import Mark, Station, bare_stages
+from orip.link.travel import Pace
+from orip.workflow.drive.table import load_drive_table
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatorSettings:
+    """How a plate processor is emulated.
+
+    Parameters
+    ----------
+    listen : str
+        ``host:port``; port 0: any that is free.
+    state : Path or None
+        File to keep table and mark in.
+    pace : Pace or None
+        None: movements take no time.
+    is_remote_allowed : bool
+        Others than programs on this machine may connect.
+    """
+
+    listen: str
+    state: Path | None = None
+    pace: Pace | None = None
+    is_remote_allowed: bool = False
+
+
+def emulate(settings: EmulatorSettings, listening: Callable[[str], None], trouble: Callable[[str], None]) -> str:
+    """Serve until SIGINT or SIGTERM, and return the signal's name.
+
+    Parameters
+    ----------
+    settings : EmulatorSettings
+    listening : function of ``host:port``
+        Called when clients may connect.
+    trouble : function of a sentence
+        Called when the state cannot be written; serving goes on.
+
+    Raises
+    ------
+    UsageError
+        If the address is none, or not this machine's alone.
+    InputError
+        If the state file is damaged.
+    LinkError
+        If the address cannot be listened at.
+    OripError
+        If the state file cannot be written.
+    """
+    host, port = _address(settings)
+    station = bare_stages() if settings.state is None else _restored(settings.state)
+    if settings.state is not None:
+        _keep(settings.state, station)  # better to hear now than after a day's work that it cannot be
+
+    def keep(changed: Station) -> None:
+        try:
+            _keep(settings.state, changed)
+        except OripError as error:
+            trouble(str(error))
+
+    emulator = Emulator(station, load_drive_table, keep if settings.state else None, settings.pace)
+    try:
+        return asyncio.run(_serve_until_signal(emulator, host, port, listening))
+    except OSError as error:
+        message = f"cannot listen at {settings.listen}: {error.strerror or error}; name another address with --listen"
+        if error.errno == errno.EADDRINUSE:
+            message = (
+                f"{settings.listen} is in use by another program, perhaps another emulator; stop that one, or name "
+                "another port with --listen"
+            )
+        raise LinkError(message) from error
+
+
+async def _serve_until_signal(emulator: Emulator, host: str, port: int, listening: Callable[[str], None]) -> str:
+    loop = asyncio.get_running_loop()
+    ended: asyncio.Future[str] = loop.create_future()
+
+    def end(name: str) -> None:
+        if not ended.done():
+            ended.set_result(name)
+
+    for each in (signal.SIGINT, signal.SIGTERM):
+        try:
+            loop.add_signal_handler(each, end, each.name)
+        except NotImplementedError:  # Windows
+            signal.signal(each, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name))
+    await emulator.serve(host, port, lambda *address: listening(_joined(*address)), ended)
+    return await ended
+
+
+def _address(settings: EmulatorSettings) -> tuple[str, int]:
+    host, _, port = settings.listen.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not (port.isascii() and port.isdecimal() and int(port) <= 65535):
+        message = f"'{settings.listen}' is no address to listen at; write HOST:PORT, for example 127.0.0.1:4788"
+        raise UsageError(message)
+    try:
+        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        message = f"the host of '{settings.listen}' is not known; write for example 127.0.0.1:4788"
+        raise UsageError(message) from error
+    address = str(found[0][4][0])
+    if not ipaddress.ip_address(address.partition("%")[0]).is_loopback and not settings.is_remote_allowed:
+        message = (
+            f"{settings.listen} can be reached from other machines, and whoever connects may operate; listen at "
+            "127.0.0.1, or allow it with --allow-remote"
+        )
+        raise UsageError(message)
+    return address, int(port)
+
+
+def _joined(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _restored(path: Path) -> Station:
+    kept = read_processor_state(path, str(path))
+    station = bare_stages()
+    if kept is None:
+        return station
+    if kept.table:
+        loaded = station.loaded(kept.table.encode("utf-8"), load_drive_table)
+        if not isinstance(loaded, Station):
+            raise_no_state(str(path), f"its drive table: {loaded[0].text}")
+        station = loaded
+    restored = station.at(Mark(kept.model, kept.plates, kept.mark, kept.condition))
+    if restored is None:
+        raise_no_state(str(path), f"model {kept.model} and its plate positions are not those of its drive table")
+    return restored
+
+
+def _keep(path: Path | None, station: Station) -> None:
+    if path is None:
+        return
+    mark = station.mark
+    state = ProcessorState(station.table.decode("ascii"), mark.model, mark.plates, mark.xyz, mark.condition)
+    try:
+        write_processor_state(path, state)
+    except OSError as error:
+        message = f"{path} cannot be written: {error.strerror or error}; the plate processor's state is not kept"
+        raise OripError(message) from error

@@ -1,0 +1,164 @@
+"""Commands over the link to a plate processor, in the project's coordinates.
+
+The plate processor drives in the object system of its drive table. With a `crs` that is a local frame, which only the
+project's solution knows; the project's table then has to be the one that is loaded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.errors import LinkError, UsageError
+from orip.files.drive.table_text import read_drive_table
+from orip.files.stores import solutions
+from orip.files.stores.transaction import reading
+from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link, open_link
+from orip.link.reply_values import ProfilePoint
+from orip.multimodel.readout import ObjectReadout, PhotoReadout
+from orip.multimodel.state import Driven, Position, Status
+from orip.multimodel.table import object_ground
+from orip.records.drive_table import DriveCode, Triple
+from orip.records.ground import PLAIN, GroundSystem
+from orip.records.names import record_key
+from orip.records.solution import Solution
+from orip.workflow.drive.table import DriveTableOutcome, write_drive_table
+from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+
+_NEAR = 10.0
+"""Ground units; origins of object systems lie 100 apart or more, adjusted photos do not move as far."""
+
+_NO_PLACE = frozenset({DriveCode.NO_TABLE, DriveCode.BEHIND_CAMERA, DriveCode.NOT_INVERTIBLE, DriveCode.PARALLEL_RAYS})
+
+
+class Downloaded(NamedTuple):
+    """A table as it was written and loaded, and the digest that both ends have."""
+
+    table: DriveTableOutcome
+    digest: str
+
+
+class WhereMark(NamedTuple):
+    """Where the measuring mark is; `ground` in the project's coordinates, None where the rays do not meet."""
+
+    status: Status
+    ground: ObjectReadout | None
+    plates: tuple[Position, Position]
+    photos: tuple[PhotoReadout, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenProject:
+    """A link, and the system that the project's coordinates are driven in."""
+
+    link: PlateProcessorLink
+    ground: GroundSystem
+
+    def goto(self, xyz: Triple) -> Driven:
+        """Drive to a point of the project."""
+        return self.link.drive_object(*self._to_local(xyz))
+
+    def profile(self, start: Triple, end: Triple, step: float) -> list[ProfilePoint]:
+        """Drive along the straight line between two points of the project."""
+        points = self.link.profile(self._to_local(start), self._to_local(end), step)
+        return [point._replace(xyz=self.to_project(point.xyz)) for point in points]
+
+    def where(self) -> WhereMark:
+        """Ask where the measuring mark is."""
+        status, plates, photos = self.link.status(), self.link.position("PLATE"), ()
+        if self.link.greeting.state == "EMPTY":
+            return WhereMark(status, None, plates, photos)
+        try:
+            found = self.link.position("OBJECT")
+        except ProcessorFault as fault:
+            if fault.code not in _NO_PLACE:
+                raise
+            return WhereMark(status, None, plates, self.link.position("PHOTO"))
+        ground = found._replace(xyz=self.to_project(found.xyz))
+        return WhereMark(status, ground, plates, self.link.position("PHOTO"))
+
+    def to_project(self, xyz: Triple) -> Triple:
+        """Return the project's coordinates of a point of the object system."""
+        x, y, z = self.ground.to_project(np.array([xyz]))[0].tolist()
+        return x, y, z
+
+    def _to_local(self, xyz: Triple) -> Triple:
+        x, y, z = self.ground.to_local(np.array([xyz]))[0].tolist()
+        if not np.isfinite([x, y, z]).all():
+            message = f"the project's crs has no place {' '.join(f'{value:g}' for value in xyz)}; correct X Y Z"
+            raise UsageError(message)
+        return x, y, z
+
+
+def download(folder: Path, bundle: str | None, url: str) -> Downloaded:
+    """Write the drive table if it is missing or out of date, and load it into the plate processor.
+
+    Raises
+    ------
+    InputError
+        If there is no table to be made; see `write_drive_table`.
+    LinkError
+        If the plate processor is missing or busy, or refuses the table.
+    """
+    outcome = write_drive_table(folder, bundle)
+    with open_link(url) as link:
+        link.download(outcome.path.read_bytes())
+        return Downloaded(outcome, link.digest())
+
+
+@contextmanager
+def operating(folder: Path, bundle: str | None, url: str) -> Iterator[DrivenProject]:
+    """Open a link as the operator, to drive in the project's coordinates."""
+    with open_link(url) as link:
+        yield DrivenProject(link, _object_system(folder, bundle, link))
+
+
+@contextmanager
+def observing(folder: Path, bundle: str | None, url: str) -> Iterator[DrivenProject]:
+    """Open a link to read in the project's coordinates."""
+    with observe_link(url) as link:
+        yield DrivenProject(link, _object_system(folder, bundle, link))
+
+
+def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -> GroundSystem:
+    """Return the system of the project's drive table; outside a project coordinates are taken as they are."""
+    if not (folder / PROJECT_FILE).exists():
+        return PLAIN
+    project = open_project(folder)
+    crs = project.definition.crs
+    if crs is None or link.greeting.state == "EMPTY":
+        return PLAIN
+    name = project.bundle_name(bundle)
+    with reading([project.exterior]) as stores:
+        solution = solutions.read(stores[project.exterior], name)
+    if solution is not None:
+        ground = object_ground(crs, solution.ground_unit, solution)
+        if _is_loaded(project, name, link) and _is_in_system(project, name, solution, ground):
+            return ground
+    message = (
+        f"the plate processor at {link.url} has another table than that of this project's bundle {name}, so that "
+        f"coordinates in {crs} cannot be driven to; run 'orip drive download' first"
+    )
+    raise LinkError(message)
+
+
+def _is_loaded(project: Project, name: str, link: PlateProcessorLink) -> bool:
+    path = project.beside_photos(name, "DRV")
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == link.digest()
+
+
+def _is_in_system(project: Project, name: str, solution: Solution, ground: GroundSystem) -> bool:
+    """Tell whether a table is in the object system of the solution: a later adjustment may have another origin."""
+    table = read_drive_table(project.beside_photos(name, "DRV").read_bytes()).table
+    if table is None:
+        return False
+    rows = {record_key(photo): row for row, photo in enumerate(solution.photos.names)}
+    photos = [photo for photo in table.photos if photo.name in rows]
+    centres = ground.to_local(solution.photos.values[[rows[photo.name] for photo in photos], :3])
+    return bool(np.abs(centres - [photo.centre for photo in photos]).max(initial=0.0) < _NEAR)

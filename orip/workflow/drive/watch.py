@@ -1,0 +1,62 @@
+"""`orip drive watch`: the block of a drive table with the points of its project, and the plate processor to show."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint, InputError
+from orip.files.stores import solutions
+from orip.files.stores.transaction import reading
+from orip.link.watch import AXES, LOCAL_AXES, Watch
+from orip.link.watch_processor import LinkedProcessor, OwnProcessor
+from orip.multimodel.plan_view import BlockPoints, plan_view
+from orip.multimodel.processor import Loaded
+from orip.multimodel.table import object_ground
+from orip.workflow.drive.table import load_drive_table, write_bundle_drive_table
+from orip.workflow.project.folder import Project, open_project
+
+
+def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
+    """Open a plate processor to be watched, with the drive table of a bundle; it is made where there is none.
+
+    Parameters
+    ----------
+    folder : Path
+    bundle : str or None
+        None: the project's only one.
+    link : str or None
+        URL of a plate processor that has this table loaded; None: one in this process.
+
+    Raises
+    ------
+    InputError
+        If there is no drive table and none can be made, or it is damaged.
+    LinkError
+        If the plate processor cannot be reached, or has another table.
+    """
+    project = open_project(folder)
+    name = project.bundle_name(bundle)
+    path = project.beside_photos(name, "DRV")
+    if not path.is_file():
+        write_bundle_drive_table(project, name)
+    data = path.read_bytes()
+    loaded = load_drive_table(data)
+    if not isinstance(loaded, Loaded):
+        remedy = "run 'orip drive table' to make it again"
+        raise InputError([Complaint(f"{fault.text}; {remedy}", project.shown(path)) for fault in loaded])
+    plan = plan_view(loaded.block, _points(project, name))
+    processor = OwnProcessor(loaded) if link is None else LinkedProcessor(link, hashlib.sha256(data).hexdigest())
+    return Watch(loaded.block, plan, processor, AXES if project.definition.crs is None else LOCAL_AXES)
+
+
+def _points(project: Project, bundle: str) -> BlockPoints:
+    """Return the adjusted points in the object system of the drive table; none without a solution."""
+    with reading([project.exterior]) as stores:
+        solution = solutions.read(stores[project.exterior], bundle)
+    if solution is None:
+        return BlockPoints((), (), np.empty((0, 3)))
+    ground = object_ground(project.definition.crs, solution.ground_unit, solution)
+    return BlockPoints(solution.points.names, solution.point_kinds, ground.to_local(solution.points.values))

@@ -1,0 +1,109 @@
+"""All definitions of a project as its stores hold them, read and written together."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
+
+from orip.errors import InputError
+from orip.files.stores import cameras, exterior, photos, templates, temticks
+from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.transaction import Stores
+from orip.interior.definitions import Definitions
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.photo import Photo, Template, Temtick
+from orip.records.project import BundleDefinition
+from orip.workflow.project.folder import Project
+
+_SHOWN_MISSING = 5
+
+
+@dataclass(frozen=True, slots=True)
+class StoredDefinitions:
+    """What the record stores define."""
+
+    cameras: tuple[StoredRecord[Camera], ...]
+    temticks: tuple[StoredRecord[Temtick], ...]
+    templates: tuple[StoredRecord[Template], ...]
+    photos: tuple[StoredRecord[Photo], ...]
+    bundles: tuple[StoredRecord[BundleDefinition], ...]
+
+    def by_name(self) -> Definitions:
+        """Return the records by `record_key` of their names."""
+        return Definitions(
+            {record_key(each.record.name): each.record for each in self.cameras},
+            {record_key(each.record.name): each.record for each in self.temticks},
+            {record_key(each.record.name): each.record for each in self.templates},
+            {record_key(each.record.name): each.record for each in self.photos},
+            {record_key(each.record.name): each.record.name for each in self.bundles},
+        )
+
+    def bundle(self, name: str) -> BundleDefinition:
+        """Return the definition of a bundle that is there."""
+        return next(each.record for each in self.bundles if record_key(each.record.name) == record_key(name))
+
+
+def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
+    """Return all definitions; none where the stores are absent."""
+    return StoredDefinitions(
+        cameras.read(stores[project.cameras]),
+        temticks.read(stores[project.temticks]),
+        templates.read(stores[project.templates]),
+        photos.read(stores[project.photos]),
+        exterior.read(stores[project.exterior]),
+    )
+
+
+def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
+    """Write the kinds of records that differ."""
+    if new.cameras != old.cameras:
+        cameras.write(stores[project.cameras], new.cameras)
+    if new.temticks != old.temticks:
+        temticks.write(stores[project.temticks], new.temticks)
+    if new.templates != old.templates:
+        templates.write(stores[project.templates], new.templates)
+    if new.photos != old.photos:
+        photos.write(stores[project.photos], new.photos)
+    if new.bundles != old.bundles:
+        exterior.write(stores[project.exterior], new.bundles)
+
+
+def require_initialised(project: Project, definitions: StoredDefinitions) -> None:
+    """Raise InputError unless the stores hold all that orip.toml defines, and all that their records refer to.
+
+    A store may be missing, or come from elsewhere.
+    """
+    if not any((definitions.cameras, definitions.photos, definitions.bundles)):
+        message = "the project has no record stores yet; run 'orip init' first (or 'orip run' for everything)"
+        raise InputError.single(message)
+    missing = list(dict.fromkeys((*_not_in_stores(project, definitions), *_dangling(definitions))))
+    if missing:
+        more = f" and {len(missing) - _SHOWN_MISSING} more" if len(missing) > _SHOWN_MISSING else ""
+        message = f"not in the record stores: {', '.join(missing[:_SHOWN_MISSING])}{more}; run 'orip init' first"
+        raise InputError.single(message)
+
+
+def _not_in_stores(project: Project, definitions: StoredDefinitions) -> Iterator[str]:
+    text, stored = project.definition, definitions.by_name()
+    kinds: list[tuple[str, Sequence[Named], Container[str]]] = [
+        ("camera", text.cameras, stored.cameras),
+        ("temtick", text.temticks, stored.temticks),
+        ("template", text.templates, stored.templates),
+        ("photo", text.photos, stored.photos),
+        ("bundle", text.bundles, stored.bundles),
+    ]
+    for kind, records, there in kinds:
+        yield from (f"{kind} {each.name}" for each in records if record_key(each.name) not in there)
+
+
+def _dangling(definitions: StoredDefinitions) -> Iterator[str]:
+    stored = definitions.by_name()
+    for template in stored.templates.values():
+        if record_key(template.temtick) not in stored.temticks:
+            yield f"temtick {template.temtick}"
+    for photo in stored.photos.values():
+        if record_key(photo.camera) not in stored.cameras:
+            yield f"camera {photo.camera}"
+        if photo.template is not None and record_key(photo.template) not in stored.templates:
+            yield f"template {photo.template}"

@@ -1,0 +1,201 @@
+"""A project folder: its definition, and where its stores and outputs are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import InputError, ProjectWarning, UsageError
+from orip.files.project.reader import read_project
+from orip.files.stores.digest import record_digest
+from orip.records.names import record_key
+from orip.records.project import ProjectDefinition
+
+PROJECT_FILE = "orip.toml"
+MOST_BUNDLES = 5
+"""SQLite attaches ten databases to a connection: the five record stores, and an .EXO file of each bundle."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutputFiles:
+    """Paths of what a bundle adjustment writes."""
+
+    result: Path
+    residuals: Path
+    listing: Path
+    errors: Path
+
+    @property
+    def all(self) -> tuple[Path, ...]:
+        """Return them in the order in which they are named."""
+        return self.listing, self.errors, self.result, self.residuals
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """A project folder with a sound orip.toml.
+
+    Parameters
+    ----------
+    folder : Path
+    definition : ProjectDefinition
+        As the text says; distortions not yet taken to the polynomial.
+    lines : mapping (kind, record_key) to int
+        Where each record stands in orip.toml.
+    warnings : tuple of ProjectWarning
+    """
+
+    folder: Path
+    definition: ProjectDefinition
+    lines: Mapping[tuple[str, str], int]
+    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def text(self) -> Path:
+        """Return the path of orip.toml."""
+        return self.folder / PROJECT_FILE
+
+    @property
+    def heading_digest(self) -> tuple[str, str]:
+        """Return the name, in messages, and the digest of what stands on every output."""
+        definition = self.definition
+        heading = (definition.name, definition.user, definition.ground_unit)
+        return f"[project] of {PROJECT_FILE}", record_digest(heading)
+
+    @property
+    def crs_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of the coordinate reference system; none without one."""
+        crs = self.definition.crs
+        return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
+
+    @property
+    def cameras(self) -> Path:
+        """Return the store of cameras."""
+        return self.folder / self.definition.camera_file
+
+    @property
+    def temticks(self) -> Path:
+        """Return the store of temticks."""
+        return self.folder / self.definition.temtick_file
+
+    @property
+    def photos(self) -> Path:
+        """Return the store of photos."""
+        return self.folder / f"{self.definition.project_files}.PHO"
+
+    @property
+    def templates(self) -> Path:
+        """Return the store of templates."""
+        return self.folder / f"{self.definition.project_files}.TEM"
+
+    @property
+    def exterior(self) -> Path:
+        """Return the store of exterior orientation."""
+        return self.folder / f"{self.definition.project_files}.EXT"
+
+    @property
+    def record_stores(self) -> tuple[Path, ...]:
+        """Return the stores of all definitions."""
+        return self.cameras, self.temticks, self.photos, self.templates, self.exterior
+
+    @property
+    def interior_listing(self) -> Path:
+        """Return the path of INTERIOR_RESULT.OUT."""
+        return self.folder / "INTERIOR_RESULT.OUT"
+
+    def observations(self, bundle: str) -> Path:
+        """Return the store of a bundle's photo observations."""
+        return self.beside_photos(bundle, "EXO")
+
+    def preliminary(self, bundle: str) -> Path:
+        """Return the path of a bundle's preliminary coordinates."""
+        return self.beside_photos(bundle, "PRE")
+
+    def preliminary_listing(self, bundle: str) -> Path:
+        """Return the path of PRELIM_RESULT.OUT: a plain name where the bundle is the project's only one."""
+        prefix = "" if len(self.definition.bundles) == 1 else f"{bundle}_"
+        return self.folder / f"{prefix}PRELIM_RESULT.OUT"
+
+    def beside_photos(self, bundle: str, extension: str) -> Path:
+        """Return a bundle's file in the folder of the project files."""
+        return self.photos.with_name(f"{bundle}.{extension}")
+
+    def report(self, bundle: str) -> Path:
+        """Return the path of a bundle's report: a plain name where it is the project's only bundle."""
+        return self.folder / f"{'' if len(self.definition.bundles) == 1 else f'{bundle}_'}report.html"
+
+    def outputs(self, bundle: str) -> OutputFiles:
+        """Return where a bundle's results go: plain names where it is the project's only bundle."""
+        return self._outputs(bundle, only=len(self.definition.bundles) == 1)
+
+    def outputs_of_other_name(self, bundle: str) -> OutputFiles:
+        """Return where a bundle's results would go if the project had several bundles and has one, or the reverse."""
+        return self._outputs(bundle, only=len(self.definition.bundles) != 1)
+
+    def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:
+        start, prefix = ("", "BUNDLE") if only else (f"{bundle}_", bundle)
+        return OutputFiles(
+            self.folder / f"{start}result.json",
+            self.folder / f"{start}residuals.csv",
+            self.folder / f"{prefix}_RESULT.OUT",
+            self.folder / f"{prefix}_ERROR.OUT",
+        )
+
+    def shown(self, path: Path) -> str:
+        """Return a path as the user would name it: relative to the project folder."""
+        return str(path.relative_to(self.folder)) if path.is_relative_to(self.folder) else str(path)
+
+    def bundle_name(self, wanted: str | None) -> str:
+        """Return the name of the bundle that a command is about.
+
+        Raises
+        ------
+        UsageError
+            If there is no such bundle, or several and none was named.
+        """
+        names = [bundle.name for bundle in self.definition.bundles]
+        if wanted is None and len(names) == 1:
+            return names[0]
+        for name in names:
+            if wanted is not None and record_key(name) == record_key(wanted):
+                return name
+        listed = ", ".join(names) or "none"
+        if wanted is None:
+            message = f"the project has {len(names)} bundles; name one of them: {listed}"
+        else:
+            message = f"there is no bundle '{wanted}' in {PROJECT_FILE}; its bundles are: {listed}"
+        raise UsageError(message)
+
+
+def open_project(folder: Path) -> Project:
+    """Read orip.toml of a folder.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong in it.
+    UsageError
+        If there is no such folder.
+    """
+    path = folder / PROJECT_FILE
+    if not folder.is_dir():
+        found = "is a file, not a folder" if folder.exists() else "does not exist"
+        message = f"the folder '{folder}' {found}; name a project's folder with -C DIR"
+        raise UsageError(message)
+    if not path.exists():
+        message = (
+            f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project; go to the project's folder, "
+            f"name it with -C DIR, or begin with a sample: orip init --sample"
+        )
+        raise InputError.single(message)
+    parsed = read_project(path, PROJECT_FILE)
+    if parsed.complaints or parsed.records is None:
+        raise InputError(parsed.complaints)
+    if len(parsed.records.definition.bundles) > MOST_BUNDLES:
+        message = (
+            f"the project has {len(parsed.records.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
+            f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
+        )
+        raise InputError.single(message, PROJECT_FILE)
+    return Project(folder, parsed.records.definition, parsed.records.lines, parsed.warnings)

@@ -1,0 +1,86 @@
+"""PRELIM_RESULT.OUT: written whenever preliminary values were computed, also on the way to a solution."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.arrays import FloatArray
+from orip.errors import OripError
+from orip.files.listings.preliminary import preliminary_listing
+from orip.files.text.atomic import replace_text
+from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.records.control import PreliminaryPoint
+from orip.records.ground import GroundSystem
+from orip.records.preliminary import PreliminaryValues
+from orip.workflow.project.folder import Project
+from orip.workflow.project.run_id import run_id
+
+_DIGITS = 3
+"""Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListedValues:
+    """Preliminary values as files have them: project coordinates, degrees.
+
+    Parameters
+    ----------
+    values : PreliminaryValues
+        Its absolute orientation lists control as the project has it.
+    orientations : array (number of photos, 6)
+        X0 Y0 Z0 OMEGA PHI KAPPA; NaN where not found.
+    points : tuple of PreliminaryPoint
+    """
+
+    values: PreliminaryValues
+    orientations: FloatArray
+    points: tuple[PreliminaryPoint, ...]
+
+
+def listed_values(values: PreliminaryValues, ground: GroundSystem) -> ListedValues:
+    """Take what the chain found, with its absolute orientation in the project's coordinates, to those as a whole."""
+    return ListedValues(
+        values,
+        orientations_in_project(values.photos, ground),
+        tuple(_rounded(point) for point in points_in_project(values.points, ground)),
+    )
+
+
+def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
+    """Return a point without the digits that say nothing."""
+    known = [deviation for deviation in point.deviations or () if deviation > 0.0]
+    if point.deviations is None or not known:
+        return point
+    decimals = _DIGITS - 1 - math.floor(math.log10(min(known)))
+    x, y, z, sx, sy, sz = (round(number, decimals) for number in (*point.coordinates, *point.deviations))
+    return PreliminaryPoint(point.name, (x, y, z), (sx, sy, sz))
+
+
+def write_preliminary_listing(project: Project, bundle: str, found: ListedValues) -> Path:
+    """Write PRELIM_RESULT.OUT of a bundle and return its path.
+
+    Raises
+    ------
+    OripError
+        If the file cannot be written.
+    """
+    definition = project.definition
+    path, orientations = project.preliminary_listing(bundle), found.orientations.tolist()
+    text = preliminary_listing(
+        found.values,
+        orientations,
+        found.points,
+        definition.ground_unit,
+        (("Project", definition.name), ("User", definition.user), ("Bundle", bundle)),
+        run_id("prelim", orientations),
+    )
+    try:
+        replace_text(path, text)
+    except OSError as error:
+        message = (
+            f"{project.shown(path)} cannot be written: {error.strerror or error}; remove the cause, then repeat it"
+        )
+        raise OripError(message) from error
+    return path

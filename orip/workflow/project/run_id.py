@@ -1,0 +1,34 @@
+"""Run ids: what ties stores and outputs to each other. Equal inputs give equal ids; no clock is involved."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+
+from orip import __version__
+from orip.files.stores.digest import record_digest
+from orip.records.measurement import PhotoObservations
+
+_LENGTH = 12
+
+
+def run_id(*parts: object) -> str:
+    """Return the id of a run from what it depends on."""
+    text = "\n".join([__version__, *(str(part) for part in parts)])
+    return hashlib.sha256(text.encode()).hexdigest()[:_LENGTH]
+
+
+def digest_of_records(records: Iterable[object]) -> str:
+    """Return the SHA-256 (hex) of records in their order."""
+    return hashlib.sha256("\n".join(map(record_digest, records)).encode()).hexdigest()
+
+
+def digest_of_observations(observations: PhotoObservations) -> str:
+    """Return the SHA-256 (hex) of photo observations; fast for millions."""
+    digest = hashlib.sha256()
+    names: Sequence[Sequence[str]] = (observations.photos, observations.points)
+    for each in names:
+        digest.update("\n".join(each).encode())
+    for array in (observations.measured, observations.errors, observations.disregarded):
+        digest.update(array.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,89 @@
+"""All records of orip.toml against those of the stores: what the stores should hold, and what stands against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from orip.errors import Complaint, InputError
+from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.names import record_key
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import Project
+from orip.workflow.records.reconcile import Change, Conflict, Prefer, reconcile
+
+_POLYNOMIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class TextApplied:
+    """The definitions after orip.toml is applied, what that changes, and a complaint for every conflict."""
+
+    definitions: StoredDefinitions
+    changes: tuple[Change, ...]
+    complaints: tuple[Complaint, ...]
+
+
+def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) -> TextApplied:
+    """Apply the records of orip.toml to those of the stores; nothing is written."""
+    text, name = project.definition, project.definition.name
+    cameras = reconcile(
+        "camera", [with_polynomial(each) for each in text.cameras], old.cameras, name, prefer, shared=True
+    )
+    temticks = reconcile("temtick", text.temticks, old.temticks, name, prefer, shared=True)
+    templates = reconcile("template", text.templates, old.templates, name, prefer, shared=False)
+    photos = reconcile("photo", text.photos, old.photos, name, prefer, shared=False)
+    bundles = reconcile("bundle", text.bundles, old.bundles, name, prefer, shared=False)
+    outcomes = (cameras, temticks, templates, photos, bundles)
+    return TextApplied(
+        StoredDefinitions(cameras.records, temticks.records, templates.records, photos.records, bundles.records),
+        tuple(change for each in outcomes for change in each.changes),
+        tuple(_complaints(project, (conflict for each in outcomes for conflict in each.conflicts))),
+    )
+
+
+def with_polynomial(camera: Camera) -> Camera:
+    """Return the camera with its distortion taken to the polynomial, if it was given in another form.
+
+    Raises
+    ------
+    InputError
+        If that form has no polynomial.
+    """
+    if camera.distortion_isp is None and camera.distortion_curve is None:
+        return camera
+    try:
+        polynomial = _polynomial(camera)
+    except (ValueError, ArithmeticError) as fault:
+        form = "distortion_curve" if camera.distortion_isp is None else "distortion_isp"
+        message = f"{form} of camera '{camera.name}' has no polynomial ({fault}); correct it"
+        raise InputError.single(message) from fault
+    parameters = list(camera.parameters)
+    parameters[_POLYNOMIAL] = polynomial
+    return replace(camera, parameters=tuple(parameters))
+
+
+def _polynomial(camera: Camera) -> list[float]:
+    if camera.distortion_isp is not None:
+        coefficients = polynomial_from_isp(camera.distortion_isp)
+    else:
+        coefficients, _ = polynomial_from_curve(camera.distortion_curve or ())
+    polynomial: list[float] = coefficients.tolist()
+    if not all(map(math.isfinite, polynomial)):
+        message = "its numbers are too large"
+        raise ArithmeticError(message)
+    return polynomial
+
+
+def _complaints(project: Project, conflicts: Iterable[Conflict]) -> list[Complaint]:
+    remedy = "keep one of them with 'orip init --prefer text' or 'orip init --prefer store'"
+    return [
+        Complaint(
+            f"{conflict.kind} {conflict.name} {conflict.text}; {remedy}",
+            project.shown(project.text),
+            project.lines.get((conflict.kind, record_key(conflict.name))),
+        )
+        for conflict in conflicts
+    ]

@@ -1,0 +1,115 @@
+"""The distortion curve of a camera: its polynomial over the radius, and the form that it was given in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import UsageError
+from orip.files.stores.transaction import reading
+from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
+from orip.interior.frame import frame_corners
+from orip.interior.known_names import near_names
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.names import record_key
+from orip.workflow.project.definitions import read_definitions, require_initialised
+from orip.workflow.project.folder import open_project
+
+DistortionForm = Literal["polynomial", "isp", "curve"]
+
+_RADIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
+_RADII = 61
+
+
+@dataclass(frozen=True, slots=True)
+class DistortionCurve:
+    """Radial distortion of a camera.
+
+    Parameters
+    ----------
+    camera : str
+    form : {"polynomial", "isp", "curve"}
+        How it was given.
+    coefficients : (A1, A3, A5, A7)
+    isp : (R0, A1, A2, A3) or None
+        The same curve in the form of the ISP regulations; None where it has none.
+    radius, distortion : arrays (n,)
+        The polynomial, mm.
+    given_radius, given : arrays (k,)
+        Points of the curve that it was given as, mm; none in other forms.
+    residual : array (k,)
+        Polynomial minus given, mm.
+    """
+
+    camera: str
+    form: DistortionForm
+    coefficients: tuple[float, ...]
+    isp: tuple[float, float, float, float] | None
+    radius: FloatArray
+    distortion: FloatArray
+    given_radius: FloatArray
+    given: FloatArray
+    residual: FloatArray
+
+
+def distortion_curve(folder: Path, name: str, largest_radius: float | None = None) -> DistortionCurve:
+    """Return the distortion curve of a camera as its store has it.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    largest_radius : float or None
+        mm; None: to the corner of the frame that is farthest from the principal point, and to all given points.
+
+    Raises
+    ------
+    InputError
+        If the project has no stores yet.
+    UsageError
+        If there is no such camera, or nothing tells how far its photos reach.
+    """
+    project = open_project(folder)
+    with reading(project.record_stores) as stores:
+        definitions = read_definitions(project, stores)
+    require_initialised(project, definitions)
+    cameras = definitions.by_name().cameras
+    camera = cameras.get(record_key(name))
+    if camera is None:
+        message = f"there is no camera {name}; {near_names(name, (each.name for each in cameras.values()))}"
+        raise UsageError(message)
+    coefficients = camera.parameters[_RADIAL]
+    points = np.array(camera.distortion_curve or (), dtype=np.float64).reshape(-1, 2)
+    reach = largest_radius if largest_radius is not None else _reach(camera, points[:, 0])
+    if not 0.0 < reach < np.inf:
+        message = f"nothing tells how far photos of camera {camera.name} reach; give the radius in mm with --radius"
+        raise UsageError(message)
+    radius = np.linspace(0.0, reach, _RADII)
+    form: DistortionForm = "isp" if camera.distortion_isp else "curve" if camera.distortion_curve else "polynomial"
+    return DistortionCurve(
+        camera.name, form, coefficients, camera.distortion_isp or _isp(coefficients),
+        radius, curve_from_polynomial(coefficients, radius),
+        points[:, 0], points[:, 1], curve_from_polynomial(coefficients, points[:, 0]) - points[:, 1],
+    )  # fmt: skip
+
+
+def _isp(coefficients: Sequence[float]) -> tuple[float, float, float, float] | None:
+    try:
+        return isp_from_polynomial(coefficients)
+    except ValueError:
+        return None
+
+
+def _reach(camera: Camera, given: FloatArray) -> float:
+    """Return the largest radius (mm) on the frame, or of the points of the curve; 0 where there is neither."""
+    largest = float(given.max(initial=0.0))
+    corners = frame_corners(camera)
+    if corners is not None:
+        farthest = np.maximum(*(np.abs(corner - camera.parameters[1:3]) for corner in corners))
+        largest = max(largest, float(np.hypot(*farthest)))
+    return largest

@@ -1,0 +1,117 @@
+"""The records of the stores as a document of orip.toml, and back: edits of records are checked as their text would be.
+
+So each rule and message of orip.toml holds for records that are edited by a command, and stands in one place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from orip.errors import Complaint, InputError, ProjectWarning
+from orip.files.project.reader import parse_project
+from orip.files.project.text import TomlTable, project_document, project_text
+from orip.files.stores.definitions import Named, StoredRecord
+from orip.records.camera import Camera
+from orip.records.names import record_key
+from orip.records.project import ProjectDefinition
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import MOST_BUNDLES, Project
+from orip.workflow.records.apply_text import with_polynomial
+
+T = TypeVar("T", bound=Named)
+
+_LINE = re.compile(r" on line \d+")
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedDocument:
+    """The definition that a document gives, distortions taken to the polynomial, and what to know of it."""
+
+    definition: ProjectDefinition
+    warnings: tuple[ProjectWarning, ...]
+
+
+def stored_definition(project: Project, stored: StoredDefinitions) -> ProjectDefinition:
+    """Return the project with the records of the stores in place of those of orip.toml."""
+    return replace(
+        project.definition,
+        cameras=tuple(in_given_form(each.record) for each in stored.cameras),
+        temticks=tuple(each.record for each in stored.temticks),
+        templates=tuple(each.record for each in stored.templates),
+        photos=tuple(each.record for each in stored.photos),
+        bundles=tuple(each.record for each in stored.bundles),
+    )
+
+
+def in_given_form(camera: Camera) -> Camera:
+    """Return the camera without the form that its distortion was given in, if it no longer says what the polynomial is.
+
+    Of a camera with such a form the polynomial is computed, so the other coefficients are 0.
+    """
+    with suppress(InputError):  # a form that no text may have
+        if with_polynomial(camera) == camera:
+            return camera
+    return replace(camera, distortion_isp=None, distortion_curve=None)
+
+
+def stored_document(project: Project, stored: StoredDefinitions) -> TomlTable:
+    """Return the records of the stores as a document of orip.toml."""
+    return project_document(stored_definition(project, stored))
+
+
+def checked(document: Mapping[str, Any], faults: Sequence[str] = ()) -> CheckedDocument:
+    """Check a document as orip.toml is checked; `faults` are what is known to be wrong already.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong. Nobody has seen the text, so its lines are not told.
+    """
+    parsed = parse_project(project_text(document))
+    complaints = [Complaint(fault) for fault in (*faults, *(_without_line(each.message) for each in parsed.complaints))]
+    bundles = len(document["bundle"])
+    if bundles > MOST_BUNDLES:
+        message = f"the project would have {bundles} bundles, at most {MOST_BUNDLES} are possible; delete another first"
+        complaints.append(Complaint(message))
+    if complaints or parsed.records is None:
+        raise InputError(complaints)
+    definition = parsed.records.definition
+    definition = replace(definition, cameras=tuple(map(with_polynomial, definition.cameras)))
+    warnings = tuple(replace(each, where="", text=_without_line(each.text)) for each in parsed.warnings)
+    return CheckedDocument(definition, warnings)
+
+
+def bound(
+    definition: ProjectDefinition, document: Mapping[str, Any], before: Mapping[str, Any], stored: StoredDefinitions
+) -> StoredDefinitions:
+    """Return the records of an edited document as the stores should hold them.
+
+    A record whose table is as it was stays what it is; an edited one stays bound to the text that it came from, so that
+    `orip init` knows it as changed in the store. One of a new name has no text.
+    """
+
+    def of_kind(kind: str, records: Sequence[T], known: Iterable[StoredRecord[T]]) -> tuple[StoredRecord[T], ...]:
+        by_key = {record_key(each.record.name): each for each in known}
+        tables = {record_key(each["name"]): each for each in before[kind]}
+        found = []
+        for record, table in zip(records, document[kind], strict=True):
+            key = record_key(record.name)
+            old = by_key.get(key, StoredRecord(record))
+            found.append(old if tables.get(key) == table else replace(old, record=record))
+        return tuple(found)
+
+    return StoredDefinitions(
+        of_kind("camera", definition.cameras, stored.cameras),
+        of_kind("temtick", definition.temticks, stored.temticks),
+        of_kind("template", definition.templates, stored.templates),
+        of_kind("photo", definition.photos, stored.photos),
+        of_kind("bundle", definition.bundles, stored.bundles),
+    )
+
+
+def _without_line(message: str) -> str:
+    return _LINE.sub("", message)

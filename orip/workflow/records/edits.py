@@ -1,0 +1,217 @@
+"""Edits of records in a document of orip.toml: add, edit, rename, copy, delete."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from orip.errors import InputError, UsageError
+from orip.files.project.assignments import with_assignments
+from orip.files.project.text import TomlTable
+from orip.files.text.shown import shown_token
+from orip.interior.known_names import listed_names
+from orip.records.names import name_fault, record_key
+from orip.workflow.records.changes import Renaming
+from orip.workflow.records.references import (
+    Place,
+    RecordKind,
+    delete_with_referents,
+    let_references_follow,
+    photos_follow,
+    records_of,
+    templates_follow,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Edited:
+    """A document after an edit.
+
+    Parameters
+    ----------
+    document : document of orip.toml
+    renaming : Renaming or None
+    known : str
+        Not empty: the record was there already, and this is to be said if it is not the very same.
+    faults : tuple of str
+        What was wrong with the words that values were given in.
+    """
+
+    document: TomlTable
+    renaming: Renaming | None = None
+    known: str = ""
+    faults: tuple[str, ...] = ()
+
+
+Edit = Callable[[TomlTable], Edited]
+"""An edit: gets a document of its own that it may change."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordName:
+    """Which record is meant: its kind, its name, and for a model its bundle (None: the project's only one)."""
+
+    kind: RecordKind
+    name: str
+    bundle: str | None = None
+
+
+def adding(record: RecordName, words: Sequence[str], before: str | None) -> Edit:
+    """Return the edit that adds a record, at the end or before another one."""
+
+    def edit(document: TomlTable) -> Edited:
+        _require_fit_name(record.kind, record.name)
+        table, faults = with_assignments(record.kind, {"name": record.name}, words)
+        return replace(_put(document, record, table, before), faults=faults)
+
+    return edit
+
+
+def copying(record: RecordName, name: str, words: Sequence[str]) -> Edit:
+    """Return the edit that adds a record with the values of another one, some of them changed."""
+
+    def edit(document: TomlTable) -> Edited:
+        table = copy.deepcopy(find(document, record).table) | {"name": name}
+        _require_fit_name(record.kind, name)
+        if record.kind == "template":
+            table.pop("photos", None)  # a photo is on one template
+        table, faults = with_assignments(record.kind, table, words)
+        return replace(_put(document, RecordName(record.kind, name, record.bundle), table, None), faults=faults)
+
+    return edit
+
+
+def editing(record: RecordName, words: Sequence[str]) -> Edit:
+    """Return the edit that changes values of a record."""
+
+    def edit(document: TomlTable) -> Edited:
+        place = find(document, record)
+        table, faults = with_assignments(record.kind, place.table, words)
+        _replace(document, place, table)
+        return Edited(document, faults=faults)
+
+    return edit
+
+
+def renaming(record: RecordName, name: str) -> Edit:
+    """Return the edit that gives a record another name, also wherever other records name it."""
+
+    def edit(document: TomlTable) -> Edited:
+        place = find(document, record)
+        _require_fit_name(record.kind, name)
+        old = place.table["name"]
+        if record_key(old) != record_key(name):
+            _refuse_known(document, record, name)
+        let_references_follow(document, record.kind, old, name)
+        place.table["name"] = name
+        return Edited(document, Renaming(record.kind, old, name, place.bundle))
+
+    return edit
+
+
+def deleting(record: RecordName) -> Edit:
+    """Return the edit that deletes a record and those that name it."""
+
+    def edit(document: TomlTable) -> Edited:
+        delete_with_referents(document, find(document, record))
+        return Edited(document)
+
+    return edit
+
+
+def find(document: Mapping[str, Any], record: RecordName) -> Place:
+    """Return a record of a document.
+
+    Raises
+    ------
+    UsageError
+        If it is not there.
+    """
+    names = []
+    bundle = bundle_of_models(document, record.bundle)["name"] if record.kind == "model" else ""
+    for place in records_of(document, record.kind):
+        if place.bundle == bundle:
+            names.append(place.table["name"])
+            if record_key(place.table["name"]) == record_key(record.name):
+                return place
+    message = f"there is no {record.kind} '{shown_token(record.name)}'; known are: {listed_names(names)}"
+    raise UsageError(message)
+
+
+def bundle_of_models(document: Mapping[str, Any], name: str | None) -> TomlTable:
+    """Return the bundle that a command on models is about: the only one, or that of the name.
+
+    Raises
+    ------
+    UsageError
+    """
+    bundles: list[TomlTable] = document["bundle"]
+    if name is None and len(bundles) == 1:
+        return bundles[0]
+    names = listed_names(each["name"] for each in bundles)
+    if name is None:
+        message = f"the stores hold {len(bundles)} bundles; name that of the models with --bundle: {names}"
+        raise UsageError(message)
+    for each in bundles:
+        if record_key(each["name"]) == record_key(name):
+            return each
+    message = f"there is no bundle '{shown_token(name)}'; known are: {names}"
+    raise UsageError(message)
+
+
+def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str | None) -> Edited:
+    """Put a record into its list; one of that name that is there already is replaced, for comparison."""
+    bundle = bundle_of_models(document, record.bundle) if record.kind == "model" else None
+    tables: list[TomlTable] = bundle.setdefault("model", []) if bundle is not None else document[record.kind]
+    for known in tables:
+        if record_key(known["name"]) == record_key(record.name):
+            message = (
+                f"{record.kind} {known['name']} is there already, with other values; change it with "
+                f"'orip {record.kind} edit', or choose another name"
+            )
+            kept = {key: known[key] for key in ("model",) if key in known and key not in table}
+            place = Place(record.kind, known, tables, bundle["name"] if bundle is not None else "")
+            _replace(document, place, {**table, **kept})
+            return Edited(document, known=message)
+    place = Place(record.kind, table, tables)
+    index = len(tables) if before is None else _index(document, RecordName(record.kind, before, record.bundle))
+    tables.insert(index, table)
+    _follow(document, place)
+    return Edited(document)
+
+
+def _index(document: TomlTable, record: RecordName) -> int:
+    place = find(document, record)
+    return next(index for index, table in enumerate(place.around) if table is place.table)
+
+
+def _replace(document: TomlTable, place: Place, table: TomlTable) -> None:
+    """Replace the values of a record; templates and photos go on saying the same of each other."""
+    place.table.clear()
+    place.table.update(table)
+    _follow(document, place)
+
+
+def _follow(document: TomlTable, place: Place) -> None:
+    if place.kind == "template":
+        photos_follow(document, place.table)
+    elif place.kind == "photo":
+        templates_follow(document)
+
+
+def _require_fit_name(kind: RecordKind, name: str) -> None:
+    fault = name_fault(name)
+    if fault is not None:
+        message = f"{kind} name: {fault}; write one word"
+        raise InputError.single(message)
+
+
+def _refuse_known(document: TomlTable, record: RecordName, name: str) -> None:
+    try:
+        place = find(document, RecordName(record.kind, name, record.bundle))
+    except UsageError:
+        return
+    message = f"{record.kind} {place.table['name']} is there already; choose another name, or delete it first"
+    raise InputError.single(message)

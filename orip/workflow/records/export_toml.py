@@ -1,0 +1,171 @@
+"""`orip export-toml`: a complete orip.toml from the record stores, the way back of `orip init`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from orip.errors import InputError, OripError, ProjectWarning, UsageError
+from orip.files.project.merge import merged_project_text
+from orip.files.project.text import project_document
+from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.transaction import reading
+from orip.files.text.atomic import replace_text
+from orip.files.text.lines import decode_lines, read_bytes
+from orip.records.names import record_key
+from orip.records.project import ProjectDefinition
+from orip.workflow.project.definitions import StoredDefinitions, read_definitions
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.records.apply_text import apply_text
+from orip.workflow.records.document import checked, stored_definition
+
+T = TypeVar("T", bound=Named)
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedToml:
+    """What `orip export-toml` did.
+
+    Parameters
+    ----------
+    project : Project
+    text : str
+        The project file.
+    path : Path or None
+        Where it was written; None: nowhere.
+    changed : bool
+        Whether the file there was another one.
+    backup : Path or None
+        Where the text is that was in its place before.
+    warnings : tuple of ProjectWarning
+    """
+
+    project: Project
+    text: str
+    path: Path | None
+    changed: bool
+    backup: Path | None
+    warnings: tuple[ProjectWarning, ...]
+
+
+def export_toml(folder: Path, output: Path | None = None, *, force: bool = False) -> ExportedToml:
+    """Bring the stores into the text: return a project file that says what they hold, and write it to a file.
+
+    Records that orip.toml already has as the stores hold them keep their lines, and others the comments above them.
+    Cameras and temticks of other projects in shared stores are left out, unless a record of this project names them.
+
+    Parameters
+    ----------
+    folder : Path
+    output : Path or None
+        Relative to the project folder.
+    force : bool
+        Also if there is another text of that name; it is kept beside it, with the ending .bak.
+
+    Raises
+    ------
+    InputError
+        If there are no stores, or their records are not fit for a project file.
+    UsageError
+        If there is another file of that name, without `force`.
+    LockedError
+    """
+    project = open_project(folder)
+    with reading(project.record_stores) as stores:
+        stored = read_definitions(project, stores)
+    if not any((stored.cameras, stored.temticks, stored.templates, stored.photos, stored.bundles)):
+        message = "the project has no record stores yet; run 'orip init' first"
+        raise InputError.single(message)
+    definition = stored_definition(project, _own(project, stored))
+    _require_fit(definition)
+    text = merged_project_text(_text_of(project), _without_polynomial(definition))
+    warnings = tuple(_not_applied(project, stored))
+    if output is None:
+        return ExportedToml(project, text, None, changed=False, backup=None, warnings=warnings)
+    path = project.folder / output
+    changed, backup = _write(project, path, text, force=force)
+    return ExportedToml(project, text, path, changed, backup, warnings)
+
+
+def _own(project: Project, stored: StoredDefinitions) -> StoredDefinitions:
+    """Return the records of this project alone."""
+    cameras = {record_key(each.record.camera) for each in stored.photos}
+    temticks = {record_key(each.record.temtick) for each in stored.templates}
+
+    def own(records: Sequence[StoredRecord[T]], named: set[str]) -> tuple[StoredRecord[T], ...]:
+        home = {None, project.definition.name}
+        return tuple(each for each in records if each.origin in home or record_key(each.record.name) in named)
+
+    return replace(stored, cameras=own(stored.cameras, cameras), temticks=own(stored.temticks, temticks))
+
+
+def _require_fit(definition: ProjectDefinition) -> None:
+    try:
+        checked(project_document(definition))
+    except InputError as error:
+        message = "the stores hold records that orip.toml may not have"
+        raise InputError([replace(each, message=f"{message}: {each.message}") for each in error.complaints]) from None
+
+
+def _without_polynomial(definition: ProjectDefinition) -> ProjectDefinition:
+    """Return the definition as a text is read: the polynomial is 0 where the distortion has another form."""
+    cameras = tuple(
+        replace(each, parameters=(*each.parameters[:3], *(0.0 for _ in each.parameters[3:])))
+        if each.distortion_isp is not None or each.distortion_curve is not None
+        else each
+        for each in definition.cameras
+    )
+    return replace(definition, cameras=cameras)
+
+
+def _text_of(project: Project) -> str:
+    data, _ = read_bytes(project.text, project.shown(project.text))
+    return "\n".join(decode_lines(data or b"", "").records)
+
+
+def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[ProjectWarning]:
+    """Warn of what the text says and the stores do not know, or no longer: the exported text has it from the stores."""
+    applied = apply_text(project, stored, prefer=None)
+    done: Mapping[str, str] = {
+        "added": "is in the text, but not in the stores: it is not exported",
+        "changed": "has changed in the text, which was not applied: what is exported is the store's",
+        "removed": "is gone from the text, but still in the stores: it is exported",
+        "detached": "is gone from the text, but still in the stores: it is exported",
+    }
+    shown = project.shown(project.text)
+    for change in applied.changes:
+        line = project.lines.get((change.kind, record_key(change.name)))
+        where = shown if line is None else f"{shown}:{line}"
+        yield ProjectWarning("not-applied", where, f"{change.kind} {change.name} {done[change.action]}")
+    for complaint in applied.complaints:
+        where = shown if complaint.line is None else f"{shown}:{complaint.line}"
+        conflict = complaint.message.partition(":")[0].partition(";")[0]
+        yield ProjectWarning("not-applied", where, f"{conflict}: what is exported is the store's")
+
+
+def _write(project: Project, path: Path, text: str, *, force: bool) -> tuple[bool, Path | None]:
+    shown = project.shown(path)
+    try:
+        old = path.read_bytes() if path.exists() else None
+        if old == text.encode():
+            return False, None
+        if old is not None and not force:
+            message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
+            raise UsageError(message)
+        backup = None
+        if old is not None:
+            backup = _free_name(path)
+            backup.write_bytes(old)
+        replace_text(path, text)
+    except OSError as error:
+        message = f"{shown} cannot be written: {error.strerror or error}; it is as it was"
+        raise OripError(message) from error
+    return True, backup
+
+
+def _free_name(path: Path) -> Path:
+    """Return a name for what is in the way: FILE.bak, FILE.bak2, ..."""
+    names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in range(1, 10_000))
+    return next(name for name in names if not name.exists())

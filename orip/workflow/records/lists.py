@@ -1,0 +1,171 @@
+"""`list` and `show` of the record commands: records as the stores hold them, and where each came from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orip.files.project.text import TomlTable
+from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.digest import record_digest
+from orip.files.stores.transaction import reading
+from orip.files.text.table import Column, table_lines
+from orip.records.names import record_key
+from orip.workflow.project.definitions import StoredDefinitions, read_definitions
+from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+from orip.workflow.records.apply_text import with_polynomial
+from orip.workflow.records.document import stored_document
+from orip.workflow.records.edits import RecordName, bundle_of_models, find
+from orip.workflow.records.references import Place, RecordKind, records_of, referents
+from orip.workflow.records.values import RecordValue, shown_value, values_of
+
+
+@dataclass(frozen=True, slots=True)
+class RecordRow:
+    """A record: its bundle (of a model), its name, its table of orip.toml, and where it came from."""
+
+    bundle: str
+    name: str
+    table: TomlTable
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordList:
+    """The records of a kind, and as text for people."""
+
+    rows: tuple[RecordRow, ...]
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRecord:
+    """A record with all its values, and what names it."""
+
+    row: RecordRow
+    values: tuple[RecordValue, ...]
+    named_by: tuple[str, ...]
+    text: str
+
+
+def list_records(folder: Path, kind: RecordKind, bundle: str | None = None) -> RecordList:
+    """Return the records of a kind in the order of their store; models of one bundle, or of all.
+
+    Raises
+    ------
+    InputError, UsageError, LockedError
+    """
+    project, stored, document = _stored(folder)
+    chosen = bundle_of_models(document, bundle)["name"] if bundle is not None else None
+    places = [each for each in records_of(document, kind) if chosen in {None, each.bundle}]
+    rows = tuple(_row(project, stored, each) for each in places)
+    headings = {"Name": "name", **_COLUMNS[kind]}
+    columns = [Column(title, [_cell(row.table, key) for row in rows], align="left") for title, key in headings.items()]
+    if kind == "model":
+        columns.insert(0, Column("Bundle", [row.bundle for row in rows], align="left"))
+    columns.append(Column("From", [row.source for row in rows], align="left"))
+    return RecordList(rows, "\n".join(table_lines(columns)) + "\n")
+
+
+def show_record(folder: Path, record: RecordName) -> ShownRecord:
+    """Return a record with all its values; raises what `list_records` does."""
+    project, stored, document = _stored(folder)
+    place = find(document, record)
+    row = _row(project, stored, place)
+    values = tuple(values_of(record.kind, place.table, project.definition.ground_unit))
+    named_by = tuple(f"{each.kind} {each.name}" for each in referents(document, record.kind, place.table["name"]))
+    lines = [f"{record.kind} {place.name}", *_value_lines(values), "", f"  from      {row.source}"]
+    lines.append(f"  named by  {', '.join(named_by) or 'no record'}")
+    return ShownRecord(row, values, named_by, "\n".join(lines) + "\n")
+
+
+def _stored(folder: Path) -> tuple[Project, StoredDefinitions, TomlTable]:
+    project = open_project(folder)
+    with reading(project.record_stores) as stores:
+        stored = read_definitions(project, stores)
+    return project, stored, stored_document(project, stored)
+
+
+def _value_lines(values: Iterable[RecordValue]) -> list[str]:
+    listed = list(values)
+    columns = [
+        Column("Key", [each.key for each in listed], align="left"),
+        Column("Value", [each.text for each in listed], align="left"),
+        Column("Unit", [each.unit for each in listed], align="left"),
+    ]
+    return table_lines(columns)
+
+
+def _cell(table: Mapping[str, Any], key: str | Callable[[Mapping[str, Any]], str]) -> str:
+    return shown_value(table.get(key)) if isinstance(key, str) else key(table)
+
+
+def _distortion(table: Mapping[str, Any]) -> str:
+    forms = {"distortion": "polynomial", "distortion_isp": "ISP", "distortion_curve": "curve"}
+    return next((forms[key] for key in forms if key in table), "none")
+
+
+def _marks(table: Mapping[str, Any]) -> str:
+    return "sensor" if "sensor" in table else str(len(table.get("fiducials", ())))
+
+
+_COLUMNS: dict[RecordKind, dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
+    "camera": {
+        "C (mm)": "c",
+        "DX, DY (mm)": "principal_point",
+        "Distortion": _distortion,
+        "Fiducials": _marks,
+        "Unknown": "unknown",
+    },
+    "temtick": {"Ticks": lambda table: str(len(table.get("ticks", ())))},
+    "template": {"Temtick": "temtick", "Stage": "stage", "Photos": "photos"},
+    "photo": {
+        "Camera": "camera",
+        "Template": "template",
+        "X0": "X0",
+        "Y0": "Y0",
+        "Z0": "Z0",
+        "OMEGA": "OMEGA",
+        "PHI": "PHI",
+        "KAPPA": "KAPPA",
+        "Constant": "constant",
+    },
+    "bundle": {
+        "Precision": "measurement_precision",
+        "Datum": "datum",
+        "Models": lambda table: str(len(table.get("model", ()))),
+    },
+    "model": {"Left": "left", "Right": "right", "Row": "row", "Column": "column"},
+}
+"""Columns of a list: heading, and the key of the value or what makes the text."""
+
+
+def _row(project: Project, stored: StoredDefinitions, place: Place) -> RecordRow:
+    kind, name = ("bundle", place.bundle) if place.kind == "model" else (place.kind, place.table["name"])
+    known: tuple[StoredRecord[Named], ...] = getattr(stored, f"{kind}s")
+    record = next(each for each in known if record_key(each.record.name) == record_key(name))
+    return RecordRow(place.bundle, place.table["name"], place.table, _source(project, kind, record))
+
+
+def _source(project: Project, kind: str, stored: StoredRecord[Named]) -> str:
+    """Say where a record came from, and whether it or the text has changed since."""
+    if stored.text_digest is None:
+        return "no text"
+    kept, key = record_digest(stored.record), record_key(stored.record.name)
+    changed = ["in the store"] if kept != stored.text_digest else []
+    line = project.lines.get((kind, key))
+    if stored.origin != project.definition.name:
+        place = f"project {stored.origin}"
+    elif line is None:
+        place = f"{PROJECT_FILE} as it was"
+    else:
+        place = f"{PROJECT_FILE}:{line}"
+        records: tuple[Named, ...] = getattr(project.definition, f"{kind}s")
+        text: Any = next(each for each in records if record_key(each.name) == key)
+        now = record_digest(with_polynomial(text) if kind == "camera" else text)
+        changed += ["in the text"] if now != stored.text_digest else []
+        if now == kept:
+            return place
+    return f"{place}, changed {' and '.join(changed)}" if changed else place

@@ -1,0 +1,145 @@
+"""What is measured of a record, when the record gets another name or is deleted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import InputError
+from orip.files.stores import observations, photos, templates
+from orip.files.stores.provenance import run_of, set_run
+from orip.files.stores.store import Store
+from orip.files.stores.transaction import Stores
+from orip.records.measurement import PhotoObservations
+from orip.records.names import record_key
+from orip.workflow.project.folder import Project
+from orip.workflow.records.changes import Renaming
+from orip.workflow.records.references import RecordKind
+
+
+def is_written(path: Path) -> bool:
+    """Tell whether there is a store to read and to change; one that is absent is not to be made."""
+    return path.is_file() and path.stat().st_size > 0
+
+
+def measurements_of(
+    project: Project, stores: Stores, bundles: Sequence[str], kind: RecordKind, name: str
+) -> Iterator[str]:
+    """Say what is measured of a record."""
+    key = record_key(name)
+    if kind == "photo" and (photo := photos.read_orientations(stores[project.photos]).get(key)) is not None:
+        yield _counted(len(photo.marks.names), "measured fiducial mark")
+    if kind == "template":
+        found = templates.read_orientations(stores[project.templates]).get(key)
+        if found is not None:
+            yield _counted(len(found.marks.names), "measured tick mark")
+    for bundle, measured in _observed(project, stores, bundles):
+        if kind == "bundle" and record_key(bundle) == key and measured.points:
+            yield _counted(len(measured.points), "measured photo point")
+        if kind == "photo" and (count := sum(record_key(photo) == key for photo in measured.photos)):
+            yield f"{_counted(count, 'measured photo point')} of {bundle}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def rename_measurements(project: Project, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:
+    """Let what is measured have the new name of its photo, template or bundle."""
+    key, new = record_key(renaming.old), renaming.new
+    if renaming.kind == "template":
+        _write_templates(project, stores, lambda name: new if record_key(name) == key else name)
+    if renaming.kind == "photo":
+        _write_photos(project, stores, bundles, lambda name: new if record_key(name) == key else name)
+    if renaming.kind == "bundle":
+        _rename_observations(project, stores, renaming)
+
+
+def delete_measurements(
+    project: Project, stores: Stores, bundles: Sequence[str], kind: RecordKind, names: Iterable[str]
+) -> None:
+    """Take out what is measured of records."""
+    keys = {record_key(name) for name in names}
+    if not keys:
+        return
+    if kind == "template":
+        _write_templates(project, stores, lambda name: None if record_key(name) in keys else name)
+    if kind == "photo":
+        _write_photos(project, stores, bundles, lambda name: None if record_key(name) in keys else name)
+    if kind == "bundle":
+        for bundle, _ in _observed(project, stores, bundles):
+            if record_key(bundle) in keys:
+                _empty(stores[project.observations(bundle)])
+
+
+_NewName = Callable[[str], str | None]
+"""The name that a record will have; None: it will be gone."""
+
+
+def _write_templates(project: Project, stores: Stores, new_name: _NewName) -> None:
+    store = stores[project.templates]
+    old = list(templates.read_orientations(store).values())
+    new = [replace(each, template=name) for each in old if (name := new_name(each.template)) is not None]
+    if [each.template for each in new] != [each.template for each in old]:
+        templates.write_orientations(store, new)
+
+
+def _write_photos(project: Project, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
+    store = stores[project.photos]
+    old = list(photos.read_orientations(store).values())
+    new = [replace(each, photo=name) for each in old if (name := new_name(each.photo)) is not None]
+    if [each.photo for each in new] != [each.photo for each in old]:
+        photos.write_orientations(store, new)
+    for bundle, measured in _observed(project, stores, bundles):
+        found = _with_photos(measured, new_name)
+        if found.photos != measured.photos:
+            observations.write(stores[project.observations(bundle)], found)
+
+
+def _with_photos(measured: PhotoObservations, new_name: _NewName) -> PhotoObservations:
+    names = {photo: new_name(photo) for photo in dict.fromkeys(measured.photos)}
+    kept = np.array([names[photo] is not None for photo in measured.photos], dtype=bool)
+    rows = np.flatnonzero(kept).tolist()
+    return replace(
+        measured,
+        photos=tuple(name for photo in measured.photos if (name := names[photo]) is not None),
+        points=tuple(measured.points[row] for row in rows),
+        measured=measured.measured[kept],
+        errors=measured.errors[kept],
+        disregarded=measured.disregarded[kept],
+    )
+
+
+def _rename_observations(project: Project, stores: Stores, renaming: Renaming) -> None:
+    old, new = project.observations(renaming.old), project.observations(renaming.new)
+    if not is_written(old):
+        return
+    store = stores[old]
+    measured = observations.read(store)
+    if measured is None:
+        return
+    if new.resolve() != old.resolve() and observations.read(stores[new]) is not None:
+        message = f"{project.shown(new)} holds photo observations already; move it away"
+        raise InputError.single(message)
+    observations.write(stores[new], replace(measured, bundle=renaming.new))
+    if new.resolve() != old.resolve():
+        set_run(stores[new], run_of(store))
+        _empty(store)
+
+
+def _empty(store: Store) -> None:
+    store.delete(observations.BUNDLE)
+    store.delete(observations.OBSERVATION)
+
+
+def _observed(project: Project, stores: Stores, bundles: Iterable[str]) -> Iterator[tuple[str, PhotoObservations]]:
+    """Iterate over the bundles that have photo observations."""
+    for bundle in bundles:
+        path = project.observations(bundle)
+        if is_written(path):
+            found = observations.read(stores[path])
+            if found is not None:
+                yield bundle, found

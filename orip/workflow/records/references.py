@@ -1,0 +1,118 @@
+"""Which records name which others, and how references follow when records change.
+
+A model names its two photos, a photo its camera and its template, a template its tick marks. The list of photos that a
+template has says the same as the photos do, and follows them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from orip.files.project.text import TomlTable
+from orip.records.names import record_key
+
+RecordKind = Literal["camera", "temtick", "photo", "template", "bundle", "model"]
+
+_REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
+    ("photo", "camera", "camera"),
+    ("template", "temtick", "temtick"),
+    ("photo", "template", "template"),
+    ("model", "left", "photo"),
+    ("model", "right", "photo"),
+)
+"""Kind of record, its key that names another one, and the kind of that one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A record in a document: its kind, its table, the list of tables that it is in, and the bundle of a model."""
+
+    kind: RecordKind
+    table: TomlTable
+    around: list[TomlTable]
+    bundle: str = ""
+
+    @property
+    def name(self) -> str:
+        """Return the name of the record; that of a model with its bundle."""
+        return f"{self.bundle} {self.table['name']}".strip()
+
+
+def records_of(document: Mapping[str, Any], kind: RecordKind) -> Iterator[Place]:
+    """Iterate over the records of a kind."""
+    if kind != "model":
+        for table in document[kind]:
+            yield Place(kind, table, document[kind])
+        return
+    for bundle in document["bundle"]:
+        for table in bundle.get("model", ()):
+            yield Place(kind, table, bundle["model"], bundle["name"])
+
+
+def referents(document: Mapping[str, Any], kind: RecordKind, name: str) -> list[Place]:
+    """Return the records that name a record."""
+    found: dict[int, Place] = {}
+    for where, key, what in _REFERENCES:
+        if what == kind:
+            named = (each for each in records_of(document, where) if _names(each.table, key, name))
+            found |= {id(each.table): each for each in named}
+    return list(found.values())
+
+
+def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: str, new: str) -> None:
+    """Write the new name of a record wherever its old one stands."""
+    for where, key, what in _REFERENCES:
+        if what == kind:
+            for each in records_of(document, where):
+                if _names(each.table, key, old):
+                    each.table[key] = new
+    if kind == "photo":
+        for template in document["template"]:
+            if "photos" in template:
+                template["photos"] = [
+                    new if record_key(photo) == record_key(old) else photo for photo in template["photos"]
+                ]
+
+
+def delete_with_referents(document: Mapping[str, Any], place: Place) -> None:
+    """Take a record out, and before it those that name it."""
+    for each in referents(document, place.kind, place.table["name"]):
+        delete_with_referents(document, each)
+    place.around[:] = [table for table in place.around if table is not place.table]
+    templates_follow(document)
+
+
+def templates_follow(document: Mapping[str, Any]) -> None:
+    """Let templates list the photos that name them, those that they had first."""
+    on: dict[str, dict[str, str]] = {}
+    for photo in document["photo"]:
+        if "template" in photo:
+            on.setdefault(record_key(photo["template"]), {})[record_key(photo["name"])] = photo["name"]
+    for template in document["template"]:
+        there = on.get(record_key(template["name"]), {})
+        kept = [there[record_key(photo)] for photo in template.get("photos", ()) if record_key(photo) in there]
+        photos = list(dict.fromkeys([*kept, *there.values()]))
+        if photos:
+            template["photos"] = photos
+        else:
+            template.pop("photos", None)
+
+
+def photos_follow(document: Mapping[str, Any], template: TomlTable) -> None:
+    """Let photos name the template that lists them, and those that it no longer lists name none."""
+    listed = {record_key(str(photo)) for photo in template.get("photos", ())}
+    for photo in document["photo"]:
+        here = record_key(str(photo.get("template", ""))) == record_key(template["name"])
+        if record_key(photo["name"]) in listed:
+            photo["template"] = photo["template"] if here else template["name"]
+        elif here:
+            del photo["template"]
+    for other in document["template"]:
+        if other is not template and "photos" in other:
+            other["photos"] = [photo for photo in other["photos"] if record_key(photo) not in listed]
+
+
+def _names(table: TomlTable, key: str, name: str) -> bool:
+    return record_key(str(table.get(key, ""))) == record_key(name)

@@ -1,0 +1,120 @@
+"""A bundle that gets another name: its solution and its preliminary coordinates follow, what is named after it goes.
+
+What is measured of it follows in `orip.workflow.records.measurements`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from orip.errors import InputError, OripError, ProjectWarning
+from orip.files.stores import solutions
+from orip.files.stores.transaction import Stores
+from orip.files.text.atomic import replace_text
+from orip.records.names import record_key
+from orip.records.solution import Solution
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import Project
+from orip.workflow.project.run_id import digest_of_records, run_id
+from orip.workflow.records.changes import Renaming
+
+
+def rename_solution(
+    project: Project, stores: Stores, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
+) -> None:
+    """Give the solution of a bundle its new name.
+
+    It stays as current as it was. Its run id is another one, so that the listings under the old name are written again.
+    """
+    store = stores[project.exterior]
+    solution = solutions.read(store, renaming.old)
+    if solution is None:
+        return
+    solutions.delete(store, renaming.old)
+    inputs = _renamed_inputs(project, solution, renaming, before, after)
+    run = run_id("rename", solution.run, renaming.new)
+    solutions.write(store, replace(solution, bundle=renaming.new, inputs=inputs, run=run))
+
+
+def _renamed_inputs(
+    project: Project, solution: Solution, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
+) -> tuple[tuple[str, str], ...]:
+    """Return what a solution depends on, with the names of now; what had changed since still differs."""
+    old, new = renaming.old, renaming.new
+    names = {
+        project.shown(project.observations(old)): project.shown(project.observations(new)),
+        project.shown(project.preliminary(old)): project.shown(project.preliminary(new)),
+    }
+    digests = {digest_of_records([before.bundle(old)]): digest_of_records([after.bundle(new)])}
+    return tuple((names.get(name, name), digests.get(digest, digest)) for name, digest in solution.inputs)
+
+
+def require_free_file(project: Project, renaming: Renaming) -> None:
+    """Refuse a name that would take preliminary coordinates which are there already.
+
+    Raises
+    ------
+    InputError
+    """
+    old, new = project.preliminary(renaming.old), project.preliminary(renaming.new)
+    if record_key(renaming.old) == record_key(renaming.new) or not new.is_file():
+        return
+    if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
+        message = f"{project.shown(new)} is there already; move it away, or choose another name"
+        raise InputError.single(message)
+
+
+def copy_preliminary(project: Project, renaming: Renaming) -> None:
+    """Copy BUNDLE.PRE before the commit; the old one is removed after it: at no instant are its points lost.
+
+    Raises
+    ------
+    OripError
+        If the file cannot be read or written.
+    """
+    old = project.preliminary(renaming.old)
+    if not old.is_file():
+        return
+    new = project.preliminary(renaming.new)
+    try:
+        replace_text(new, old.read_bytes().decode("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        message = f"{project.shown(old)} cannot be copied to {project.shown(new)}: {error}; nothing was renamed"
+        raise OripError(message) from error
+
+
+def remove_files_of_old_name(project: Project, renaming: Renaming) -> tuple[ProjectWarning, ...]:
+    """Remove what is named after a bundle that is called otherwise now, and say which results those were."""
+    if renaming.old == renaming.new:
+        return ()
+    remove_files([project.observations(renaming.old), project.preliminary(renaming.old)])
+    kept = _results(project, renaming.new)
+    results = [path for path in _results(project, renaming.old) if path not in kept and path.is_file()]
+    if not results:
+        return ()
+    remove_files(results)
+    text = (
+        f"{', '.join(map(project.shown, results))} had the old name and {'is' if len(results) == 1 else 'are'} gone; "
+        f"as soon as orip.toml has the new one, 'orip init' writes the listings, 'orip prelim', 'orip drive table' and "
+        f"'orip report' write the rest"
+    )
+    return (ProjectWarning("renamed-bundle", "", text),)
+
+
+def _results(project: Project, bundle: str) -> Sequence[Path]:
+    return (
+        *project.outputs(bundle).all,
+        project.preliminary_listing(bundle),
+        project.report(bundle),
+        project.beside_photos(bundle, "DRV"),
+    )
+
+
+def remove_files(paths: Sequence[Path]) -> None:
+    """Remove files that are of no use any more, as far as that is possible: empty stores, copies, results."""
+    for path in paths:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
