@@ -22,10 +22,10 @@ from time import process_time
 from typing import Literal
 
 import numpy as np
-from preliminary_blocks import FAMILIES, simulated_records
-from preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
+from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
+from monte_carlo.preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
+from monte_carlo.simulated_blocks import solved
 from scipy.spatial.transform import Rotation
-from simulated_blocks import solved
 from threadpoolctl import threadpool_limits
 
 from orip.adjustment.convergence import Termination
