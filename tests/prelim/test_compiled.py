@@ -81,7 +81,8 @@ def test_intersection(without_loops) -> None:
     assert mine.weight_factors == pytest.approx(theirs.weight_factors, abs=1e-9)
     assert np.count_nonzero(theirs.weight_factors < 0.5) >= BLUNDERS // 2
     assert mine.angles == pytest.approx(theirs.angles, abs=1e-12)
-    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-12)
+    # no better than the weight factors that it is made with
+    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 4, 6, 40])
