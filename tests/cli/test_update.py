@@ -14,8 +14,8 @@ from orip.files.stores import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
 
 KINDS = ("cameras", "photos", "points")
-ZURICH = REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall"
-DCS260 = REPOSITORY / "orip" / "sample_projects" / "dcs260_calibration"
+ZURICH = REPOSITORY / "sample_projects" / "zurich_city_hall"
+DCS260 = REPOSITORY / "sample_projects" / "dcs260_calibration"
 
 pytestmark = pytest.mark.usefixtures("adjusted")
 

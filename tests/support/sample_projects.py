@@ -7,7 +7,7 @@ from pathlib import Path
 
 from workflow.small_projects import REPOSITORY
 
-SAMPLES = REPOSITORY / "orip" / "sample_projects"
+SAMPLES = REPOSITORY / "sample_projects"
 _RESULTS = shutil.ignore_patterns("*.OUT", "*.EXT", "*.EXO", "*.PHO", "*.TEM", "*.CAM", "*.TIK", "*.json", "*.csv")
 
 
