@@ -79,15 +79,15 @@ class UnknownNameError(UsageError, KeyError):
 
     Parameters
     ----------
-    kind : str
-        What the name should be of, such as "point".
     name : object
         What was asked for.
+    kind : str
+        What the name should be of, such as "point".
     known : sequence of str
         The names that there are.
     """
 
-    def __init__(self, kind: str, name: object, known: Sequence[str]) -> None:
+    def __init__(self, name: object, kind: str, known: Sequence[str]) -> None:
         near = difflib.get_close_matches(str(name)[:_LONGEST_COMPARED], known[:_MOST_COMPARED], 1)
         remedy = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known[:_MOST_LISTED])}"
         more = f" and {len(known) - _MOST_LISTED} more" if not near and len(known) > _MOST_LISTED else ""

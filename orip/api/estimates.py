@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
@@ -112,12 +113,11 @@ class AdjustedCamera:
 class _ByName(Mapping[str, Estimate], Generic[Estimate]):
     """Estimates by the names of their records, in the order of the block."""
 
-    kind: str
-    key = staticmethod(record_key)
+    _kind: str
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
-        self._rows = {self.key(name): row for row, name in enumerate(self.names)}
+        self._rows = {self._key(name): row for row, name in enumerate(self.names)}
 
     def __getitem__(self, name: str) -> Estimate:
         """Return one of them.
@@ -137,10 +137,16 @@ class _ByName(Mapping[str, Estimate], Generic[Estimate]):
 
     def row(self, name: str) -> int:
         """Return in which row of the arrays a record is."""
-        return row_of(name, self.names, self.kind, self.key, self._rows)
+        return row_of(name, self.names, self._kind, self._key, self._rows)
 
+    @staticmethod
+    def _key(name: str) -> str:
+        """Return a name as it is compared: case does not count."""
+        return record_key(name)
+
+    @abstractmethod
     def _at(self, row: int) -> Estimate:
-        raise NotImplementedError
+        """Return the estimate in a row."""
 
 
 class AdjustedPoints(_ByName[AdjustedPoint]):
@@ -152,13 +158,13 @@ class AdjustedPoints(_ByName[AdjustedPoint]):
     kinds : tuple of str, length n
         "control", "check", "rejected" or "tie".
     rays : array (n,) of int
-    coordinates, deviations : arrays (n, 3)
+    coordinates : array (n, 3)
+    deviations : array (n, 3)
     covariances : array (n, 3, 3)
         As those of an `AdjustedPoint`.
     """
 
-    kind = "point"
-    key = staticmethod(str)
+    _kind = "point"
 
     def __init__(
         self,
@@ -175,6 +181,11 @@ class AdjustedPoints(_ByName[AdjustedPoint]):
         self.coordinates = coordinates
         self.deviations = deviations
         self.covariances = _covariances(deviations, correlations)
+
+    @staticmethod
+    def _key(name: str) -> str:
+        """Return a name as it is compared: as it is."""
+        return name
 
     def _at(self, row: int) -> AdjustedPoint:
         return AdjustedPoint(
@@ -194,12 +205,13 @@ class AdjustedPhotos(_ByName[AdjustedPhoto]):
     ----------
     names : tuple of str, length n
         Case does not count in ``photos[name]``.
-    orientations, deviations : arrays (n, 6)
+    orientations : array (n, 6)
+    deviations : array (n, 6)
     rotations_about_axes : array (n,) of bool
         As those of an `AdjustedPhoto`.
     """
 
-    kind = "photo"
+    _kind = "photo"
 
     def __init__(
         self,
@@ -230,7 +242,7 @@ class AdjustedCameras(_ByName[AdjustedCamera]):
     names : tuple of str
     """
 
-    kind = "camera"
+    _kind = "camera"
 
     def __init__(self, cameras: Sequence[AdjustedCamera]) -> None:
         super().__init__([camera.name for camera in cameras])
@@ -257,7 +269,7 @@ def row_of(
     known = {key(each): row for row, each in enumerate(names)} if rows is None else rows
     row = known.get(key(name)) if isinstance(name, str) else None
     if row is None:
-        raise UnknownNameError(kind, name, names)
+        raise UnknownNameError(name, kind, names)
     return row
 
 

@@ -87,7 +87,7 @@ class PhotoPoints:
         Case does not count in names of photos, but in those of points.
     xy : array (n, 2)
         Photo coordinates in the fiducial system, mm; pixels (column, row) for a camera with a sensor.
-    error : float or array (n,) or (n, 2), optional
+    error : float or array (2,), (n, 1) or (n, 2), optional
         A-priori errors along the photo axes, mm: NaN for the block's `measurement_precision`, negative to disregard a
         coordinate.
     """

@@ -42,7 +42,10 @@ class Solution:
         Standard error of unit weight, from the observations of full weight; NaN without redundancy.
     sigma0_all : float
         The same from all observations with their weights.
-    redundancy, observations, unknowns : int
+    redundancy : int
+    observations : int
+        Components that take part.
+    unknowns : int
     iterations : tuple of IterationPass
         Number, exponent of numerical precision and sigma0 of each iteration.
     blunders : tuple of Blunder
@@ -57,10 +60,6 @@ class Solution:
         Weaknesses of the block, with what to do.
     warnings : tuple of ProjectWarning
         What is doubtful in the input.
-    points : AdjustedPoints
-    photos : AdjustedPhotos
-    cameras : AdjustedCameras
-    residuals : ObservationResiduals
     """
 
     def __init__(
@@ -167,7 +166,7 @@ class Solution:
             If no figure is called so.
         """
         if name not in GATE_FIGURES:
-            raise UnknownNameError("figure", name, tuple(GATE_FIGURES))
+            raise UnknownNameError(name, "figure", tuple(GATE_FIGURES))
         return figure(self._record, name)
 
     def to_dataframe(self, table: TableName) -> pd.DataFrame:
@@ -236,6 +235,6 @@ class Solution:
             "point": (self.points.row, point_figures),
         }
         if (kind or "point").lower() not in groups:
-            raise UnknownNameError("kind of record", kind, tuple(groups))
+            raise UnknownNameError(kind, "kind of record", tuple(groups))
         row, figures = groups[(kind or "point").lower()]
         return partial(figures, self._solved)(row(name))

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from orip.api.estimates import AdjustedCameras
 from orip.arrays import FloatArray
 from orip.errors import OripError, UnknownNameError
-from orip.files.listings.bundle_estimates import CAMERA_UNITS
-from orip.files.listings.bundle_residuals import unit_of
+from orip.records.camera import CAMERA_UNITS
+from orip.records.observation_kinds import unit_of_observation
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Residuals, Solution
 
@@ -73,7 +73,10 @@ class ObservationResiduals:
 
 def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
     """Return the residuals of a solution with their units."""
-    units = [unit_of(kind, component, ground_unit) for kind, component in zip(found.kind, found.component, strict=True)]
+    units = [
+        unit_of_observation(kind, component, ground_unit)
+        for kind, component in zip(found.kind, found.component, strict=True)
+    ]
     columns = {column.name: getattr(found, column.name) for column in fields(Residuals)}
     words = {name: _words(values) for name, values in columns.items() if isinstance(values, tuple)}
     return ObservationResiduals(unit=_words(units), **{**columns, **words})
@@ -85,7 +88,7 @@ def data_frame(
     """Return a table of a solution, see `orip.Solution.to_dataframe`."""
     pandas = _pandas()
     if what not in get_args(TableName):
-        raise UnknownNameError("table", what, get_args(TableName))
+        raise UnknownNameError(what, "table", get_args(TableName))
     if what == "residuals":
         return pandas.DataFrame({column.name: getattr(residuals, column.name) for column in fields(residuals)})
     if what == "cameras":
@@ -101,6 +104,8 @@ def _estimate_columns(
 ) -> tuple[dict[str, Any], Mapping[str, str]]:
     """Return name, values, deviations (an s before the name of each), and what else is known; and the units."""
     ground = solution.ground_unit
+    names: tuple[str, ...]
+    units: tuple[str, ...]
     if what == "points":
         estimates, names, units = solution.points, _AXES, (ground,) * 3
         further: dict[str, Any] = {"kind": list(solution.point_kinds), "rays": list(solution.point_rays)}
@@ -133,8 +138,8 @@ def _words(values: Any) -> Words:
 
 def _pandas() -> Any:
     try:
-        import pandas
+        import pandas as pd
     except ImportError:
         message = "to_dataframe needs pandas, which is not installed; run 'pip install pandas', or use the arrays"
         raise OripError(message) from None
-    return pandas
+    return pd
