@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.aerial_block_in_crs import CRS, aerial_block
 from support.drive_tables import loaded
+from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY, film_project
 
@@ -18,7 +19,7 @@ from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
 from orip.multimodel.table import object_ground
 from orip.records.solution import Solution
-from orip.workflow.drive.table import DriveTableOutcome, load_drive_table, write_drive_table
+from orip.workflow.drive.table import DriveTableOutcome, load_drive_table
 
 ZURICH_MODELS = [
     ("A", "st1", "st2", 1, 1),

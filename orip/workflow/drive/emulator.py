@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import LinkError, OripError, UsageError
+from orip.errors import LinkError, OripError, UsageError, unwritable
 from orip.files.drive.processor_state import ProcessorState, raise_no_state, read_processor_state, write_processor_state
 from orip.link.emulator import Emulator
 from orip.link.station import Mark, Station, bare_stages
@@ -153,5 +153,4 @@ def _keep(path: Path | None, station: Station) -> None:
     try:
         write_processor_state(path, state)
     except OSError as error:
-        message = f"{path} cannot be written: {error.strerror or error}; the plate processor's state is not kept"
-        raise OripError(message) from error
+        raise unwritable(str(path), error, "the plate processor's state is not kept") from error
