@@ -113,17 +113,3 @@ class LinkError(OripError):
     """The plate processor at the other end of the link is missing or busy."""
 
     exit_code = 7
-
-
-def unwritable(shown: str, error: OSError, remedy: str) -> OripError:
-    """Return the error of a file that the system does not let orip write.
-
-    Parameters
-    ----------
-    shown : str
-        The file as the user would name it.
-    error : OSError
-    remedy : str
-        What state that leaves, and what to do.
-    """
-    return OripError(f"{shown} cannot be written: {error.strerror or error}; {remedy}")

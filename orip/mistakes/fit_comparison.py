@@ -82,7 +82,7 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment."""
     rows = [each.rows for each in solved.problem.observations]
     names = (
-        [each.kind for each in rows for _ in each.photo],
+        [each.kind.name for each in rows for _ in each.photo],
         [name for each in rows for name in each.photo],
         [name for each in rows for name in each.point],
         [name for each in rows for name in each.component],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from orip.bundle.assemble import Ingredients, gather
 from orip.errors import InputError
+from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.progress import stage
 from orip.solving.solve import GatheredBlock
 from orip.workflow.project.bundle_state import BundleState
@@ -47,10 +48,11 @@ def gathered_block(bundle: BundleState) -> GatheredBlock:
     )
     if gathered.block is None:
         raise InputError((*interior.complaints, *gathered.complaints))
-    return GatheredBlock(
-        gathered.block,
-        given.records.preliminary,
-        tuple(stored.record for stored in state.definitions.cameras),
-        definition.ground_unit,
-        (*given.warnings, *interior.warnings, *gathered.warnings),
+    warnings = (
+        *given.warnings,
+        *measurement_warnings(records, state.measured, interior),
+        *block_warnings(gathered.block, given.records.control, given.records.preliminary),
+        *gathered.block.ground.warnings,
     )
+    cameras = tuple(stored.record for stored in state.definitions.cameras)
+    return GatheredBlock(gathered.block, given.records.preliminary, cameras, definition.ground_unit, warnings)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.prelim.chain import preliminary_values
 from orip.prelim.image_rays import image_rays
 from orip.prelim.in_project import absolute_in_project, block_in_project
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
@@ -31,7 +30,7 @@ from orip.records.preliminary import (
     SubBlock,
 )
 from orip.records.project import StereoModel
-from orip.solving.starting_values import not_oriented
+from orip.solving.starting_values import explained_preliminary_values, not_oriented
 from orip.workflow.adjust.gathering import gathered_block
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import Project
@@ -173,7 +172,7 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similaritie
 
 def values_of(given: PrelimInput) -> PreliminaryValues:
     """Run the whole chain, and take its absolute orientation to the project's coordinates."""
-    return absolute_in_project(preliminary_values(given.block), given.block.ground)
+    return absolute_in_project(explained_preliminary_values(given.block), given.block.ground)
 
 
 def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:

@@ -13,6 +13,7 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
+from orip.wording import first_names
 from orip.workflow.adjust.updated_values import (
     ChangedValue,
     Estimate,
@@ -176,7 +177,8 @@ def _updated(
     """Return the records with their new values; each stays bound to the text that it came from."""
     gone = [key for key in estimates if key not in {record_key(item.record.name) for item in stored}]
     if gone:
-        message = f"no longer defined: {what} {_listed(gone)} of the last adjustment; run 'orip solve' first"
+        names = first_names(gone, _SHOWN_NAMES)
+        message = f"no longer defined: {what} {names} of the last adjustment; run 'orip solve' first"
         raise InputError.single(message)
     records: list[StoredRecord[T]] = []
     verdicts: list[Verdict] = []
@@ -225,18 +227,14 @@ def _updated_points(
 def _rows(estimates: Estimates, what: What, names: Sequence[str]) -> list[int]:
     rows, missing = rows_of(estimates.names, names, exact=what == "points")
     if missing:
-        message = f"the solution has no {what[:-1]} {_listed(missing)}; it has {_listed(estimates.names) or 'none'}"
+        present = first_names(estimates.names, _SHOWN_NAMES) or "none"
+        message = f"the solution has no {what[:-1]} {first_names(missing, _SHOWN_NAMES)}; it has {present}"
         raise UsageError(message)
     return rows
 
 
 def _constant(estimates: Estimates, rows: Sequence[int]) -> int:
     return sum(bool((estimates.sd[row] != estimates.sd[row]).all()) for row in rows)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
-    return ", ".join(names[:_SHOWN_NAMES]) + more
 
 
 def _changed_since(bundle: BundleState, solution: Solution) -> Iterator[ProjectWarning]:

@@ -12,10 +12,12 @@ from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior
 from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
+from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Temtick
+from orip.wording import counted
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
@@ -106,12 +108,12 @@ def _replayed(
     outcome = replay(log.records.records, state.records, before)
     raise_complaints(outcome.complaints)
     digitised = with_digitised(state.definitions, outcome.measured)
-    interior = state.with_stored(StoredParts(digitised, outcome.measured)).interior
+    after = state.with_stored(StoredParts(digitised, outcome.measured))
+    interior = after.interior
     raise_complaints(interior.complaints)
+    warnings = (*outcome.warnings, *measurement_warnings(after.records, outcome.measured, interior))
     run, inputs = provenance(state, measurement_inputs(project, log.records.digests, digitised))
-    found = MeasureOutcome(
-        project, log.records.files, _counts(project, outcome), interior, (*outcome.warnings, *interior.warnings)
-    )
+    found = MeasureOutcome(project, log.records.files, _counts(project, outcome), interior, warnings)
     change = Change(state, found, outputs=(interior_output(project, interior, run),), restores_outputs=True)
     if all(stored == run for stored in state.replay.runs):
         return change
@@ -145,7 +147,7 @@ def measure_step(state: ProjectState) -> Step:
     """
     project, command = state.project, "orip measure"
     log = log_digests(project, state.texts.measurement_files.records)
-    files = f"{len(log)} measurement file{'s' * (len(log) != 1)}"
+    files = counted(len(log), "measurement file")
     runs = set(state.replay.runs)
     if runs == {None}:
         what = f"{files} to replay" if log else "there are no measurement files (*.MEA) yet"

@@ -7,8 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import unwritable
-from orip.files.text.atomic import replace_text_in_pieces
+from orip.files.text.atomic import replace_text_in_pieces, reporting_failure
 from orip.files.text.digest import file_digest
 from orip.workflow.project.folder import Project
 
@@ -64,10 +63,8 @@ def write_output(project: Project, output: TextOutput) -> None:
     OripError
         If it cannot be written; it is then as it was.
     """
-    try:
+    with reporting_failure(project.shown(output.path), output.remedy):
         replace_text_in_pieces(output.path, output.pieces())
-    except OSError as error:
-        raise unwritable(project.shown(output.path), error, output.remedy) from error
 
 
 def digest_of_text(path: Path) -> str | None:

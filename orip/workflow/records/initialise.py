@@ -21,7 +21,7 @@ from orip.workflow.project.texts import ProjectTexts, raise_complaints
 from orip.workflow.records.apply_text import TextApplied, apply_text
 from orip.workflow.records.changes import RecordChange, record_changes
 from orip.workflow.records.document import stored_document
-from orip.workflow.records.reconcile import AppliedChange, Prefer, counted
+from orip.workflow.records.reconcile import AppliedChange, Prefer, counted_changes
 
 INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 """What `initialise` needs of the stores."""
@@ -77,7 +77,7 @@ def initialise_step(state: ProjectState) -> Step:
     if applied.changes and state.definitions.are_empty:
         return Step(command, "missing", "orip.toml has not been applied to the stores")
     if applied.changes:
-        return Step(command, "out of date", f"to be applied to the stores: {counted(applied.changes)}")
+        return Step(command, "out of date", f"to be applied to the stores: {counted_changes(applied.changes)}")
     return Step(command, "up to date", "the stores hold what orip.toml says")
 
 
