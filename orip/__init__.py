@@ -31,10 +31,12 @@ if TYPE_CHECKING:
         PhotoPoints,
         Photos,
         PreliminaryPoints,
+        Project,
         ProjectWarning,
         Solution,
         UnknownNameError,
         UsageError,
+        open_project,
     )
 
 __version__ = "0.1.0"
@@ -61,10 +63,12 @@ __all__ = [
     "PhotoPoints",
     "Photos",
     "PreliminaryPoints",
+    "Project",
     "ProjectWarning",
     "Solution",
     "UnknownNameError",
     "UsageError",
+    "open_project",
 ]
 
 if not TYPE_CHECKING:  # a type checker is to know the names, not that any name may be asked for

@@ -22,6 +22,7 @@ from orip.api.given import (
     Photos,
     PreliminaryPoints,
 )
+from orip.api.project import Project, open_project
 from orip.api.solution import Solution
 from orip.api.tables import ObservationResiduals
 from orip.errors import (
@@ -57,8 +58,10 @@ __all__ = [
     "PhotoPoints",
     "Photos",
     "PreliminaryPoints",
+    "Project",
     "ProjectWarning",
     "Solution",
     "UnknownNameError",
     "UsageError",
+    "open_project",
 ]

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,10 @@ from orip.records.photo import Photo
 from orip.records.solution import IterationPass
 from orip.solving.solve import NOBODY
 from orip.workflow.adjust.gathering import gathered_block
-from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
+from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure, measure_step
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.commit import Change, commit
+from orip.workflow.project.commit import Change, carry_out, commit
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_state
 from orip.workflow.project.step import Step
 from orip.workflow.project.texts import open_checked_project, raise_complaints
@@ -88,7 +87,7 @@ class Project:
         self.bundles = state.project.bundle_names
         self.warnings: tuple[ProjectWarning, ...] = (*state.project.warnings, *state.texts.faults().warnings)
         self._stored = state
-        self._state, self._changes = _up_to_date(state)
+        self._state = _up_to_date(state)
 
     def __repr__(self) -> str:
         return f"<Project {self.name}: {len(self.photos)} photos, bundles {', '.join(self.bundles)}>"
@@ -202,24 +201,21 @@ class Project:
     def _bundle(self, bundle: str | None) -> BundleState:
         return BundleState(self._state, self._state.project.bundle_name(bundle))
 
-    def _save(self, change: Change[Any]) -> None:
-        for earlier in self._changes:
-            commit(earlier)
-        self._changes = ()
+    def _save(self, change: Change[SolveOutcome]) -> None:
+        if self._state is not self._stored:
+            carry_out(self._stored.read_again(*INITIALISED_FROM), initialise)
+            commit(measure(self._stored.read_again(*MEASURED_FROM)))
         commit(change)
-        self._stored = self._stored.read_again()
+        self._state = self._stored = self._stored.read_again()
 
 
-def _up_to_date(state: ProjectState) -> tuple[ProjectState, tuple[Change[Any], ...]]:
-    """Return the state as after `orip init` and `orip measure`, and the changes that these would write."""
-    changes: list[Change[Any]] = []
+def _up_to_date(state: ProjectState) -> ProjectState:
+    """Return the state that `orip init` and `orip measure` would leave."""
     if initialise_step(state).state != "up to date":
-        changes.append(initialise(state))
-        state = _changed(state, changes[-1].stored)
+        state = _changed(state, initialise(state).stored)
     if measure_step(state).state != "up to date":
-        changes.append(measure(state))
-        state = _changed(state, changes[-1].stored)
-    return state, tuple(changes)
+        state = _changed(state, measure(state).stored)
+    return state
 
 
 def _changed(state: ProjectState, stored: StoredParts) -> ProjectState:
