@@ -4,6 +4,7 @@
 #
 #   make PYTHON=/path/to/python3 test      use that Python for a new .venv
 #   make PYTEST_ARGS='-k rotation' test    hand options to pytest
+#   make KERNELS='Zen SkylakeX' test-kernels   other values of OPENBLAS_CORETYPE
 #   make BENCH_PHOTOS='50 2000' BENCH_CASES= BENCH_ARGS='--repetitions 3' bench    other benchmarks
 
 .SUFFIXES:
@@ -28,6 +29,7 @@ help:
 	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results'
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
+	@echo 'make test-kernels  run the numerical tests and the samples as other processors calculate (some minutes)'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
 	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
@@ -56,6 +58,13 @@ test: $(READY)
 .PHONY: test-all
 test-all: $(READY)
 	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+
+# under other kernels of OpenBLAS than the tests, and without what is compiled
+KERNELS :=
+
+.PHONY: test-kernels
+test-kernels: $(READY)
+	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
 
 .PHONY: browser-test
 browser-test: $(READY)
