@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import PhotoSight
 from orip.records.block import Block
-from orip.records.names import counted_names
 from orip.records.solution import Solution
+from orip.wording import counted_names
 
 _DOUBTED = 0.5
 """Weight factor below which a photo point is not where its point is."""

@@ -16,7 +16,6 @@ from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.ground_control import known_centres, known_points
 from orip.prelim.growing import Growth
-from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
 from orip.prelim.intersection import intersect
 from orip.prelim.misplaced import misplaced, residual_lengths
@@ -27,6 +26,7 @@ from orip.prelim.refinement.camera_corrections import parameters_with
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
+from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.own_system import in_own_system
 from orip.prelim.thinning import thinned
@@ -35,6 +35,7 @@ from orip.records.block import Block
 from orip.records.preliminary import (
     NO_POINTS,
     CameraStart,
+    ControlReading,
     NotOriented,
     PhotoStart,
     PointStarts,
@@ -42,6 +43,7 @@ from orip.records.preliminary import (
     RelativeOrientation,
     SimilarityStep,
 )
+from orip.wording import counted, first_names
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points of a photo that orient it; and where models are listed, point by point."""
@@ -83,7 +85,9 @@ class _Outcome:
     reason : str
         Why it is not on the ground.
     findings : tuple of str
-        What was probably mixed up in the control, or in what system the block is without any.
+        In what system the block is without control.
+    reading : ControlReading or None
+        How the control would have to be read to fit; the block is not taken to the ground then.
     """
 
     route: Route
@@ -92,6 +96,12 @@ class _Outcome:
     absolute: SimilarityStep | None
     reason: str
     findings: tuple[str, ...] = ()
+    reading: ControlReading | None = None
+
+    @property
+    def is_final(self) -> bool:
+        """Return whether the block is on the ground, or it is known what is wrong with the control."""
+        return self.on_ground or self.reading is not None
 
 
 def preliminary_values(block: Block) -> PreliminaryValues:
@@ -135,7 +145,7 @@ class _Chain:
             for outcome in self._outcomes(route):
                 lengths = self._residual_lengths(outcome)
                 misfit = self._misfit(outcome.placed, lengths)
-                found = (outcome.on_ground or bool(outcome.findings), -misfit)
+                found = (outcome.is_final, -misfit)
                 if found > rank:
                     best, rank = outcome, found
                 if self._is_complete(outcome):
@@ -203,7 +213,7 @@ class _Chain:
             yield _Outcome(route, placed, True, None, "", (finding,))
             return
         outcome = self._in_ground(route, first)
-        if others and not outcome.on_ground and not outcome.findings:
+        if others and not outcome.is_final:
             outcome = replace(outcome, reason=f"{outcome.reason}; {self._pieces(route)}")
         if outcome.on_ground:
             for other in others:
@@ -218,9 +228,8 @@ class _Chain:
         pieces = []
         for system in route.systems:
             names = [self.rays.photos[photo] for photo in np.flatnonzero(system.oriented)]
-            listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
             seen = int(np.count_nonzero(system.known & control))
-            pieces.append(f"photos {listed} ({seen} full control point{'' if seen == 1 else 's'})")
+            pieces.append(f"photos {first_names(names, _NAMED)} ({counted(seen, 'full control point')})")
         return (
             f"the block is in {len(pieces)} pieces that have too few points in common to be joined, and control is "
             f"spread over them: {'; '.join(pieces)}"
@@ -229,9 +238,9 @@ class _Chain:
     def _in_ground(self, route: Route, placed: Placed) -> _Outcome:
         """Take a system to the ground, unless the control would fit it better in another reading."""
         block = placed.sub_block()
-        findings = handedness(block, self.rays, self.control, self.centres)
-        if findings:
-            return _Outcome(route, placed, False, None, findings[0], findings)
+        reading = other_reading(block, self.rays, self.control, self.centres)
+        if reading is not None:
+            return _Outcome(route, placed, False, None, "its control fits only in another reading", reading=reading)
         found = absolute_orientation(block, self.rays, self.control, self.centres)
         if not isinstance(found, Joined):
             placed = self._with_all_control(placed)
@@ -302,7 +311,7 @@ class _Chain:
 
     def _is_complete(self, outcome: _Outcome) -> bool:
         """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
-        placed = outcome.on_ground or bool(outcome.findings) or not self._control_suffices
+        placed = outcome.is_final or not self._control_suffices
         return placed and bool(outcome.placed.oriented.all())
 
     @property
@@ -324,6 +333,7 @@ class _Chain:
             )
         photos = [self._photo(best, photo) for photo in range(len(self.rays.photos))]
         points = self._points(best.placed) if best.on_ground else NO_POINTS
+        others = () if best.reading else (*self._doubtful_photos(best), *self._weak_joints(best))
         return PreliminaryValues(
             steps.relative,
             steps.bridges,
@@ -332,8 +342,9 @@ class _Chain:
             steps.failures,
             tuple(photos),
             points,
-            best.findings or (*self._doubtful_photos(best), *self._weak_joints(best)),
+            best.findings or others,
             tuple(self._cameras(best)) if best.on_ground else (),
+            best.reading,
         )
 
     def _cameras(self, best: _Outcome) -> Iterator[CameraStart]:

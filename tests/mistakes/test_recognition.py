@@ -13,10 +13,10 @@ from mistakes.simulated import explained, with_camera
 from support.synthetic_block import DISTORTED, synthetic_block
 from workflow.quiet import run_quietly
 
-from orip.bundle.same_photo import photos_under_two_names
-from orip.interior.camera_sense import camera_warnings
-from orip.interior.mark_names import misnamed_marks
 from orip.interior.orientation import orient_photo
+from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
+from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
+from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.mistakes.control_slips import slip
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.measurement import MeasuredMarks, PhotoOrientation

@@ -9,6 +9,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.files.stores.transaction import reading
 from orip.interior.in_force import Interior, interior_orientation
 from orip.interior.measured import Measured
+from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.measurement import PhotoObservations
@@ -28,6 +29,7 @@ class Stored:
     definitions: StoredDefinitions
     observations: PhotoObservations
     interior: Interior
+    warnings: tuple[ProjectWarning, ...]
     digests: Digests
 
 
@@ -49,8 +51,10 @@ def read_stored(project: Project, bundle: str) -> Stored:
         message = f"bundle {bundle} has no photo observations yet; run 'orip measure' first"
         raise InputError.single(message)
     digests = stored_digests(project, bundle, definitions, measured, observations)
-    interior = interior_orientation(definitions.by_name(), measured)
-    return Stored(bundle, definitions, observations, interior, digests)
+    by_name = definitions.by_name()
+    interior = interior_orientation(by_name, measured)
+    warnings = measurement_warnings(by_name, measured, interior)
+    return Stored(bundle, definitions, observations, interior, warnings, digests)
 
 
 @stage("gathering observations")
@@ -79,7 +83,8 @@ def gathered_block(project: Project, stored: Stored, texts: GroundTexts) -> tupl
     )
     if gathered.block is None:
         raise InputError((*interior.complaints, *gathered.complaints))
-    return gathered.block, gathered.warnings
+    found = block_warnings(gathered.block, texts.control, texts.preliminary)
+    return gathered.block, (*found, *gathered.block.ground.warnings)
 
 
 def stored_digests(

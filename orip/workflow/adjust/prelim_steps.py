@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.prelim.chain import preliminary_values
 from orip.prelim.image_rays import image_rays
 from orip.prelim.in_project import absolute_in_project, block_in_project
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
@@ -33,7 +32,7 @@ from orip.records.preliminary import (
 )
 from orip.records.project import StereoModel
 from orip.workflow.adjust.bundle_input import gathered_block, read_stored
-from orip.workflow.adjust.starting_values import not_oriented
+from orip.workflow.adjust.starting_values import explained_preliminary_values, not_oriented
 from orip.workflow.project.folder import Project, open_project
 from orip.workflow.project.texts import raise_complaints, read_ground
 
@@ -110,7 +109,7 @@ def open_prelim(folder: Path, bundle: str | None) -> PrelimInput:
     raise_complaints(ground.complaints)
     stored = read_stored(project, name)
     block, warnings = gathered_block(project, stored, ground.records)
-    return PrelimInput(project, name, block, (*ground.warnings, *stored.interior.warnings, *warnings))
+    return PrelimInput(project, name, block, (*ground.warnings, *stored.warnings, *warnings))
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
@@ -165,7 +164,7 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similaritie
 
 def values_of(given: PrelimInput) -> PreliminaryValues:
     """Run the whole chain, and take its absolute orientation to the project's coordinates."""
-    return absolute_in_project(preliminary_values(given.block), given.block.ground)
+    return absolute_in_project(explained_preliminary_values(given.block), given.block.ground)
 
 
 def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:

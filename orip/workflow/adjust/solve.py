@@ -123,7 +123,7 @@ def _adjusted(
         gathered,
         lambda block: started_block(block, texts.preliminary, lambda _: None)[0],
         tuple(each.record for each in stored.definitions.cameras),
-        interior.warnings,
+        stored.warnings,
     )
     preliminary = None
     not_oriented: list[str] = []
@@ -153,7 +153,7 @@ def _adjusted(
         inputs=inputs,
         interior=_summaries(interior, stored.definitions, stored.observations),
         warnings=_rows(
-            (*explained, *ground.warnings, *interior.warnings, *gather_warnings, *start_warnings, *for_bundle)
+            (*explained, *ground.warnings, *stored.warnings, *gather_warnings, *start_warnings, *for_bundle)
         ),
     )
     run = run_id("solve", method, solution.status, len(solution.iterations), inputs)

@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.bundle.assemble import with_starting_values
 from orip.errors import NotSolvableError, ProjectWarning
+from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
 from orip.prelim.in_project import orientations_in_frame, points_in_project
 from orip.records.block import Block
@@ -36,7 +37,7 @@ def started_block(
     """
     if np.isfinite(block.photo_orientation).all():
         return with_starting_values(block, preliminary)
-    values = preliminary_values(block)
+    values = explained_preliminary_values(block)
     found(values)
     if complaint := not_oriented(values):
         raise NotSolvableError(complaint)
@@ -50,6 +51,12 @@ def started_block(
     oriented = replace(block, photo_orientation=orientation, cameras=cameras)
     started, warnings = with_starting_values(oriented, [*preliminary, *points])
     return started, [*(ProjectWarning("preliminary-values", "", each) for each in values.findings), *warnings]
+
+
+def explained_preliminary_values(block: Block) -> PreliminaryValues:
+    """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
+    values = preliminary_values(block)
+    return replace(values, findings=(*misread_control(values.reading), *values.findings))
 
 
 def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) -> tuple[Camera, ...]:

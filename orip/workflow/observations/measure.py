@@ -14,6 +14,7 @@ from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior, interior_orientation
 from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
+from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.camera import Camera
 from orip.records.names import record_key
@@ -104,8 +105,10 @@ def measure_project(
     outcome = replay(log.records.records, before.definitions.by_name(), before.measured if on_top else Measured())
     raise_complaints(outcome.complaints)
     digitised = _with_digitised(before.definitions, outcome.measured)
-    interior = interior_orientation(digitised.by_name(), outcome.measured)
+    by_name = digitised.by_name()
+    interior = interior_orientation(by_name, outcome.measured)
     raise_complaints(interior.complaints)
+    found = measurement_warnings(by_name, outcome.measured, interior)
     run, inputs = _provenance(project, before, log.records, digitised, on_top=on_top)
     changed = any(each != run for each in before.runs)
     if changed:
@@ -118,7 +121,7 @@ def measure_project(
     write_interior_listing(project, interior, run)
     rewrite_stale_outputs(project)
     outside = _outside_project(project, log.records.files) if on_top else []
-    warnings = (*log.warnings, *outside, *outcome.warnings, *interior.warnings)
+    warnings = (*log.warnings, *outside, *outcome.warnings, *found)
     return MeasureOutcome(project, log.records.files, changed, _counts(project, outcome), interior, warnings)
 
 

@@ -8,6 +8,7 @@ from orip.errors import ProjectWarning
 from orip.records.block import Block
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes
+from orip.wording import agreeing, joined
 
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
@@ -51,9 +52,9 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
 
 def _unplaced(points: Container[str], *names: str) -> str:
     missing = [name for name in names if name not in points]
-    which = " and ".join(missing) or "one of its points"
-    verb = "are not" if len(missing) > 1 else "is not"
-    return f"is not used: {which} {verb} measured, nor given coordinates; correct the name, or measure it"
+    which = joined(missing) or "one of its points"
+    verb = agreeing(len(missing) or 1, "is", "are")
+    return f"is not used: {which} {verb} not measured, nor given coordinates; correct the name, or measure it"
 
 
 def _unknown(element: ControlElement) -> str:
