@@ -9,7 +9,6 @@ from pathlib import Path
 
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.results import iteration_pass
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.digest import same_record
@@ -140,14 +139,11 @@ def _adjusted(
         block, start_warnings = started_block(gathered, texts.preliminary, oriented)
         watcher.started(block)
         with watcher.stoppable() as stop_asked:
-            solution = adjust_block(
-                block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
-            )
+            solution = adjust_block(block, method, unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         causes = explanations_of_failure(trials, not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     for_bundle = tuple(forewarnings(block))
-    solution = replace(solution, ground_unit=unit)
     explained = () if solution.status == "stopped" else explanations_of(solution, block, trials)
     inputs = (*texts.digests, *stored.digests, project.heading_digest)
     solution = replace(
