@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.results import iteration_pass
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import Trials, explanations_of, explanations_of_failure
 from orip.records.block import Block
@@ -111,9 +110,7 @@ def solve_gathered(
         block, start_warnings = started_block(gathered.block, gathered.preliminary, oriented)
         watcher.started(block)
         with watcher.stoppable() as stop_asked:
-            solution = adjust_block(
-                block, method, gathered.ground_unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
-            )
+            solution = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
         causes = explanations_of_failure(trials, missing)
