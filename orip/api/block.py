@@ -17,7 +17,7 @@ from orip.api.given import (
     Photos,
     PreliminaryPoints,
 )
-from orip.api.method import Sigma0, method_of
+from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
 from orip.records.solution import IterationPass
 from orip.solving.solve import NOBODY, solve_gathered
@@ -158,5 +158,7 @@ class Block:
             If `sigma0` or `alpha` is given without `snoop`, or is out of its range.
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
-        solved = solve_gathered(self._gathered, method_of(snoop, sigma0, alpha, prune), watcher)
+        method = method_of(snoop, sigma0, alpha, prune)
+        with one_thread():
+            solved = solve_gathered(self._gathered, method, watcher)
         return Solution(solved.solution, solved.solved)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import Literal, get_args
+
+from threadpoolctl import threadpool_limits
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping import SnoopingSettings
@@ -32,3 +35,8 @@ def method_of(snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bo
     defaults = SnoopingSettings()
     settings = SnoopingSettings(sigma0 or defaults.sigma0, alpha or defaults.alpha)
     return Method(settings if snoop else None, prune)
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Limit linear algebra to one thread, as the commands do: results repeat to the last bit."""
+    return threadpool_limits(limits=1)

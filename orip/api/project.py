@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.api.given import ControlPoints, PhotoPoints
-from orip.api.method import Sigma0, method_of
+from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
 from orip.errors import ProjectWarning
 from orip.records.camera import Camera
@@ -24,9 +24,9 @@ from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure, measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, carry_out, commit
-from orip.workflow.project.state import Part, ProjectState, StoredParts, read_state
+from orip.workflow.project.state import Part, ProjectState, StoredParts, read_checked_project
 from orip.workflow.project.step import Step
-from orip.workflow.project.texts import open_checked_project, raise_complaints
+from orip.workflow.project.texts import raise_complaints
 from orip.workflow.records.initialise import INITIALISED_FROM, initialise, initialise_step
 from orip.workflow.status import STATUS_FROM, project_status
 
@@ -53,8 +53,7 @@ def open_project(folder: str | PathLike[str]) -> Project:
     LockedError
         If another run holds the project for too long.
     """
-    project = open_checked_project(Path(folder))
-    state = read_state(project, _READ, project.bundle_names)
+    state = read_checked_project(Path(folder), *_READ)
     raise_complaints(state.texts.faults().complaints)
     return Project(state)
 
@@ -175,7 +174,9 @@ class Project:
             If there is no such bundle, or an option is wrong.
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
-        change = solve(self._bundle(bundle), watcher, method_of(snoop, sigma0, alpha, prune))
+        method = method_of(snoop, sigma0, alpha, prune)
+        with one_thread():
+            change = solve(self._bundle(bundle), watcher, method)
         outcome = change.outcome
         return Solution(outcome.solution, outcome.solved, partial(self._save, change))
 

@@ -52,7 +52,7 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
 
     Where phi is ±90 degrees the last three are rotations about the axes of the ground, as in the results.
     """
-    centre = solved.adjusted.linearised.state.centres[photo : photo + 1]
+    centre = solved.state.centres[photo : photo + 1]
     ground = solved.block.ground
     turns, _ = rotation_partials(solved)
     return Figures(
@@ -64,7 +64,7 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
 
 def point_figures(solved: SolvedBlock, point: int) -> Figures:
     """Return X Y Z of a point, ground units."""
-    local = solved.adjusted.linearised.state.points[point : point + 1]
+    local = solved.state.points[point : point + 1]
     ground = solved.block.ground
     return Figures(
         solved.problem.unknowns.points[point], ground.project_with_partials(local).by_local[0], ground.dependence
@@ -95,14 +95,14 @@ def covariance(solved: SolvedBlock, rows: Sequence[Figures], columns: Sequence[F
 
 def cofactor_columns(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return columns (m + 3 b, k) of the cofactor matrix of all unknowns; zero for `CONSTANT`."""
-    state, unknowns, datum = solved.adjusted.linearised.state, solved.problem.unknowns, solved.problem.datum
+    state, unknowns, datum = solved.state, solved.problem.unknowns, solved.problem.datum
     right = np.zeros((solved.problem.layout.size, len(columns)))
     taken = np.flatnonzero(columns != CONSTANT)
     right[columns[taken], taken] = 1.0
     if datum is not None:
         right = datum.transposed(right, state, unknowns)
     with threads_that_pay(solved.problem):
-        found = solved.adjusted.normals.solve(right)
+        found = solved.normals.solve(right)
     return found if datum is None else datum.transformed(found, state, unknowns)
 
 
@@ -119,5 +119,5 @@ def _rows_of(matrix: FloatArray, rows: IntArray) -> FloatArray:
 
 
 def _undetermined(solved: SolvedBlock, figures: Figures) -> BoolArray:
-    removed = (figures.columns != CONSTANT) & solved.adjusted.normals.removed[figures.columns]
+    removed = (figures.columns != CONSTANT) & solved.normals.removed[figures.columns]
     return np.asarray((figures.dependence & removed).any(axis=1))

@@ -38,7 +38,7 @@ class AdjustedPoints(NamedTuple):
 
 def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
     """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
-    local = solved.adjusted.linearised.state.points
+    local = solved.state.points
     sd = _place_deviations(solved, solved.problem.unknowns.points, local)
     index = solved.block.point_index()
     for element in solved.block.constant_elements:
@@ -49,7 +49,7 @@ def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
 
 def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
     """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
-    state, ground = solved.adjusted.linearised.state, solved.block.ground
+    state, ground = solved.state, solved.block.ground
     centres = ground.to_project(state.centres)
     angles = angles_from_rotation(ground.axes_at(centres) @ state.rotations)
     shown, about_axes = rotation_partials(solved)
@@ -74,7 +74,7 @@ def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:
 
     Near phi = ±90 degrees they are those of rotations about the project's axes; the second array (n,) tells where.
     """
-    state, ground = solved.adjusted.linearised.state, solved.block.ground
+    state, ground = solved.state, solved.block.ground
     axes = ground.axes_at(ground.to_project(state.centres))
     angles = angles_from_rotation(axes @ state.rotations)
     by_angles = state.turned_by_angles
@@ -90,7 +90,7 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
     diagonal = np.concatenate([solved.cofactors.reduced.diagonal(), blocks])
     deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
-    deviation[solved.adjusted.normals.removed] = UNDETERMINED
+    deviation[solved.normals.removed] = UNDETERMINED
     padded = np.append(deviation, np.nan)
     return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
 
@@ -100,7 +100,7 @@ def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> 
     rotation = solved.problem.unknowns.photos[photo, 3:]
     cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
     variance = np.diag(shown @ cofactor @ shown.T)
-    removed = solved.adjusted.normals.removed[rotation]
+    removed = solved.normals.removed[rotation]
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
@@ -123,7 +123,7 @@ def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray)
     variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
     deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
     unknown = columns != CONSTANT
-    removed = unknown & solved.adjusted.normals.removed[columns]
+    removed = unknown & solved.normals.removed[columns]
     deviation[removed @ ground.dependence.T] = UNDETERMINED
     deviation[~(unknown @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)

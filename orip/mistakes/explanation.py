@@ -145,7 +145,7 @@ class _Reading:
     def turned(self) -> float:
         """Return the mean rotation of the photos from where they started, radians."""
         start = rotation_from_angles(self.solved.block.photo_orientation[:, 3:])
-        trace = np.einsum("nij,nij->n", start, self.solved.adjusted.linearised.state.rotations)
+        trace = np.einsum("nij,nij->n", start, self.solved.state.rotations)
         return float(np.mean(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
 
 
@@ -168,7 +168,7 @@ def _said(hypothesis: Hypothesis, solved: SolvedBlock) -> list[ProjectWarning]:
 def _released(name: str, solved: SolvedBlock, block: Block, ground_unit: str) -> list[ProjectWarning]:
     row = block.point_index()[name]
     sd = solved.deviation_scale * np.sqrt(np.diag(solved.cofactors_of(solved.problem.unknowns.points[row])))
-    seen = block.ground.to_project(solved.adjusted.linearised.state.points[[row]])[0]
+    seen = block.ground.to_project(solved.state.points[[row]])[0]
     return control_warnings(block, {name: (seen, sd)}, ground_unit)
 
 
@@ -209,7 +209,7 @@ def _started_better(reading: _Reading, trials: Trials) -> bool:
     """Tell whether the data as given fit as well, if only they start where the reading has ended."""
     if reading.concerns_start:
         return False
-    state, place = reading.solved.adjusted.linearised.state, reading.solved.block.point_index()
+    state, place = reading.solved.state, reading.solved.block.point_index()
     orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
     started = trials.start(replace(trials.gathered, photo_orientation=orientation))
     points = np.where(

@@ -87,7 +87,7 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
         [name for each in rows for name in each.point],
         [name for each in rows for name in each.component],
     )
-    equations = solved.adjusted.linearised.equations
+    equations = solved.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
     return Fit(names, np.where(np.isfinite(standard), standard, np.inf))
 

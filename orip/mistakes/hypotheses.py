@@ -130,7 +130,7 @@ def _with_c_seen(block: Block, row: int) -> Block:
 
 def _other_c(solved: SolvedBlock, row: int, given: float) -> str:
     camera = solved.block.cameras[row]
-    found = float(solved.adjusted.linearised.state.cameras[row, 0])
+    found = float(solved.state.cameras[row, 0])
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"
@@ -227,7 +227,7 @@ def photo_hypotheses(block: Block) -> Iterator[Hypothesis]:
 
 
 def _is_near(solved: SolvedBlock, given: FloatArray, factor: float) -> bool:
-    return is_nearer(given, factor, solved.adjusted.linearised.state.rotations)
+    return is_nearer(given, factor, solved.state.rotations)
 
 
 def stay_near(solved: SolvedBlock) -> bool:
@@ -235,7 +235,7 @@ def stay_near(solved: SolvedBlock) -> bool:
 
     A block adjusts itself to control of any scale; where its photos stood tells which is right.
     """
-    state, points = solved.adjusted.linearised.state, solved.block.photo_points
+    state, points = solved.state, solved.block.photo_points
     moved = np.linalg.norm(state.centres - solved.block.photo_orientation[:, :3], axis=1)
     distance = np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)
     return bool(np.median(moved) < _NEAR * np.median(distance))
@@ -244,7 +244,7 @@ def stay_near(solved: SolvedBlock) -> bool:
 def _are_in_place(solved: SolvedBlock, pair: tuple[int, int]) -> bool:
     """Tell whether two photos are nearer to their own preliminary rotations than to each other's."""
     start = rotation_from_angles(solved.block.photo_orientation[list(pair), 3:])
-    traces = np.einsum("iab,jab->ij", start, solved.adjusted.linearised.state.rotations[list(pair)])
+    traces = np.einsum("iab,jab->ij", start, solved.state.rotations[list(pair)])
     return bool(traces[0, 0] > traces[1, 0] and traces[1, 1] > traces[0, 1])
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.results import iteration_pass
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import Trials, explanations_of, explanations_of_failure
@@ -122,14 +121,12 @@ def solve_gathered(gathered: GatheredBlock, method: Method = PLAIN, watcher: Sol
         block, start_warnings = started_block(gathered.block, gathered.preliminary, oriented)
         watcher.started(block)
         with watcher.stoppable() as stop_asked:
-            adjusted = adjust_block(
-                block, method, gathered.ground_unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
-            )
+            adjusted = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
         causes = explanations_of_failure(trials, missing)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    solution = replace(adjusted.solution, ground_unit=gathered.ground_unit)
+    solution = adjusted.solution
     explained = () if solution.status == "stopped" else explanations_of(solution, block, trials)
     warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)

@@ -26,8 +26,8 @@ from orip.units import DEGREES_PER_RADIAN
 
 def normal_matrix(found: SolvedBlock) -> np.ndarray:
     """Return A^T P A (u, u) of the places that are unknowns, at the solution with its last weights."""
-    equations = found.adjusted.linearised.equations
-    weights = np.where(equations.active, found.adjusted.weight_factors, 0.0)
+    equations = found.equations
+    weights = np.where(equations.active, found.weight_factors, 0.0)
     design = equations.design * np.sqrt(weights)[:, None]
     return (design.T @ design).toarray()
 
@@ -35,7 +35,7 @@ def normal_matrix(found: SolvedBlock) -> np.ndarray:
 def dense_inverse(found: SolvedBlock) -> tuple[np.ndarray, float]:
     """Return the inverse (m + 3 b, m + 3 b), and the condition of what was inverted, scaled to a unit diagonal."""
     normals = normal_matrix(found)
-    free_places = ~found.problem.layout.fixed & ~found.adjusted.normals.removed
+    free_places = ~found.problem.layout.fixed & ~found.normals.removed
     root = np.sqrt(np.diag(normals))[free_places]
     scaled = normals[np.ix_(free_places, free_places)] / np.outer(root, root)
     inverse = np.linalg.inv(scaled)
@@ -63,7 +63,7 @@ def records(found: SolvedBlock) -> list[Figures]:
 def values_of(found: SolvedBlock, state: State) -> list[np.ndarray]:
     """Return the same records' figures at a state; angles about the project's axes at the adjusted centres."""
     ground = found.block.ground
-    axes = ground.axes_at(ground.to_project(found.adjusted.linearised.state.centres))
+    axes = ground.axes_at(ground.to_project(found.state.centres))
     angles = angles_from_rotation(axes @ state.rotations) * DEGREES_PER_RADIAN
     photos = np.hstack([ground.to_project(state.centres), angles])
     points = ground.to_project(state.points)
@@ -73,7 +73,7 @@ def values_of(found: SolvedBlock, state: State) -> list[np.ndarray]:
 
 def differences(found: SolvedBlock, cofactors: np.ndarray) -> list[np.ndarray]:
     """Return the partials of the figures by all unknowns: each is moved by a tenth of its deviation."""
-    state, unknowns = found.adjusted.linearised.state, found.problem.unknowns
+    state, unknowns = found.state, found.problem.unknowns
     columns = np.unique(np.concatenate([each.columns for each in records(found)]))
     partials = [np.zeros((len(value), len(cofactors))) for value in values_of(found, state)]
     for column in columns[columns != CONSTANT]:

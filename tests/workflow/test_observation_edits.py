@@ -25,7 +25,7 @@ from orip.errors import InputError, LockedError
 from orip.files.stores import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
-from orip.interior.distortion import correction_with_partials
+from orip.interior.distortion import corrected_with_partials
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.ground import PLAIN
 from orip.records.solution import Estimates, Solution
@@ -382,15 +382,16 @@ def predicted_against_residuals(folder: Path) -> float:
         predicted = xy[[place[found.point[row]] for row in rows[::2]]]
         if camera.distortion_at == "measured":
             parameters = solution.cameras.values[0]
-            difference = (
-                correction_with_partials(predicted - parameters[1:3], parameters[3:]).value
-                - correction_with_partials(observed - parameters[1:3], parameters[3:]).value
-                - residual
-            )
+            difference = _corrected(predicted, parameters) - _corrected(observed, parameters) - residual
         else:
             difference = predicted - observed - residual
         worst = max(worst, float(np.abs(difference).max()))
     return worst
+
+
+def _corrected(xy, parameters):
+    """Return ideal coordinates (n, 2) of measured ones by the 11 parameters of a camera."""
+    return np.stack(corrected_with_partials(parameters[3:], *(xy - parameters[1:3]).T)[:2], axis=1)
 
 
 @pytest.mark.parametrize("argument", ["ideal", "measured"])
