@@ -28,7 +28,7 @@ class Block:
 
     Parameters
     ----------
-    cameras : sequence of Camera
+    cameras : list of Camera
     photos : Photos
     photo_points : PhotoPoints
     control_points : ControlPoints, optional

@@ -45,6 +45,17 @@ _PROJECT = "BLOCK"
 _TABLES = {"camera": "cameras", "photo": "photos"}
 """What the sections of orip.toml are called as arguments of a block."""
 
+_KINDS: Mapping[str, tuple[type, bool]] = {
+    "photos": (Photos, True),
+    "photo_points": (PhotoPoints, True),
+    "control_points": (ControlPoints, False),
+    "elements": (Elements, False),
+    "distances": (Distances, False),
+    "directions": (Directions, False),
+    "preliminary_points": (PreliminaryPoints, False),
+}
+"""The class of each table, and whether it must be given."""
+
 
 @dataclass(frozen=True, slots=True)
 class Given:
@@ -71,6 +82,8 @@ def gathered_block(given: Given) -> GatheredBlock:
     InputError
         With everything that is wrong.
     """
+    if wrong := list(_wrong_tables(given)):
+        raise InputError(wrong)
     definition, complaints = _definition(given)
     observations = _observations(given)
     points, elements = control_tables.control_points(given.control_points), control_tables.elements(given.elements)
@@ -83,6 +96,17 @@ def gathered_block(given: Given) -> GatheredBlock:
         raise InputError(complaints)
     control = Control(points.records, elements.records, distances.records, directions.records)
     return _gathered(definition, observations.records, control, preliminary.records, points.warnings)
+
+
+def _wrong_tables(given: Given) -> Iterator[Complaint]:
+    """Yield a complaint for each table that is something else."""
+    cameras: object = given.cameras
+    if not isinstance(cameras, list | tuple):
+        yield Complaint(f"is {shown_token(repr(cameras))}; a list of orip.Camera is needed", "cameras")
+    for name, (kind, is_needed) in _KINDS.items():
+        table = getattr(given, name)
+        if not isinstance(table, kind) and (is_needed or table is not None):
+            yield Complaint(f"is {shown_token(repr(table))}; an orip.{kind.__name__} is needed", name)
 
 
 def _gathered(

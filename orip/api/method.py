@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Literal, get_args
 
 from threadpoolctl import threadpool_limits
@@ -37,6 +38,8 @@ def method_of(snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bo
     return Method(settings if snoop else None, prune)
 
 
-def one_thread() -> AbstractContextManager[object]:
+@contextmanager
+def one_thread() -> Iterator[None]:
     """Limit linear algebra to one thread, as the commands do: results repeat to the last bit."""
-    return threadpool_limits(limits=1)
+    with threadpool_limits(limits=1):
+        yield
