@@ -8,7 +8,7 @@ import pytest
 from bundle.solving import controlled
 from support.synthetic_block import synthetic_block
 
-from orip.mistakes.principal_distance import principal_distance_seen
+from orip.mistakes.hypotheses.principal_distance import principal_distance_seen
 
 MADE = synthetic_block("convergent", "principal distance")
 TRUE = MADE.block.cameras[0].parameters[0]

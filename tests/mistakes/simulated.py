@@ -9,7 +9,8 @@ import numpy as np
 from orip.bundle.assemble import with_starting_values
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import ProjectWarning
-from orip.mistakes.explanation import Trials, explanations_of
+from orip.mistakes.explanation import explain_misfit
+from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
 
@@ -23,7 +24,7 @@ def explained(block: Block) -> list[ProjectWarning]:
 
     started = start(gathered)
     solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
-    return explanations_of(solution, started, Trials(gathered, start, block.cameras))
+    return explain_misfit(solution, started, Readjuster(gathered, start, block.cameras))
 
 
 def with_camera(block: Block, *values: tuple[int, float]) -> Block:

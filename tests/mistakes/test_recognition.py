@@ -14,10 +14,10 @@ from support.synthetic_block import DISTORTED, synthetic_block
 from workflow.quiet import run_quietly
 
 from orip.interior.orientation import orient_photo
+from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
-from orip.mistakes.control_slips import slip
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.measurement import MeasuredMarks, PhotoOrientation
 
@@ -131,7 +131,7 @@ def test_photos_taken_one_after_the_other_are_two() -> None:
     ],
 )
 def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
-    found = slip(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
+    found = slip_of_pen(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
     assert found is None if what is None else found is not None and what in found
 
 

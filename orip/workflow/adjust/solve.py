@@ -17,7 +17,8 @@ from orip.files.stores.store import Store
 from orip.files.stores.transaction import writing
 from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior
-from orip.mistakes.explanation import Trials, explanations_of, explanations_of_failure
+from orip.mistakes.explanation import explain_failure, explain_misfit
+from orip.mistakes.readjuster import Readjuster
 from orip.prelim.in_project import absolute_in_project
 from orip.progress import stage
 from orip.records.block import Block
@@ -120,7 +121,7 @@ def _adjusted(
     """Return the solution, and the preliminary values if they had to be found."""
     texts, interior = ground.records, stored.interior
     gathered, gather_warnings = gathered_block(project, stored, texts)
-    trials = Trials(
+    readjuster = Readjuster(
         gathered,
         lambda block: started_block(block, texts.preliminary, lambda _: None)[0],
         tuple(each.record for each in stored.definitions.cameras),
@@ -144,11 +145,11 @@ def _adjusted(
                 block, method, unit, lambda record: watcher.passed(iteration_pass(record)), stop_asked
             )
     except NotSolvableError as error:
-        causes = explanations_of_failure(trials, not_oriented)
+        causes = explain_failure(readjuster, not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     for_bundle = tuple(forewarnings(block))
     solution = replace(solution, ground_unit=unit)
-    explained = () if solution.status == "stopped" else explanations_of(solution, block, trials)
+    explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
     inputs = (*texts.digests, *stored.digests, project.heading_digest)
     solution = replace(
         solution,
