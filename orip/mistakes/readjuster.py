@@ -66,7 +66,7 @@ class Readjuster:
             return None
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:
-        """Return the adjustment of the unchanged block that starts where another one ended, None where there is none."""
+        """Return the adjustment of `block` that starts where another adjustment ended, None where there is none."""
         state, place = solved.adjusted.linearised.state, solved.block.point_index()
         orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
         try:

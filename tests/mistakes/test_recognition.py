@@ -124,7 +124,7 @@ def test_photos_taken_one_after_the_other_are_two() -> None:
         (2.615, -2.61, "-2.615: its sign is wrong"),
         (19.4989, 194.98, "194.989: its decimal point is displaced"),
         (194.989, 184.98, "184.989: one digit is wrong"),
-        (0.0, 83.0, "for want of a value"),
+        (0.0, 83.0, "the value is not known"),
         (194.989, 187.3, None),
         # half the difference is unknown: any slip would do
         (149.989, 150.3, None),

@@ -26,7 +26,7 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
         What follows "X = 12.3 ..." in a sentence; None where no slip explains the value.
     """
     if value == 0.0:
-        return "was probably written for want of a value: write - for it and its error if it is not known"
+        return "was probably written because the value is not known: write - for it and for its error then"
     if tolerance > _NARROW * abs(value - seen):
         return None
     for meant, how in _slips(value):

@@ -48,9 +48,9 @@ def _text(solved: SolvedBlock, row: int, given: float) -> str:
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"
+    unit = _unit_clause(given, found, camera)
     return (
-        f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{_unit_clause(given, found, camera)}: "
-        f"the principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the "
+        f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the "
         'adjustment determine it (unknown = ["C"])'
     )
 
