@@ -162,7 +162,8 @@ TURNED_OVER = {"1": "2", "2": "1", "3": "4", "4": "3", "5": "5", "6": "8", "7": 
 
 
 @mistake(
-    "A scan turned by 180°, fiducial marks named by their position in it", CLIFF, "photo 103", "turned by 180°", "3 is 1",
+    "A scan turned by 180°, fiducial marks named by their position in it",
+    CLIFF, "photo 103", "turned by 180°", "3 is 1",
     mend="Give marks the names that they have on the film, not those of their position in the scan.", upto="measure",
 )  # fmt: skip
 def turned_scan(folder: Path) -> None:
@@ -178,7 +179,8 @@ def other_corner(folder: Path) -> None:
 
 
 @mistake(
-    "Film scanned emulsion up, marks named by their position in the scan", CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
+    "Film scanned emulsion up, marks named by their position in the scan",
+    CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
     mend="Mirror the scan; or give the marks the names that they have on the film: then they undo it.", upto="measure",
 )  # fmt: skip
 def emulsion_up(folder: Path) -> None:

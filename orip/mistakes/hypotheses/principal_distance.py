@@ -50,8 +50,9 @@ def _text(solved: SolvedBlock, row: int, given: float) -> str:
     size = "" if camera.sensor is None else ", or the size of the sensor,"
     unit = _unit_clause(given, found, camera)
     return (
-        f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the "
-        'adjustment determine it (unknown = ["C"])'
+        f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the "
+        f"principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the adjustment "
+        'determine it (unknown = ["C"])'
     )
 
 
