@@ -90,7 +90,7 @@ def _vectors_in_parts(block: Block) -> FloatArray:
     points = block.photo_points
     count = len(points.photo)
     parts = [
-        PhotoPoints(points.photo[part], points.point[part], points.xy[part], points.error[part], points.used[part])
-        for part in (slice(first, first + _PART) for first in range(0, count, _PART))
+        PhotoPoints(points.photo[rows], points.point[rows], points.xy[rows], points.error[rows], points.used[rows])
+        for rows in (slice(first, first + _PART) for first in range(0, count, _PART))
     ]
-    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=each)) for each in parts)])
+    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=part)) for part in parts)])

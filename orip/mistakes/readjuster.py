@@ -58,7 +58,7 @@ class Readjuster:
         Parameters
         ----------
         block : Block
-            As `Readjuster.block`, but for what was changed.
+            As `Readjuster.block`, with something changed.
         """
         try:
             return _solved(self.start(block))

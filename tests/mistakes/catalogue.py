@@ -539,7 +539,7 @@ def distances_in_feet(folder: Path) -> None:
     "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
     mend="Separate fields by blanks or tabs.",
 )  # fmt: skip
-def parted_by_commas(folder: Path) -> None:
+def separated_by_commas(folder: Path) -> None:
     in_control(folder, lambda words: [",".join(words)])
 
 

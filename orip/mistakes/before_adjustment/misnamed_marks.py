@@ -141,7 +141,7 @@ def _finding(film: _Film) -> str:
     names = [film.adjustment.marks.names[row] for row in used]
     pairs = [f"{name} is {names[row]}" for name, row in zip(names, film.order.marks, strict=True) if names[row] != name]
     listed = ", ".join(pairs[:_LISTED]) + (", …" if len(pairs) > _LISTED else "")
-    return f"lay {_how(film, used)} and its marks were named by their position in it: {listed}"
+    return f"lay {_how(film, used)} and its marks were named by where they lay: {listed}"
 
 
 def _warning(group: str, finding: str, films: Sequence[_Film]) -> ProjectWarning:

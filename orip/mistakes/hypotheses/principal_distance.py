@@ -62,10 +62,10 @@ def _unit_clause(given: float, found: float, camera: Camera) -> str:
     units["in micrometres"] = 1e-3
     if camera.sensor is not None:
         diagonal = float(np.hypot(camera.sensor.width, camera.sensor.height))
-        units["as the equivalent for 35 mm film"] = diagonal / _DIAGONAL_OF_35_MM_FILM
+        units["the equivalent for 35 mm film"] = diagonal / _DIAGONAL_OF_35_MM_FILM
     differences = {unit: abs(float(np.log(given * size / found))) for unit, size in units.items()}
     nearest = min(differences, key=differences.__getitem__)
-    return f" ({given:g} is the same {nearest})" if differences[nearest] < _ALIKE else ""
+    return f" ({given:g} is probably {nearest})" if differences[nearest] < _ALIKE else ""
 
 
 def principal_distance_seen(block: Block, camera: int) -> float:
