@@ -22,6 +22,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 from orip.records.solution import Diagnosis
 
 ALPHA = 0.05
@@ -102,7 +103,7 @@ def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
 
 
 def _a_priori_errors(solved: SolvedBlock) -> FloatArray:
-    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == "additional")
+    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == ADDITIONAL_PARAMETER)
     return rows.error
 
 

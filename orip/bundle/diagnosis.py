@@ -20,8 +20,10 @@ from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Diagnosis
+from orip.wording import agreeing, counted, joined
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
@@ -66,16 +68,16 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
         return
     where = f"bundle {solved.block.definition.name}"
     count = _control_count(solved.block)
-    because = f"{count or 'no'} control point{'' if count == 1 else 's'}"
+    because = f"{count or 'no'} {agreeing(count, 'control point')}"
     turns = int(np.linalg.matrix_rank(movements[3:6], tol=1e-6))
     parts = []
     if (shifts := free - turns - int(_scale_is_free(movements))) > 0:
-        parts.append(f"{shifts} shift{'s' * (shifts > 1)}")
+        parts.append(counted(shifts, "shift"))
     if turns:
-        parts.append(f"{turns} rotation{'s' * (turns > 1)}")
+        parts.append(counted(turns, "rotation"))
     if _scale_is_free(movements):
         parts.append("scale")
-    listed = " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else parts[0]
+    listed = joined(parts)
     if listed == "scale":
         yield Diagnosis("datum", where, "scale is free", "add a distance or a second control point")
     else:
@@ -89,11 +91,11 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     Photo points do not determine any: they only see how photos and points lie to one another.
     """
     problem, state = solved.problem, solved.adjusted.linearised.state
-    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != "photo")
+    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
     rows = [each.rows for each in problem.observations]
-    is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
+    is_photo = np.concatenate([np.full(len(each.used), each.kind == PHOTO_POINT) for each in rows])
     active = solved.adjusted.linearised.equations.active[~is_photo]
     design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
@@ -167,9 +169,7 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
             return f"it has {points} points, {_POINTS_FOR_A_PHOTO} are needed", "measure more points in this photo"
         count = _control_count(block)
         if count < _POINTS_FOR_A_PHOTO:
-            cause = (
-                f"only {_IN_WORDS[count]} control point{'' if count == 1 else 's'}" if count else "no control points"
-            )
+            cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"
         return "its points do not fix it", "measure points that are spread over the photo, in depth too"
     if group == "THEODOLITE":

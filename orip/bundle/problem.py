@@ -82,7 +82,7 @@ class BlockProblem:
             values = observations.linearise_with_partials(state)
             error = observations.rows.error
             data.append((values.partials / error[:, None])[keep])
-            residual.append((values.residual + state.memory.get(observations.rows.kind, 0.0)) / error)
+            residual.append((values.residual + state.memory.get(observations.rows.kind.name, 0.0)) / error)
             exact.append(np.full(len(error), observations.exact))
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
@@ -114,7 +114,9 @@ class BlockProblem:
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
         moved = state.moved(correction, self.unknowns)
-        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(moved)) is not None}
+        memory = {
+            each.rows.kind.name: kept for each in self.observations if (kept := each.remembered(moved)) is not None
+        }
         return replace(moved, memory=memory)
 
     def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:

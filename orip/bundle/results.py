@@ -113,14 +113,14 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     state, equations = solved.adjusted.linearised.state, solved.adjusted.linearised.equations
     error = np.concatenate([each.error for each in rows])
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
-    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind, 0.0), len(each.photo)) for each in rows])
+    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind.name, 0.0), len(each.photo)) for each in rows])
     residual = equations.residual * error - added
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
     standard = np.abs(residual) / error
     return Residuals(
-        kind=tuple(each.kind for each in rows for _ in each.photo),
+        kind=tuple(each.kind.name for each in rows for _ in each.photo),
         photo=_chained([each.photo for each in rows]),
         point=_chained([each.point for each in rows]),
         component=_chained([each.component for each in rows]),

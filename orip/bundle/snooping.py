@@ -25,6 +25,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.control import ControlPoint
+from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT
 from orip.records.solution import Blunder
 
 _NEAR_THE_WORST = 0.5
@@ -111,11 +112,11 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
     photos = [photo.name for photo in block.photos]
     place = block.point_index()
-    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == "photo"}
+    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == PHOTO_POINT.name}
     points = block.photo_points
     keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
     used = points.used & np.array(keep, dtype=bool)[:, None]
-    contradicting = {each.point for each in blunders if each.kind == "control"}
+    contradicting = {each.point for each in blunders if each.kind == CONTROL_POINT.name}
     control = tuple(_disregarded(each) if each.name in contradicting else each for each in block.control_points)
     return replace(block, photo_points=replace(points, used=used), control_points=control)
 
@@ -196,7 +197,9 @@ class _Search:
         residual = self.solved.adjusted.linearised.equations.residual
         for order, finding in enumerate(self.left_out.values(), start=1):
             unit = self.units[finding.unit]
-            shown = unit.rows if unit.kind == "control" else (max(unit.rows, key=lambda row: abs(residual[row])),)
+            shown = (
+                unit.rows if unit.kind == CONTROL_POINT.name else (max(unit.rows, key=lambda row: abs(residual[row])),)
+            )
             for row in shown:
                 yield Blunder(
                     order, unit.kind, photo[row], point[row], component[row],
@@ -242,7 +245,7 @@ class _Search:
         test, rows = self._test(), list(self.units[unit].rows)
         residual, leverage = self._residual()[rows], self._leverage()[rows]
         sign = 1.0 if left_out else -1.0
-        if self.units[unit].kind == "control":
+        if self.units[unit].kind == CONTROL_POINT.name:
             cofactor = np.eye(len(rows)) + sign * self._cofactor_of_control(unit)
             if left_out:
                 quantity = float(residual @ np.linalg.solve(cofactor, residual)) / test.sigma0**2
@@ -272,7 +275,7 @@ class _Search:
             return []
         failing.sort(key=lambda score: score.statistic / score.limit, reverse=True)
         worst = failing[0]
-        if self.units[worst.unit].kind == "control":
+        if self.units[worst.unit].kind == CONTROL_POINT.name:
             return [worst]
         chosen: list[_Finding] = []
         photos: set[int] = set()
@@ -280,7 +283,7 @@ class _Search:
         for score in failing:
             unit = self.units[score.unit]
             near = score.statistic / score.limit >= _NEAR_THE_WORST * worst.statistic / worst.limit
-            if near and unit.kind == "photo" and unit.photo not in photos and unit.point not in points:
+            if near and unit.kind == PHOTO_POINT.name and unit.photo not in photos and unit.point not in points:
                 chosen.append(score)
             # the first of a photo or point stands for it, whether it was taken or not
             photos.add(unit.photo)
@@ -313,10 +316,10 @@ def _units(observations: tuple[Observations, ...]) -> list[_Unit]:
                 pair = [2 * index + place for place in range(2) if rows.used[2 * index + place]]
                 if pair:
                     place = tuple(start + row for row in pair)
-                    units.append(_Unit("photo", place, int(each.photo[index]), int(each.point[index])))
+                    units.append(_Unit(PHOTO_POINT.name, place, int(each.photo[index]), int(each.point[index])))
         elif isinstance(each, ControlPointObservations):
             for point in np.unique(each.point[rows.used]):
                 mine = np.flatnonzero((each.point == point) & rows.used)
-                units.append(_Unit("control", tuple(start + int(row) for row in mine), -1, int(point)))
+                units.append(_Unit(CONTROL_POINT.name, tuple(start + int(row) for row in mine), -1, int(point)))
         start += len(rows.photo)
     return units

@@ -80,10 +80,10 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment."""
     rows = [observations.rows for observations in solved.problem.observations]
     names = (
-        [kind.kind for kind in rows for _ in kind.photo],
-        [name for kind in rows for name in kind.photo],
-        [name for kind in rows for name in kind.point],
-        [name for kind in rows for name in kind.component],
+        [observations.kind.name for observations in rows for _ in observations.photo],
+        [name for observations in rows for name in observations.photo],
+        [name for observations in rows for name in observations.point],
+        [name for observations in rows for name in observations.component],
     )
     equations = solved.adjusted.linearised.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)

@@ -43,6 +43,7 @@ from orip.records.preliminary import (
     RelativeOrientation,
     SimilarityStep,
 )
+from orip.wording import counted, first_names
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points of a photo that orient it; and where models are listed, point by point."""
@@ -227,9 +228,8 @@ class _Chain:
         pieces = []
         for system in route.systems:
             names = [self.rays.photos[photo] for photo in np.flatnonzero(system.oriented)]
-            listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
             seen = int(np.count_nonzero(system.known & control))
-            pieces.append(f"photos {listed} ({seen} full control point{'' if seen == 1 else 's'})")
+            pieces.append(f"photos {first_names(names, _NAMED)} ({counted(seen, 'full control point')})")
         return (
             f"the block is in {len(pieces)} pieces that have too few points in common to be joined, and control is "
             f"spread over them: {'; '.join(pieces)}"

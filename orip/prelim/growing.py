@@ -25,6 +25,7 @@ from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
 from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.wording import counted
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
@@ -347,10 +348,10 @@ class Growth:
 
 def _with_photos_of(placed: Placed, joined: Joined, block: Placed) -> Placed:
     """Return a system with the photos of a sub-block that was joined on."""
-    points = len(joined.step.points)
+    points = counted(len(joined.step.points), "known point")
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
         if not placed.oriented[photo]:
-            how = f"{block.how[photo]}; joined on by {points} known point{'' if points == 1 else 's'}"
+            how = f"{block.how[photo]}; joined on by {points}"
             placed = placed.with_photo(int(photo), rotation, centre, how)
     return placed
 

@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from types import MappingProxyType
+from typing import Final, Literal
 
 CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
+
+CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "C": "mm",
+        "DX": "mm",
+        "DY": "mm",
+        "A1": "",
+        "A3": "mm^-2",
+        "A5": "mm^-4",
+        "A7": "mm^-6",
+        "P1": "mm^-1",
+        "P2": "mm^-1",
+        "B1": "",
+        "B2": "",
+    }
+)
+"""Unit of each camera parameter; empty for a pure number."""
 
 DistortionArgument = Literal["ideal", "measured"]
 AdditionalSet = Literal["EBNER", "GRUEN"]

@@ -14,6 +14,7 @@ from orip.files.stores.transaction import Stores, reading
 from orip.interior.measured import Measured
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
+from orip.wording import counted
 from orip.workflow.adjust.bundle_input import stored_digests
 from orip.workflow.drive.table import is_drive_table_current
 from orip.workflow.observations.measure import measurement_inputs
@@ -23,7 +24,7 @@ from orip.workflow.project.measurements import read_measured, runs_of_measuremen
 from orip.workflow.project.outputs import is_interior_listing_stale, outputs_of_other_names, stale_solution_outputs
 from orip.workflow.project.texts import ground_digests, log_digests
 from orip.workflow.records.apply_text import apply_text
-from orip.workflow.records.reconcile import counted
+from orip.workflow.records.reconcile import counted_changes
 
 StepState = Literal["missing", "out of date", "up to date"]
 
@@ -107,14 +108,14 @@ def _initialised(project: Project, definitions: StoredDefinitions) -> Step:
     if applied.changes and not any((definitions.cameras, definitions.photos, definitions.bundles)):
         return Step("orip init", "missing", "orip.toml has not been applied to the stores")
     if applied.changes:
-        return Step("orip init", "out of date", f"to be applied to the stores: {counted(applied.changes)}")
+        return Step("orip init", "out of date", f"to be applied to the stores: {counted_changes(applied.changes)}")
     return Step("orip init", "up to date", "the stores hold what orip.toml says")
 
 
 def _measured(project: Project, stores: Stores, definitions: StoredDefinitions) -> Step:
     command = "orip measure"
     log = log_digests(project)
-    files = f"{len(log)} measurement file{'s' * (len(log) != 1)}"
+    files = counted(len(log), "measurement file")
     runs = set(runs_of_measurements(project, stores))
     if runs == {None}:
         what = f"{files} to replay" if log else "there are no measurement files (*.MEA) yet"

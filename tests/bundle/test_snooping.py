@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundle.aerial_block import CONTROL_ERROR, PRECISION_MM, aerial_block
-from bundle.solving import controlled, noisy, redefined, solution, started_off
+from bundle.solving import controlled, noisy, redefined, solution, started_off, with_error
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.snooping import SnoopingSettings, snoop, without_blunders
@@ -20,12 +20,6 @@ STRICT = SnoopingSettings("apriori", 1e-6)
 
 def snooped(block, chosen=APRIORI):
     return snoop(block, chosen, lambda _: None, lambda: False)
-
-
-def with_error(block, photo_point, component, size):
-    xy = block.photo_points.xy.copy()
-    xy[photo_point, component] += size * PRECISION_MM
-    return replace(block, photo_points=replace(block.photo_points, xy=xy))
 
 
 def names_of(block, photo_point):

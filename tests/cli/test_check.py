@@ -10,12 +10,7 @@ from workflow.small_projects import contents, first_project, replace_in, two_bun
 
 from orip.records.gate import GATE_FIGURES
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    assert orip(folder, "run").code == 0
-    return folder
+pytestmark = pytest.mark.usefixtures("adjusted")
 
 
 def gates_in_text(folder: Path, *gates: str) -> None:

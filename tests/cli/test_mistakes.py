@@ -7,16 +7,11 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import Said, orip
-from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
+from workflow.small_projects import contents, film_project, replace_in, two_bundles
 
 from orip.files.stores.transaction import writing
 
 COMMANDS = ("status", "init", "measure", "solve", "run")
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    return first_project(tmp_path / "first")
 
 
 def refused(said: Said, code: int, *sentences: str) -> None:

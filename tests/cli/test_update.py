@@ -14,15 +14,10 @@ from orip.files.stores import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
 
 KINDS = ("cameras", "photos", "points")
-ZURICH = REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall"
-DCS260 = REPOSITORY / "orip" / "sample_projects" / "dcs260_calibration"
+ZURICH = REPOSITORY / "sample_projects" / "zurich_city_hall"
+DCS260 = REPOSITORY / "sample_projects" / "dcs260_calibration"
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    assert orip(folder, "run").code == 0
-    return folder
+pytestmark = pytest.mark.usefixtures("adjusted")
 
 
 def sample(source: Path, folder: Path) -> Path:

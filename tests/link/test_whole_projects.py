@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 from link.served import served
-from multimodel.test_driven_projects import ZURICH_MODELS, add_models, expected_positions, measured, sample
+from support.driven_projects import ZURICH_MODELS, add_models, expected_positions, measured
+from support.sample_projects import sample
 from workflow.quiet import run_quietly
 
 from orip.link.client import ProcessorFault, open_link

@@ -376,7 +376,7 @@ def _kinds() -> Iterator[Case]:
             np.add.at(partials, (rows[free], columns[free]), found.partials[free])
             assert found.computable.all()
             yield Case(
-                method_of(observations), f"{observations.rows.kind}, {label}", np.zeros(size),
+                method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
                 lambda x, of=observations, state=state, unknowns=unknowns: of.linearise_with_partials(
                     state.moved(x, unknowns)
                 ).residual,
@@ -386,7 +386,7 @@ def _kinds() -> Iterator[Case]:
 
 def _move(block: Block, observations: Observations) -> float:
     """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
-    return 1e-3 if block.ground is PLAIN or observations.rows.kind == "photo" else 0.1
+    return 1e-3 if block.ground is PLAIN or observations.rows.kind.name == "photo" else 0.1
 
 
 # driving

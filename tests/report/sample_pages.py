@@ -44,7 +44,7 @@ def sample(name: str) -> Sample:
 def sample_project(name: str, folder: Path) -> Path:
     """Copy the texts of a sample project."""
     folder.mkdir()
-    for path in (REPOSITORY / "orip" / "sample_projects" / name).iterdir():
+    for path in (REPOSITORY / "sample_projects" / name).iterdir():
         if path.suffix in TEXTS:
             shutil.copy(path, folder)
     return folder

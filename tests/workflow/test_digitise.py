@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from multimodel.test_driven_projects import sample
+from support.sample_projects import sample
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, film_project, first_project, replace_in
 

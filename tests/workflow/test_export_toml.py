@@ -25,12 +25,7 @@ from orip.workflow.records.edits import RecordName
 from orip.workflow.records.export_toml import export_toml
 from orip.workflow.records.initialise import initialise
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    initialise(folder)
-    return folder
+pytestmark = pytest.mark.usefixtures("initialised")
 
 
 def stored(folder: Path) -> StoredDefinitions:

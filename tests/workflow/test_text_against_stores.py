@@ -22,11 +22,7 @@ from orip.workflow.status import project_status
 LENGTHENED = "c = 35.2"
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    initialise(folder)
-    return folder
+pytestmark = pytest.mark.usefixtures("initialised")
 
 
 def edit_camera(folder: Path, change: Callable[[Camera], Camera]) -> None:

@@ -19,6 +19,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_
 from orip.interior.distortion import correction_with_partials, distortion_with_partials
 from orip.records.block import Block
 from orip.records.camera import AdditionalSet
+from orip.records.observation_kinds import PHOTO_POINT
 
 _CAMERA, _CENTRE, _ROTATION, POINT_PARTIALS = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
 
@@ -151,7 +152,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         if each.additional_set is not None
     )
     rows = Rows(
-        kind="photo",
+        kind=PHOTO_POINT,
         photo=_named_twice([photo.name for photo in block.photos], points.photo),
         point=_named_twice(block.point_names, points.point),
         component=("x", "y") * len(points.photo),

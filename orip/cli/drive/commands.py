@@ -10,6 +10,7 @@ from orip.cli.drive import emulator, link
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
+from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.workflow.drive.table import DriveTableOutcome
@@ -57,7 +58,7 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
 def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
     """Say what the drive table holds."""
     terminal.warn(outcome.warnings)
-    what = ", ".join(f"{number} {name if number != 1 else name[:-1]}" for name, number in _counts(outcome).items())
+    what = ", ".join(counted(number, name[:-1]) for name, number in _counts(outcome).items())
     state = "wrote    " if outcome.changed else "kept     "
     terminal.say(f"{state}{outcome.project.shown(outcome.path)}: {what}")
 

@@ -92,11 +92,11 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
     if not outcome.changes:
         terminal.say("init     unchanged: the stores hold what orip.toml says")
         return
-    from orip.workflow.records.reconcile import counted
+    from orip.workflow.records.reconcile import counted_changes
 
     for change in outcome.changes:
         terminal.detail(f"         {change.action} {change.kind} {change.name}")
-    terminal.say(f"init     {counted(outcome.changes)}")
+    terminal.say(f"init     {counted_changes(outcome.changes)}")
     for change in outcome.changes:
         if change.action == "detached":
             terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")

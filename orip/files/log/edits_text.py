@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from orip.errors import InputError, LockedError, OripError
-from orip.files.text.atomic import replace_text
+from orip.errors import InputError, LockedError
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.lines import read_bytes
 from orip.records.measurement import EditRecord
 
@@ -54,12 +54,8 @@ class EditsText:
         if read_edits(self.path, self.shown).text != self.text:
             message = f"{self.shown} has changed meanwhile; nothing was written, repeat the command"
             raise LockedError(message)
-        try:
+        with reporting_failure(self.shown, "it is as it was, and so are the stores"):
             replace_text(self.path, self._with(lines))
-        except OSError as error:
-            reason = error.strerror or error
-            message = f"{self.shown} cannot be written: {reason}; it is as it was, and so are the stores"
-            raise OripError(message) from error
 
     def _with(self, lines: Sequence[str]) -> str:
         return self._lines_end() + "".join(f"{line}{self._line_end}" for line in lines)

@@ -14,8 +14,8 @@ from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.doubted_observations import doubted_photo_points
 from orip.records.block import Block
-from orip.records.names import counted_names
 from orip.records.solution import Solution
+from orip.wording import counted_names
 
 _MOST = 0.05
 """Part of the photo points that may be doubted; with more it is not single points that are wrong."""

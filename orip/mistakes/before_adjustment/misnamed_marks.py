@@ -17,7 +17,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS
 from orip.records.interior import MarkAdjustment
-from orip.records.names import counted_names
+from orip.wording import counted_names
 
 _UNLIKELY = 1e-6
 """Probability of residuals so large by chance; there is one test for each film."""

@@ -8,6 +8,7 @@ from orip.errors import ProjectWarning
 from orip.records.block import Block
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes
+from orip.wording import agreeing, joined
 
 _UNMEASURED = "is not measured in any photo"
 
@@ -51,8 +52,8 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
 
 def _unplaced(points: Container[str], *names: str) -> str:
     missing = [name for name in names if name not in points]
-    which = " and ".join(missing) or "one of its points"
-    verb = "are" if len(missing) > 1 else "is"
+    which = joined(missing) or "one of its points"
+    verb = agreeing(len(missing) or 1, "is", "are")
     return f"is not used: {which} {verb} neither measured nor given coordinates; correct the name, or measure it"
 
 

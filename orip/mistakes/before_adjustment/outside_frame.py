@@ -17,8 +17,9 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.records.camera import Camera
 from orip.records.measurement import PhotoObservations
-from orip.records.names import counted_names, record_key
+from orip.records.names import record_key
 from orip.records.photo import Photo
+from orip.wording import counted_names
 
 _BEYOND_MARKS = 0.25
 """Margin on each side, as part of the extent of the fiducial marks: the image may extend beyond them."""

@@ -12,6 +12,7 @@ from orip.geometry.similarity import Similarity
 from orip.prelim.placed import Placed
 from orip.records.control import ControlDistance
 from orip.records.preliminary import ImageRays
+from orip.wording import counted
 
 
 def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDistance]) -> tuple[Placed, str]:
@@ -36,7 +37,7 @@ def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDi
     ratios = _ratios(placed, rays, distances)
     if ratios:
         scale = float(np.median(ratios))
-        size = f"its scale comes from {len(ratios)} distance{'' if len(ratios) == 1 else 's'}"
+        size = f"its scale comes from {counted(len(ratios), 'distance')}"
     else:
         scale = 1.0 / _usual_base(placed.centres[placed.oriented])
         size = "its scale is arbitrary: photos are 1 from the next one in the mean"

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import InputError, OripError
+from orip.errors import InputError
 from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.progress import stage
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
@@ -66,14 +66,9 @@ def write_report(
     path = output if output is not None else project.report(solution.bundle)
     with stage("report"):
         text = report_page(_matter(project, solution, tuple(gates)))
-    try:
+    consequence = "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
+    with reporting_failure(project.shown(path), consequence):
         replace_text(path, text)
-    except OSError as error:
-        message = (
-            f"{project.shown(path)} cannot be written: {error.strerror or error}; "
-            "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
-        )
-        raise OripError(message) from error
     return WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
 
 

@@ -8,18 +8,19 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Literal, TypeVar
 
-from orip.errors import InputError, NotSolvableError, OripError, ProjectWarning, UsageError
+from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.preliminary_text import preliminary_text, read_preliminary
 from orip.files.stores import observations, solutions
 from orip.files.stores.definitions import Named, StoredRecord
 from orip.files.stores.transaction import Stores, reading, writing
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.lines import read_lines
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PreliminaryPoint
 from orip.records.names import COMMENT_MARKS, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
+from orip.wording import first_names
 from orip.workflow.adjust.updated_values import (
     ChangedValue,
     Estimate,
@@ -194,7 +195,8 @@ def _updated(
     """Return the records with their new values; each stays bound to the text that it came from."""
     gone = [key for key in estimates if key not in {record_key(each.record.name) for each in stored}]
     if gone:
-        message = f"no longer defined: {what} {_listed(gone)} of the last adjustment; run 'orip solve' first"
+        names = first_names(gone, _SHOWN_NAMES)
+        message = f"no longer defined: {what} {names} of the last adjustment; run 'orip solve' first"
         raise InputError.single(message)
     records: list[StoredRecord[T]] = []
     verdicts: list[Verdict] = []
@@ -244,11 +246,8 @@ def write_points(path: Path, shown: str, points: Sequence[PreliminaryPoint], gro
     comments = list(takewhile(lambda line: not line.strip() or line.strip().startswith(COMMENT_MARKS), lines))
     if not any(line.strip() for line in comments):
         comments = [f"! Preliminary coordinates, {ground_unit}: name X Y Z [sX sY sZ]"]
-    try:
+    with reporting_failure(shown, "it is as it was"):
         replace_text(path, "".join(f"{line}\n" for line in comments) + preliminary_text(points))
-    except OSError as error:
-        message = f"{shown} cannot be written: {error.strerror or error}; it is as it was"
-        raise OripError(message) from error
 
 
 # what both need
@@ -257,18 +256,14 @@ def write_points(path: Path, shown: str, points: Sequence[PreliminaryPoint], gro
 def _rows(estimates: Estimates, what: What, names: Sequence[str]) -> list[int]:
     rows, missing = rows_of(estimates.names, names, exact=what == "points")
     if missing:
-        message = f"the solution has no {what[:-1]} {_listed(missing)}; it has {_listed(estimates.names) or 'none'}"
+        present = first_names(estimates.names, _SHOWN_NAMES) or "none"
+        message = f"the solution has no {what[:-1]} {first_names(missing, _SHOWN_NAMES)}; it has {present}"
         raise UsageError(message)
     return rows
 
 
 def _constant(estimates: Estimates, rows: Sequence[int]) -> int:
     return sum(bool((estimates.sd[row] != estimates.sd[row]).all()) for row in rows)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
-    return ", ".join(names[:_SHOWN_NAMES]) + more
 
 
 def _newer(project: Project, stores: Stores, solution: Solution) -> Iterator[ProjectWarning]:

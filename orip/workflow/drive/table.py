@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.errors import Complaint, InputError, OripError, ProjectWarning
+from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.drive.table_text import drive_table_text, read_drive_table
 from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation
@@ -266,11 +266,8 @@ def _solution_warnings(stored: _Stored, ingredients: TableIngredients) -> Iterat
 def _write(project: Project, path: Path, table: DriveTable) -> bool:
     """Write the table if that changes the file; tell whether it did."""
     text = drive_table_text(table)
-    try:
+    with reporting_failure(project.shown(path), "remove the cause and try again"):
         if path.is_file() and path.read_bytes() == text.encode("ascii"):
             return False
         replace_text(path, text)
-    except OSError as error:
-        message = f"{project.shown(path)} cannot be written: {error.strerror or error}; remove the cause and try again"
-        raise OripError(message) from error
     return True

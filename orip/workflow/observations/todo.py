@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.errors import OripError, ProjectWarning, UsageError
+from orip.errors import ProjectWarning, UsageError
 from orip.files.listings.observations import todo_text
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.natural_order import natural_key
 from orip.interior.measured import Measured
 from orip.interior.replay import replay
@@ -75,11 +75,8 @@ def measure_again(
 
 
 def _write(path: Path, text: str) -> None:
-    try:
+    with reporting_failure(path, "choose another file"):
         replace_text(path, text)
-    except OSError as error:
-        message = f"{path} cannot be written: {error.strerror or error}; choose another file"
-        raise OripError(message) from error
 
 
 def _would_be_replayed(at_hand: BundleAtHand, path: Path) -> Iterator[ProjectWarning]:

@@ -14,6 +14,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.project import BundleDefinition
+from orip.wording import first_names
 from orip.workflow.project.folder import Project
 
 _SHOWN_MISSING = 5
@@ -79,8 +80,7 @@ def require_initialised(project: Project, definitions: StoredDefinitions) -> Non
         raise InputError.single(message)
     missing = list(dict.fromkeys((*_not_in_stores(project, definitions), *_dangling(definitions))))
     if missing:
-        more = f" and {len(missing) - _SHOWN_MISSING} more" if len(missing) > _SHOWN_MISSING else ""
-        message = f"not in the record stores: {', '.join(missing[:_SHOWN_MISSING])}{more}; run 'orip init' first"
+        message = f"not in the record stores: {first_names(missing, _SHOWN_MISSING)}; run 'orip init' first"
         raise InputError.single(message)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from orip.adjustment.reliability import reliability
-from orip.errors import OripError
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.listings.interior import interior_listing
@@ -18,7 +17,7 @@ from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.stores import observations, solutions
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
-from orip.files.text.atomic import lines_in_pieces, remove_leftovers, replace_text_in_pieces
+from orip.files.text.atomic import lines_in_pieces, remove_leftovers, replace_text_in_pieces, reporting_failure
 from orip.interior.in_force import Interior, interior_orientation
 from orip.progress import stage
 from orip.records.measurement import PhotoObservations, no_observations
@@ -115,15 +114,12 @@ def _rewrite_interior_listing(project: Project) -> None:
 
 
 def _write(project: Project, path: Path, pieces: Iterable[str]) -> None:
-    try:
+    consequence = (
+        "the results are safe in the record stores: remove the cause, then 'orip init' (or measure, solve, run) writes "
+        "the missing outputs"
+    )
+    with reporting_failure(project.shown(path), consequence):
         replace_text_in_pieces(path, pieces)
-    except OSError as error:
-        shown = project.shown(path)
-        message = (
-            f"{shown} cannot be written: {error.strerror or error}; the results are safe in the record stores: "
-            f"remove the cause, then 'orip init' (or measure, solve, run) writes the missing outputs"
-        )
-        raise OripError(message) from error
 
 
 def _head(path: Path) -> str:

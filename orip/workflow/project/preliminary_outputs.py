@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.arrays import FloatArray
-from orip.errors import OripError
 from orip.files.listings.preliminary import preliminary_listing
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.prelim.in_project import orientations_in_project, points_in_project
 from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem
@@ -76,11 +75,6 @@ def write_preliminary_listing(project: Project, bundle: str, found: ListedValues
         (("Project", definition.name), ("User", definition.user), ("Bundle", bundle)),
         run_id("prelim", orientations),
     )
-    try:
+    with reporting_failure(project.shown(path), "remove the cause, then repeat it"):
         replace_text(path, text)
-    except OSError as error:
-        message = (
-            f"{project.shown(path)} cannot be written: {error.strerror or error}; remove the cause, then repeat it"
-        )
-        raise OripError(message) from error
     return path

@@ -12,6 +12,7 @@ from orip.files.stores.digest import record_digest
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.wording import counted
 
 Prefer = Literal["text", "store"]
 Action = Literal["added", "changed", "removed", "detached"]
@@ -46,10 +47,10 @@ class Reconciled(Generic[T]):
     conflicts: tuple[Conflict, ...]
 
 
-def counted(changes: Sequence[Change]) -> str:
+def counted_changes(changes: Sequence[Change]) -> str:
     """Return '1 camera changed, 15 photos added'."""
     counts = Counter((change.kind, change.action) for change in changes)
-    return ", ".join(f"{count} {kind}{'s' * (count > 1)} {action}" for (kind, action), count in counts.items())
+    return ", ".join(f"{counted(count, kind)} {action}" for (kind, action), count in counts.items())
 
 
 def reconcile(

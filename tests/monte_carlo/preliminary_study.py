@@ -1,7 +1,7 @@
 """The study of preliminary values: from nothing to the true minimum, block by block.
 
-    PYTHONPATH=tests python tests/statistics/preliminary_study.py outcomes.jsonl --runs 2000 --processes 2
-    PYTHONPATH=tests python tests/statistics/preliminary_study.py outcomes.jsonl --table docs/preliminary-values.md
+    PYTHONPATH=tests python tests/monte_carlo/preliminary_study.py outcomes.jsonl --runs 2000 --processes 2
+    PYTHONPATH=tests python tests/monte_carlo/preliminary_study.py outcomes.jsonl --table docs/preliminary-values.md
 
 The first makes and adjusts the blocks that are not in the file of outcomes yet; both print the tables, and `--table`
 puts them in the place of those in a document.
@@ -22,10 +22,10 @@ from time import process_time
 from typing import Literal
 
 import numpy as np
-from preliminary_blocks import FAMILIES, simulated_records
-from preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
+from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
+from monte_carlo.preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
+from monte_carlo.simulated_blocks import solved
 from scipy.spatial.transform import Rotation
-from simulated_blocks import solved
 from threadpoolctl import threadpool_limits
 
 from orip.adjustment.convergence import Termination

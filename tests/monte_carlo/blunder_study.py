@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from simulated_blocks import NO_DOWN_WEIGHTING, design, random_numbers, solved, started_off, with_blunders, with_noise
+from monte_carlo.simulated_blocks import (
+    NO_DOWN_WEIGHTING,
+    design,
+    random_numbers,
+    solved,
+    started_off,
+    with_blunders,
+    with_noise,
+)
 from support.synthetic_block import SyntheticBlock
 
 from orip.adjustment.convergence import Termination

@@ -10,9 +10,9 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from preliminary_blocks import FAMILIES, simulated_records
-from preliminary_records import gathered, true_minimum
-from preliminary_study import SUCCESS, compared, loss, outcome, outcomes, success, tables, write_tables
+from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
+from monte_carlo.preliminary_records import gathered, true_minimum
+from monte_carlo.preliminary_study import SUCCESS, compared, loss, outcome, outcomes, success, tables, write_tables
 from scipy.integrate import quad
 
 from orip.adjustment.convergence import Termination

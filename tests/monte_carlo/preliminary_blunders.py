@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from preliminary_records import NOISE_MM, SimulatedRecords, true_minimum
+from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_minimum
 
 from orip.adjustment.convergence import Termination
 from orip.bundle.solve import SolvedBlock

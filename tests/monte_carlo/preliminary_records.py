@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from simulated_blocks import solved
+from monte_carlo.simulated_blocks import solved
 from support.block_scenes import Scene
 from support.tie_points import TiePoints
 

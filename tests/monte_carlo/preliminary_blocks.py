@@ -11,8 +11,8 @@ from dataclasses import replace
 from itertools import count
 
 import numpy as np
-from preliminary_blunders import with_blunders
-from preliminary_records import SimulatedRecords, cameras_of, photo_deviations, records_of, true_minimum
+from monte_carlo.preliminary_blunders import with_blunders
+from monte_carlo.preliminary_records import SimulatedRecords, cameras_of, photo_deviations, records_of, true_minimum
 from support.block_scenes import SCENES
 from support.tie_points import holds_together, measured_points
 

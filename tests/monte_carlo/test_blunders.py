@@ -9,8 +9,8 @@ import logging
 
 import numpy as np
 import pytest
-from blunder_study import DanishRun, SnoopingRun, danish_run, snooping_run
-from simulated_blocks import in_parallel
+from monte_carlo.blunder_study import DanishRun, SnoopingRun, danish_run, snooping_run
+from monte_carlo.simulated_blocks import in_parallel
 
 LOG = logging.getLogger(__name__)
 

@@ -14,9 +14,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy import stats
-from scipy.spatial.transform import Rotation
-from simulated_blocks import (
+from monte_carlo.simulated_blocks import (
     NO_DOWN_WEIGHTING,
     design,
     in_parallel,
@@ -25,6 +23,8 @@ from simulated_blocks import (
     started_off,
     with_noise,
 )
+from scipy import stats
+from scipy.spatial.transform import Rotation
 from support.synthetic_block import DISTORTED, SyntheticBlock
 
 from orip.adjustment.convergence import Termination
