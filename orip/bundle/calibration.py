@@ -9,7 +9,7 @@ spoils the points, is not determinable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -208,6 +208,23 @@ def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> P
         removed.append(worst[0])
         solved = solve_again(_without(solved, worst[0]))
     return Pruned(solved, tuple(removed))
+
+
+def pruning_diagnosis(removed: Sequence[ParameterTest]) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each parameter that pruning holds at zero, in the order of removal."""
+    for test in removed:
+        names = ", ".join(test.parameters)
+        where = f"camera {test.camera}"
+        if test.verdict == "not determinable":
+            why = f"the other unknowns explain it ({test.lost_digits:.1f} digits lost)"
+        else:
+            why = f"it is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
+        text = f"{names} of {where} was held at zero: {why}"
+        of_a_set = "." in names
+        remedy = (
+            "solve with --prune again" if of_a_set else "take it out of the camera's unknown parameters in orip.toml"
+        )
+        yield Diagnosis("pruned", where, text, remedy)
 
 
 def _without(solved: SolvedBlock, test: ParameterTest) -> Block:

@@ -83,7 +83,7 @@ def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> l
 
 def _free_network_complaints(block: Block) -> Iterator[Complaint]:
     """Yield complaints of observations that would tie a free network to its place on the earth, ever so weakly."""
-    if block.definition.datum != "free":
+    if not block.is_free_network:
         return
     name = block.definition.name
     if block.directions:

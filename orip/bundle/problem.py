@@ -15,13 +15,11 @@ from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
-from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
-from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.moved_points import with_points_moved
+from orip.bundle.point_moves import moves_to_consensus, with_intersected_points, with_points_moved
 from orip.bundle.state import State, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -158,7 +156,7 @@ def pose_problem(block: Block) -> BlockProblem:
     others = BlockProblem(block, unknowns, (*staying, *rest))
     if not _couples_points(others):
         problem = _arranged(problem, loop, others)
-    return problem if block.definition.datum == "control" else _freed(problem, block)
+    return _freed(problem, block) if block.is_free_network else problem
 
 
 def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:

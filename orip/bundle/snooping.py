@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from orip.progress import stage
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT
-from orip.records.solution import Blunder
+from orip.records.solution import Blunder, Diagnosis
 
 _NEAR_THE_WORST = 0.5
 """In one round only candidates within this part of the worst are left out: smaller ones may be its shadows."""
@@ -118,6 +119,22 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     contradicting = {each.point for each in blunders if each.kind == CONTROL_POINT.name}
     control = tuple(_disregarded(each) if each.name in contradicting else each for each in block.control_points)
     return replace(block, photo_points=replace(points, used=used), control_points=control)
+
+
+def blunder_diagnosis(blunders: Sequence[Blunder], ground_unit: str) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each blunder, in the order they were found."""
+    for _, members in groupby(blunders, key=lambda row: row.order):
+        found = list(members)
+        sizes = ", ".join(f"{row.component} {row.size:+.4g} ± {row.sd:.2g}" for row in found)
+        if found[0].kind == CONTROL_POINT.name:
+            where = f"control point {found[0].point}"
+            text = f"{where} contradicts the photos; its coordinates are off by {sizes} {ground_unit}"
+            remedy = "check the coordinates, and whether the feature measured in the photos is the one surveyed"
+        else:
+            where = f"photo {found[0].photo} point {found[0].point}"
+            text = f"{where} is measured wrongly; it is off by {sizes} mm"
+            remedy = "measure it again, or disregard it; check its name"
+        yield Diagnosis("blunder", where, text, remedy)
 
 
 def _disregarded(point: ControlPoint) -> ControlPoint:

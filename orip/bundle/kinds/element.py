@@ -182,7 +182,7 @@ def _observed(
 def error_allows_use(block: Block, element: ControlElement) -> bool:
     """Whether an element takes part: not disregarded, and not a hold on the ground system of a free network."""
     ties_to_ground = element.group in ("PHOTO", "POINT", "THEODOLITE")
-    return element.error > 0.0 and not (ties_to_ground and block.definition.datum == "free")
+    return element.error > 0.0 and not (ties_to_ground and block.is_free_network)
 
 
 class _Places:

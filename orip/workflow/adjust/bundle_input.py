@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from orip.bundle.assemble import Ingredients, gather
+from orip.bundle.assemble import BlockInput, gather
 from orip.errors import InputError, ProjectWarning
 from orip.files.stores.transaction import reading
 from orip.interior.in_force import Interior, interior_orientation
@@ -67,24 +67,23 @@ def gathered_block(project: Project, stored: Stored, texts: GroundTexts) -> tupl
         With everything that keeps it from being one.
     """
     definitions, interior = stored.definitions.by_name(), stored.interior
-    gathered = gather(
-        Ingredients(
-            stored.definitions.bundle(stored.bundle),
-            definitions.cameras,
-            definitions.photos,
-            interior.to_photo,
-            interior.pixel_sizes,
-            stored.observations,
-            texts.control,
-            texts.preliminary,
-            project.definition.ground_unit,
-            project.definition.crs,
-        )
+    inputs = BlockInput(
+        stored.definitions.bundle(stored.bundle),
+        definitions.cameras,
+        definitions.photos,
+        interior.to_photo,
+        interior.pixel_sizes,
+        stored.observations,
+        texts.control,
+        texts.preliminary,
+        project.definition.ground_unit,
+        project.definition.crs,
     )
-    if gathered.block is None:
-        raise InputError((*interior.complaints, *gathered.complaints))
-    found = block_warnings(gathered.block, texts.control, texts.preliminary)
-    return gathered.block, (*found, *gathered.block.ground.warnings)
+    try:
+        block = gather(inputs)
+    except InputError as error:
+        raise InputError((*interior.complaints, *error.complaints)) from None
+    return block, (*block_warnings(block, texts.control, texts.preliminary), *block.ground.warnings)
 
 
 def stored_digests(

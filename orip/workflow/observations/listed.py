@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.adjustment.reliability import reliability
 from orip.arrays import FloatArray
+from orip.bundle.reliability import reliability
 from orip.errors import InputError, ProjectWarning
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
 from orip.records.names import record_key
