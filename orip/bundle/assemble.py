@@ -89,7 +89,7 @@ def gather(inputs: BlockInput) -> Block:
 
 
 def with_starting_values(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
-    """Return a gathered block, all photos of which have an orientation by now, as the adjustment starts from it."""
+    """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(block, preliminary)
     block = replace(block, theodolites=theodolite_sets(block))
     return constants_in_frame(block), warnings
@@ -155,12 +155,12 @@ def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint
 
 
 def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
-    """Return a complaint for each camera whose parameter set has no frame to be scaled to."""
+    """Return a complaint for each camera whose parameter set cannot be scaled, since it has no frame."""
     photos = [inputs.photos[key] for key in keys if key in inputs.photos]
     cameras = (inputs.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
     return [
         Complaint(
-            f"camera {camera.name} has set = {camera.additional_set} but no frame that it could be scaled to; "
+            f"camera {camera.name} has set = {camera.additional_set} but no frame to scale it to; "
             "give frame = [x, y] (mm) in its [[camera]]"
         )
         for camera in cameras
@@ -200,7 +200,7 @@ def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement]) ->
 
 
 def _point_names(inputs: BlockInput) -> tuple[str, ...]:
-    """Return the measured points, then further ends of distances and directions that have coordinates to start at."""
+    """Return the measured points, then ends of distances and directions that have starting coordinates."""
     control = inputs.control
     placed = {point.name for point in control.points if None not in point.coordinates}
     placed |= {point.name for point in inputs.preliminary}

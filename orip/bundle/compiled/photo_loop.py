@@ -244,7 +244,7 @@ def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
 
 
 def _measures(matrix: Symmetric) -> tuple[int, int, int]:
-    """Return how far columns are apart, and the number of banded places and of all."""
+    """Return the distance of columns in memory, and the numbers of banded places and of all."""
     size = len(matrix)
     if isinstance(matrix, BandMatrix):
         return matrix.arrangement.width, matrix.arrangement.banded, size
@@ -252,7 +252,7 @@ def _measures(matrix: Symmetric) -> tuple[int, int, int]:
 
 
 def is_compiled() -> bool:
-    """Whether the compiled loop is there."""
+    """Return whether the compiled loop was built."""
     return _IS_COMPILED
 
 
