@@ -20,7 +20,6 @@ from orip.api.given import (
     Photos,
     PreliminaryPoints,
 )
-from orip.bundle.assemble import Ingredients, gather
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import checked_tables
 from orip.files.project.records import project_definition
@@ -29,12 +28,12 @@ from orip.files.text.shown import printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
 from orip.interior.measured import Measured
-from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.records.control import Control, PreliminaryPoint
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.project import ProjectDefinition
+from orip.solving.gathering import gather_bundle
 from orip.solving.solve import GatheredBlock
 from orip.wording import listed_names
 from orip.workflow.records.apply_text import with_polynomial
@@ -127,29 +126,8 @@ def _gathered(
     )
     measured = Measured(observations={record_key(bundle.name): observations})
     interior = interior_orientation(records, measured)
-    made = gather(
-        Ingredients(
-            bundle,
-            records.cameras,
-            records.photos,
-            interior.to_photo,
-            interior.pixel_sizes,
-            observations,
-            control,
-            preliminary,
-            definition.ground_unit,
-            definition.crs,
-        )
-    )
-    if made.block is None:
-        raise InputError((*interior.complaints, *made.complaints))
-    doubts = (
-        *warnings,
-        *measurement_warnings(records, measured, interior),
-        *block_warnings(made.block, control, preliminary),
-        *made.block.ground.warnings,
-    )
-    return GatheredBlock(made.block, preliminary, cameras, definition.ground_unit, doubts)
+    unit, crs = definition.ground_unit, definition.crs
+    return gather_bundle(bundle, records, measured, interior, control, preliminary, unit, crs, warnings)
 
 
 # cameras, photos and settings, as the tables of orip.toml
