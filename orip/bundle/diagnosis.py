@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -90,13 +90,13 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
 
     Photo points do not determine any: they only see how photos and points lie to one another.
     """
-    problem, state = solved.problem, solved.adjusted.linearised.state
+    problem, state = solved.problem, solved.state
     on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
     rows = [each.rows for each in problem.observations]
     is_photo = np.concatenate([np.full(len(each.used), each.kind == PHOTO_POINT) for each in rows])
-    active = solved.adjusted.linearised.equations.active[~is_photo]
+    active = solved.equations.active[~is_photo]
     design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
 
@@ -112,7 +112,7 @@ def _control_count(block: Block) -> int:
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name every unknown that was removed, record by record, with the cause that can be seen."""
     names = solved.problem.unknowns.names
-    normals = solved.adjusted.normals
+    normals = solved.normals
     columns = [int(column) for column in np.flatnonzero(normals.removed) if names[column] is not None]
 
     def record(column: int) -> tuple[str, str]:
@@ -131,9 +131,9 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo that iterations which did not converge would move farthest, in its standard deviations."""
-    if solved.adjusted.termination not in (Termination.MAX_ITERATIONS, Termination.DIVERGED):
+    if solved.reason not in (TerminationReason.MAX_ITERATIONS, TerminationReason.DIVERGED):
         return
-    correction, cofactor, scale = solved.adjusted.normals.correction, solved.cofactors.reduced, solved.deviation_scale
+    correction, cofactor, scale = solved.normals.correction, solved.cofactors.reduced, solved.deviation_scale
     moves: list[tuple[float, str, str]] = []
     for photo, columns in zip(solved.block.photos, solved.problem.unknowns.photos, strict=True):
         sizes = [
@@ -238,7 +238,7 @@ def _photos(count: int) -> str:
 def _strong_pairs(
     solved: SolvedBlock, kinds: Sequence[str], columns: Sequence[int]
 ) -> Iterator[tuple[str, str, float]]:
-    removed, cofactor = solved.adjusted.normals.removed, solved.cofactors.reduced
+    removed, cofactor = solved.normals.removed, solved.cofactors.reduced
     used = [
         (kind, column)
         for kind, column in zip(kinds, columns, strict=True)
@@ -253,11 +253,10 @@ def _strong_pairs(
 
 def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo points that the solution puts behind their camera."""
-    linearised = solved.adjusted.linearised
     start = 0
     for observations in solved.problem.observations:
         rows = observations.rows
-        active = linearised.equations.active[start : start + len(rows.used)]
+        active = solved.equations.active[start : start + len(rows.used)]
         start += len(rows.used)
         if not isinstance(observations, PhotoPointObservations):
             continue
@@ -267,7 +266,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
             continue
         some = observations.of(idle)
         rows = some.rows
-        behind = rows.used & ~some.linearise_with_partials(linearised.state).computable
+        behind = rows.used & ~some.linearise_with_partials(solved.state).computable
         for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
             yield Diagnosis(
                 "behind",
@@ -279,7 +278,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     where = f"bundle {solved.block.definition.name}"
-    sigma0, active = solved.variance.sigma0, solved.adjusted.linearised.equations.active
+    sigma0, active = solved.variance.sigma0, solved.equations.active
     if np.isfinite(sigma0) and sigma0 > _SIGMA0_TOO_LARGE:
         text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors promise"
         remedy = (
@@ -289,7 +288,7 @@ def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     if solved.variance.redundancy <= 0:
         text = "there is no redundancy: nothing checks the observations, and sigma0 cannot be computed"
         yield Diagnosis("no-redundancy", where, text, "measure more points or add control")
-    if np.mean(solved.adjusted.weight_factors[active] < 1.0) > 0.5:
+    if np.mean(solved.weight_factors[active] < 1.0) > 0.5:
         text = (
             "more than half of the observations are down-weighted: the adjustment is diverging, or starts too far off"
         )

@@ -119,7 +119,7 @@ class BlockProblem:
         }
         return replace(moved, memory=memory)
 
-    def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
+    def improve_consensus(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
         first = 0
         correction = np.zeros(self.layout.size)
@@ -130,7 +130,7 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
-    def with_points_anew(self, state: State) -> State:
+    def with_blocks_recomputed(self, state: State) -> State:
         """Return the state with its points where the rays of the photos meet."""
         return with_intersected_points(self.block, state, self.unknowns)
 

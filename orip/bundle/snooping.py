@@ -13,8 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from orip.adjustment.convergence import Termination
-from orip.adjustment.iteration import PassRecord
+from orip.adjustment.iteration import IterationRecord
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray
 from orip.bundle.kinds.control_point import ControlPointObservations
@@ -85,7 +84,7 @@ class Snooped:
 def snoop(
     block: Block,
     settings: SnoopingSettings,
-    on_pass: Callable[[PassRecord], None],
+    on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
 ) -> Snooped:
     """Adjust a block and leave out its blunders.
@@ -94,7 +93,7 @@ def snoop(
     ----------
     block : Block
     settings : SnoopingSettings
-    on_pass, stop_asked : callables
+    on_iteration, stop_asked : callables
         See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
 
     Returns
@@ -102,7 +101,7 @@ def snoop(
     Snooped
     """
     with stage("searching blunders"):
-        search = _Search(block, settings, on_pass, stop_asked)
+        search = _Search(block, settings, on_iteration, stop_asked)
         search.leave_out()
         search.take_back()
     return Snooped(search.solved, tuple(search.blunders()))
@@ -133,30 +132,30 @@ class _Search:
         self,
         block: Block,
         settings: SnoopingSettings,
-        on_pass: Callable[[PassRecord], None],
+        on_iteration: Callable[[IterationRecord], None],
         stop_asked: Callable[[], bool],
     ) -> None:
         self.settings = settings
         self.stop_asked = stop_asked
-        self.on_pass = on_pass
+        self.on_iteration = on_iteration
         robust = replace(iteration_settings(block.definition), start_down_weight=2)
         block = _without_weights(block)
         self.iterations = iteration_settings(block.definition)
         problem = pose_problem(block)
         self.units = _units(problem.observations)
         self.left_out: dict[int, _Finding] = {}
-        self.solved = solve_problem(block, problem, starting_state(block), self.iterations, on_pass, stop_asked)
+        self.solved = solve_problem(problem, starting_state(block), self.iterations, on_iteration, stop_asked)
         if not self._converged and not stop_asked():
-            self.solved = solve_problem(block, problem, starting_state(block), robust, on_pass, stop_asked)
+            self.solved = solve_problem(problem, starting_state(block), robust, on_iteration, stop_asked)
             self._leave_out_down_weighted()
 
     @property
     def _converged(self) -> bool:
-        return self.solved.adjusted.termination is Termination.CONVERGED
+        return self.solved.converged
 
     def _leave_out_down_weighted(self) -> None:
         """Leave out what the Danish method gave less weight: blunders so large that nothing converges with them."""
-        weight = self.solved.adjusted.weight_factors
+        weight = self.solved.weight_factors
         for index in self._in_use():
             if (weight[list(self.units[index].rows)] < 1.0).any():
                 self.left_out[index] = self._score(index, left_out=True)
@@ -194,7 +193,7 @@ class _Search:
         point = [name for each in rows for name in each.point]
         component = [name for each in rows for name in each.component]
         error = np.concatenate([each.error for each in rows])
-        residual = self.solved.adjusted.linearised.equations.residual
+        residual = self.solved.equations.residual
         for order, finding in enumerate(self.left_out.values(), start=1):
             unit = self.units[finding.unit]
             shown = (
@@ -216,16 +215,15 @@ class _Search:
             excluded[list(self.units[unit].rows)] = True
         before = self.solved
         self.solved = solve_problem(
-            before.block,
             replace(before.problem, excluded=excluded),
-            before.adjusted.linearised.state,
+            before.state,
             self.iterations,
-            self.on_pass,
+            self.on_iteration,
             self.stop_asked,
         )
 
     def _residual(self) -> FloatArray:
-        return self.solved.adjusted.linearised.equations.residual
+        return self.solved.equations.residual
 
     def _leverage(self) -> FloatArray:
         return self.solved.cofactors.leverage
@@ -262,7 +260,7 @@ class _Search:
     def _cofactor_of_control(self, unit: int) -> FloatArray:
         """Return the cofactor (k, k) of the adjusted coordinates of a control point, in units of their errors."""
         # the rows of the design matrix have the partials by the point's coordinates, divided by the errors
-        design = self.solved.adjusted.linearised.equations.design[list(self.units[unit].rows)]
+        design = self.solved.equations.design[list(self.units[unit].rows)]
         columns = np.unique(design.indices)
         partials = design[:, columns].toarray()
         return np.asarray(partials @ self.solved.cofactors_of(columns) @ partials.T)
@@ -291,7 +289,7 @@ class _Search:
         return chosen
 
     def _in_use(self) -> list[int]:
-        active = self.solved.adjusted.linearised.equations.active
+        active = self.solved.equations.active
         return [
             index
             for index, unit in enumerate(self.units)

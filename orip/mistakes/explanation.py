@@ -95,7 +95,7 @@ class _Tried:
     def rotated(self) -> float:
         """Return the mean rotation of the photos from where they started, radians."""
         start = rotation_from_angles(self.solved.block.photo_orientation[:, 3:])
-        return float(np.mean(angles_between(start, self.solved.adjusted.linearised.state.rotations)))
+        return float(np.mean(angles_between(start, self.solved.state.rotations)))
 
 
 def _adjusted(hypotheses: Iterable[Hypothesis], readjuster: Readjuster) -> Iterator[_Tried]:

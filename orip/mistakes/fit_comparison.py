@@ -85,7 +85,7 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
         [name for observations in rows for name in observations.point],
         [name for observations in rows for name in observations.component],
     )
-    equations = solved.adjusted.linearised.equations
+    equations = solved.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
     return Fit(names, np.where(np.isfinite(standard), standard, np.inf))
 

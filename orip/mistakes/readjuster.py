@@ -67,7 +67,7 @@ class Readjuster:
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:
         """Return the adjustment of `block` that starts where another adjustment ended, None where there is none."""
-        state, place = solved.adjusted.linearised.state, solved.block.point_index()
+        state, place = solved.state, solved.block.point_index()
         orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
         try:
             started = self.start(replace(self.block, photo_orientation=orientation))

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_minimum
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 
 _ROUNDS = 4
@@ -36,7 +36,7 @@ def with_blunders(records: SimulatedRecords, clean: SolvedBlock, random: np.rand
     for _ in range(_ROUNDS):
         made = _blundered(records, rows, displaced, control)
         found = true_minimum(made)
-        if found.adjusted.termination is not Termination.CONVERGED:
+        if found.reason is not TerminationReason.CONVERGED:
             return "does not converge from the truth with blunders"
         wanted = np.zeros(len(clean.block.photo_points.photo), dtype=bool)
         wanted[rows] = True
@@ -55,7 +55,7 @@ def with_blunders(records: SimulatedRecords, clean: SolvedBlock, random: np.rand
 
 def _down_weighted(found: SolvedBlock) -> np.ndarray:
     n = found.block.photo_points.xy.size
-    return np.asarray((found.adjusted.weight_factors[:n] < 1.0).reshape(-1, 2).any(axis=1))
+    return np.asarray((found.weight_factors[:n] < 1.0).reshape(-1, 2).any(axis=1))
 
 
 def _blunders(clean: SolvedBlock, part: float, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -24,4 +24,4 @@ def angle_units(block: Block) -> Iterator[Hypothesis]:
 
 
 def _is_near(solved: SolvedBlock, given: FloatArray, factor: float) -> bool:
-    return is_nearer(given, factor, solved.adjusted.linearised.state.rotations)
+    return is_nearer(given, factor, solved.state.rotations)

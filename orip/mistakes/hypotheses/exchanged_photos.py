@@ -41,7 +41,7 @@ def exchanged_photos(block: Block) -> Iterator[Hypothesis]:
 def _are_in_place(solved: SolvedBlock, pair: tuple[int, int]) -> bool:
     """Tell whether two photos are nearer to their own preliminary rotations than to each other's."""
     start = rotation_from_angles(solved.block.photo_orientation[list(pair), 3:])
-    traces = np.einsum("iab,jab->ij", start, solved.adjusted.linearised.state.rotations[list(pair)])
+    traces = np.einsum("iab,jab->ij", start, solved.state.rotations[list(pair)])
     return bool(traces[0, 0] > traces[1, 0] and traces[1, 1] > traces[0, 1])
 
 

@@ -63,7 +63,7 @@ def photos_stay_near(solved: SolvedBlock) -> bool:
 
     A block adjusts itself to control of any scale; the positions of its photos tell which scale is right.
     """
-    state, points = solved.adjusted.linearised.state, solved.block.photo_points
+    state, points = solved.state, solved.block.photo_points
     moved = np.linalg.norm(state.centres - solved.block.photo_orientation[:, :3], axis=1)
     distance = np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)
     return bool(np.median(moved) < _NEAR * np.median(distance))

@@ -44,7 +44,7 @@ def other_principal_distance(block: Block, row: int) -> Iterator[Hypothesis]:
 
 def _text(solved: SolvedBlock, row: int, given: float) -> str:
     camera = solved.block.cameras[row]
-    found = float(solved.adjusted.linearised.state.cameras[row, 0])
+    found = float(solved.state.cameras[row, 0])
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"

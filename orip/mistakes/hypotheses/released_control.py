@@ -38,5 +38,5 @@ def _text(solved: SolvedBlock, block: Block, name: str, ground_unit: str) -> str
     """Return how the coordinates as given differ from those found; "" if they do not."""
     row = block.point_index()[name]
     sd = solved.deviation_scale * np.sqrt(np.diag(solved.cofactors_of(solved.problem.unknowns.points[row])))
-    found = block.ground.to_project(solved.adjusted.linearised.state.points[[row]])[0]
+    found = block.ground.to_project(solved.state.points[[row]])[0]
     return "".join(warning.text for warning in control_warnings(block, {name: (found, sd)}, ground_unit))
