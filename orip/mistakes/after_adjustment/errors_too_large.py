@@ -1,7 +1,7 @@
-"""A-priori errors in another unit than they should be: observations that fit a thousand times better than promised.
+"""A-priori errors that are far too large, mostly by a wrong unit: residuals are far smaller than they promise.
 
-Too small an error shows as a large sigma0, and has many causes. Too large an error shows as residuals that are small
-throughout, and has but one.
+Errors that are too small show as a large sigma0, which has many causes. Errors that are too large show as residuals
+that are small throughout, which has only this one.
 """
 
 from __future__ import annotations
@@ -11,18 +11,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.errors import ProjectWarning
+from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
 from orip.records.solution import Solution
 
 _TOO_GOOD = 0.2
-"""Standard residuals that small are not caution: nobody takes errors for five times what they are."""
+"""Standard error of unit weight below which the cause is not caution: nobody assumes errors five times too large."""
 
 _UNLIKELY = 1e-6
+"""Probability of residuals so small by chance."""
+
 _FEWEST = 3.0
-"""Redundancy from which on a kind of observation is judged."""
+"""Redundancy from which a kind of observation is judged."""
 
 _NEAR = 4.0
-"""Factor within which a unit explains it."""
+"""Factor up to which errors in the right unit may still differ from the residuals."""
 
 _MILLI = 1e-3
 
@@ -37,17 +40,20 @@ def _photos(block: Block, solution: Solution) -> Iterator[ProjectWarning]:
     if factor is None:
         return
     precision = block.definition.measurement_precision
-    text = (
-        f"measurement_precision = {_written(precision.value, precision.unit)} is {1.0 / factor:.3g} times larger than "
-        "the residuals"
-    )
+    written = f"'{precision.value:g}px'" if precision.unit == "px" else f"{precision.value:g} mm"
+    pixels = meant = ""
     if precision.unit == "mm":
-        pixel = _pixel(block)
+        pixel = smallest_pixel(block)
         if pixel is not None:
-            text += f" ({precision.value / pixel:.3g} pixels); write '{precision.value:g}px' if pixels are meant"
+            pixels = f" ({precision.value / pixel:.3g} pixels)"
+            meant = f", or write '{precision.value:g}px' if pixels are meant"
         elif _explains(_MILLI, factor):
-            text += f"; it is in mm: write {precision.value * _MILLI:g} if {precision.value:g} µm are meant"
-    yield ProjectWarning("error-unit", f"bundle {block.definition.name}", f"{text}; correct it")
+            meant = f", or write {precision.value * _MILLI:g} (mm) if {precision.value:g} µm are meant"
+    text = (
+        f"measurement_precision = {written}{pixels} is {1.0 / factor:.3g} times larger than the residuals; correct it"
+        f"{meant}"
+    )
+    yield ProjectWarning("error-unit", f"bundle {block.definition.name}", text)
 
 
 def _control(solution: Solution) -> Iterator[ProjectWarning]:
@@ -68,9 +74,9 @@ def _factor(solution: Solution, kind: str) -> float | None:
     from scipy.special import gammainc  # takes its time; few adjustments need it
 
     rows = solution.residuals
-    mine = (np.array(rows.kind) == kind) & (rows.weight_factor >= 1.0)
-    redundancy = float(np.sum(rows.redundancy_number[mine]))
-    square_sum = float(np.sum(rows.standard_residual[mine] ** 2))
+    used = (np.array(rows.kind) == kind) & (rows.weight_factor >= 1.0)
+    redundancy = float(np.sum(rows.redundancy_number[used]))
+    square_sum = float(np.sum(rows.standard_residual[used] ** 2))
     if redundancy < _FEWEST or square_sum >= _TOO_GOOD**2 * redundancy:
         return None
     if gammainc(redundancy / 2.0, square_sum / 2.0) > _UNLIKELY:
@@ -79,14 +85,5 @@ def _factor(solution: Solution, kind: str) -> float | None:
 
 
 def _explains(unit: float, factor: float) -> bool:
-    """Tell whether a unit makes residuals and errors alike."""
+    """Tell whether errors in a unit agree with the residuals."""
     return bool(1.0 / _NEAR < factor / unit < _NEAR)
-
-
-def _written(value: float, unit: str) -> str:
-    return f"'{value:g}px'" if unit == "px" else f"{value:g} mm"
-
-
-def _pixel(block: Block) -> float | None:
-    sensors = [camera.sensor for camera in block.cameras if camera.sensor is not None]
-    return sensors[0].width / sensors[0].columns if sensors else None

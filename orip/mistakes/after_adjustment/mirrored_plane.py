@@ -1,7 +1,7 @@
 """A plane object seen from its other side: what a mirrored picture of it looks like.
 
-A mirrored picture of points in a plane is what a camera behind the plane would see. The adjustment fits, and the
-cameras come to lie where nobody stood; only where they were said to stand tells.
+A mirrored picture of points in a plane is what a camera behind the plane would see. The adjustment fits, with the
+cameras on the wrong side; only the positions that were given for them tell.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from orip.records.block import Block
 from orip.records.solution import Solution
 
 _FLAT = 0.01
-"""Extent across the plane over that within it."""
+"""Largest ratio of the extent across a plane to the smaller one within it."""
 
 _FEWEST = 2
-"""Photos that change sides; one may have been given wrong."""
+"""Photos that have to change sides; a single one may have been given wrong."""
 
 
 def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
-    """Return a warning if all photos have come to lie on the other side of a plane object.
+    """Return a warning if the adjustment puts all photos on the other side of a plane object.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
     if not (sides < 0.0).all():
         return []
     text = (
-        "they have come to lie on the other side of the plane of the points than they were given: the photos or the "
-        "control are mirrored. Pixel rows may count upwards (they count down from the upper edge), or film may have "
-        "been scanned from its back, or X and Y of the control are exchanged (X = east, Y = north)"
+        "the adjustment puts them on the other side of the plane of the points than given: the photos or the control "
+        "are mirrored. Pixel rows may count upwards (they count down from the upper edge), or film may have been "
+        "scanned from its back, or X and Y of the control are exchanged (X = east, Y = north)"
     )
     return [ProjectWarning("mirrored", "photos", text)]

@@ -1,4 +1,4 @@
-"""The principal distance that control tells of, against the camera that the photos were made with."""
+"""The principal distance from points with given coordinates, against the camera that the photos were made with."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from bundle.solving import controlled
 from support.synthetic_block import synthetic_block
 
-from orip.mistakes.principal_distance import principal_distance_seen
+from orip.mistakes.hypotheses.principal_distance import principal_distance_seen
 
 MADE = synthetic_block("convergent", "principal distance")
 TRUE = MADE.block.cameras[0].parameters[0]
@@ -20,13 +20,13 @@ def with_c(block, c: float):
 
 
 @pytest.mark.parametrize("factor", [0.2, 1.0, 3.0])
-def test_it_is_that_of_the_photos_whatever_was_given(factor: float):
+def test_it_is_that_of_the_photos_whatever_the_record_has(factor: float):
     block = controlled(MADE, MADE.block, MADE.block.point_names[:8])
     block = replace(with_c(block, factor * TRUE), photo_orientation=MADE.orientations)
     # photo coordinates have no errors here
     assert principal_distance_seen(block, 0) == pytest.approx(TRUE, rel=1e-6)
 
 
-def test_without_control_it_is_the_one_given():
+def test_without_control_it_is_that_of_the_record():
     block = replace(with_c(MADE.block, 7.0), control_points=(), photo_orientation=MADE.orientations)
     assert principal_distance_seen(block, 0) == 7.0

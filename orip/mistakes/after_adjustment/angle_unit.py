@@ -1,4 +1,4 @@
-"""Preliminary rotations in gon or radians: with the right unit they are near those of the adjustment."""
+"""Preliminary rotations in gon or radians: in the right unit they are near those of the adjustment."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.records.block import Block
 from orip.records.solution import Solution
-from orip.units import RADIANS_PER_DEGREE
+from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 
-ANGLE_UNITS = {0.9: "gon", 1.0 / RADIANS_PER_DEGREE: "radians"}
-"""Degrees of a unit, and its name."""
+ANGLE_UNITS = {DEGREES_PER_GON: "gon", DEGREES_PER_RADIAN: "radians"}
+"""Units by their size in degrees."""
 
 _CLEARLY = 0.5
-"""Of the rotation between preliminary and adjusted photos: what the right unit leaves of it."""
+"""The right unit leaves less than this part of the rotations between preliminary and adjusted photos."""
 
 _FEWEST = 4
-"""Photos that a unit brings nearer, and four for each that it takes farther away."""
+"""Photos that a unit has to bring nearer, and as many more for each one that it takes farther away."""
 
 
 def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -43,8 +43,8 @@ def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarn
 def angle_unit_text(factor: float) -> str:
     """Return what to say of preliminary rotations that are in another unit."""
     return (
-        f"the preliminary OMEGA, PHI and KAPPA of the photos fit in {ANGLE_UNITS[factor]}, and angles are in degrees; "
-        f"multiply them by {factor:.6g}"
+        f"the preliminary OMEGA, PHI and KAPPA of the photos fit when they are in {ANGLE_UNITS[factor]}, but angles "
+        f"have to be in degrees; multiply them by {factor:.6g}"
     )
 
 
@@ -52,7 +52,7 @@ def is_nearer(given: FloatArray, factor: float, adjusted: FloatArray) -> bool:
     """Tell whether angles (n, 3), NaN where not given, are near rotations (n, 3, 3) if multiplied by a factor."""
     known = np.isfinite(given).all(axis=1)
     as_given, scaled = (
-        _angles_between(rotation_from_angles(given[known] * each), adjusted[known]) for each in (1.0, factor)
+        angles_between(rotation_from_angles(given[known] * unit), adjusted[known]) for unit in (1.0, factor)
     )
     nearer, farther = np.count_nonzero(scaled < as_given), np.count_nonzero(scaled > as_given)
     if nearer < _FEWEST * (1 + farther):
@@ -60,9 +60,3 @@ def is_nearer(given: FloatArray, factor: float, adjusted: FloatArray) -> bool:
     # angles of 0 are the same in every unit
     differ = scaled != as_given
     return bool(np.median(scaled[differ]) < _CLEARLY * np.median(as_given[differ]))
-
-
-def _angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the angles (n,) of the rotations from one to the other, radians."""
-    trace = np.einsum("nij,nij->n", one, other)
-    return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
