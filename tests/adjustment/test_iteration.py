@@ -111,6 +111,7 @@ def test_an_observation_that_does_not_fit_stays_out_from_any_start(size):
         assert down_weighted(found) == [2]
 
 
+@pytest.mark.slow
 def test_the_end_state_is_nearly_always_the_same_from_two_starts():
     random = np.random.default_rng(62)
     different = 0

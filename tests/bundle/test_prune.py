@@ -70,6 +70,7 @@ def test_affinity_that_is_real_stays():
     assert len(pruned(without)[1]) >= 1
 
 
+@pytest.mark.slow
 def test_significance_is_what_alpha_says():
     significant = total = 0
     for seed in range(40):

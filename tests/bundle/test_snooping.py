@@ -80,6 +80,7 @@ def test_a_point_whose_three_shifts_are_each_too_small_is_found_as_a_group():
     assert first.name in {each.point for each in found.blunders if each.kind == "control"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [APRIORI, POSTERIORI], ids=["apriori", "posteriori"])
 @pytest.mark.parametrize("scene", MADE)
 def test_clean_data_have_hardly_a_blunder(scene, chosen):

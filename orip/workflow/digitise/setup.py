@@ -15,7 +15,7 @@ from orip.link.client import ProcessorFault, open_link
 from orip.multimodel.state import Position
 from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
-from orip.workflow.digitise.films import Films, films_at_hand, films_of, plate_of_log, position
+from orip.workflow.digitise.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Instrument,
@@ -65,7 +65,7 @@ class Digitised:
 
 
 @dataclass(frozen=True, slots=True)
-class Means:
+class DigitisingSetup:
     """How is digitised.
 
     Parameters
@@ -79,13 +79,13 @@ class Means:
     """
 
     link: Callable[[], AbstractContextManager[Instrument]]
-    operator: Callable[[Films], Operator]
-    log: Callable[[Films], Log]
+    operator: Callable[[MountedFilms], Operator]
+    log: Callable[[MountedFilms], Log]
     tell: Tell
     is_trial: bool = False
 
     @contextmanager
-    def session(self, films: Films, going_on: str) -> Iterator[Session]:
+    def session(self, films: MountedFilms, going_on: str) -> Iterator[Session]:
         """Open a session: the model is held while stages are driven, and the plate processor left as it was.
 
         A session that is interrupted tells how much was digitised, and by `going_on` where that is and how to go on.
@@ -106,12 +106,12 @@ class Means:
                     link.guide(before.guide)
                     link.automatic(before.automatic)
 
-    def outcome(self, films: Films, session: Session, orientations: Sequence[MarkAdjustment] = ()) -> Digitised:
+    def outcome(self, films: MountedFilms, session: Session, orientations: Sequence[MarkAdjustment] = ()) -> Digitised:
         """Return the outcome of a session, with warnings of what does not count when the log is replayed."""
         entries = tuple(session.entries)
         warnings = (*films.warnings, *session.warnings)
         if not self.is_trial:
-            after = films_at_hand(films.project.folder, films.log)
+            after = mounted_films(films.project.folder, films.log)
             warnings = (*session.warnings, *after.warnings, *_without_effect(after, entries))
         return Digitised(
             films.shown_log, self.is_trial, entries, session.ending, tuple(orientations),
@@ -119,12 +119,12 @@ class Means:
         )  # fmt: skip
 
 
-def log_file(films: Films) -> LogFile:
+def log_file(films: MountedFilms) -> LogFile:
     """Return the log of a session in its file."""
     return LogFile(films.log, films.shown_log)
 
 
-def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None) -> Means:
+def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None) -> DigitisingSetup:
     """Return the means of digitising at a plate processor.
 
     Parameters
@@ -139,7 +139,7 @@ def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path
         plate processor.
     """
 
-    def operator(films: Films) -> Operator:
+    def operator(films: MountedFilms) -> Operator:
         if simulate:
             return Simulation(places_of(films_of(films, simulate)))
         if script is None:
@@ -148,7 +148,7 @@ def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path
             return Script(typed_requests(sys.stdin, tell), lambda _request, fault: tell(str(fault)))
         return Script(read_script(films.project.folder / script, str(script)), _stop_at)
 
-    return Means(lambda: open_link(url), operator, log_file, tell)
+    return DigitisingSetup(lambda: open_link(url), operator, log_file, tell)
 
 
 def _stop_at(request: str, fault: ProcessorFault) -> None:
@@ -156,13 +156,13 @@ def _stop_at(request: str, fault: ProcessorFault) -> None:
     raise LinkError(message)
 
 
-def rehearsal(tell: Tell) -> Means:
+def rehearsal(tell: Tell) -> DigitisingSetup:
     """Return the means of a dry run: the order and the places without a link, and nothing is written."""
     stand_in = Rehearsal()
-    return Means(lambda: nullcontext(stand_in), lambda _: stand_in, lambda _: NoLog(), tell, is_trial=True)
+    return DigitisingSetup(lambda: nullcontext(stand_in), lambda _: stand_in, lambda _: NoLog(), tell, is_trial=True)
 
 
-def _without_effect(films: Films, entries: Sequence[Entry]) -> Iterator[ProjectWarning]:
+def _without_effect(films: MountedFilms, entries: Sequence[Entry]) -> Iterator[ProjectWarning]:
     """Warn of what a later text measures again, deletes or disregards."""
     places, disregarded = places_of(films), _disregarded(films)
     for entry in entries:
@@ -179,7 +179,7 @@ def _without_effect(films: Films, entries: Sequence[Entry]) -> Iterator[ProjectW
             yield ProjectWarning("disregarded", where, text)
 
 
-def _disregarded(films: Films) -> set[tuple[str, str]]:
+def _disregarded(films: MountedFilms) -> set[tuple[str, str]]:
     return {
         (record_key(photo), point)
         for found in films.measured.observations.values()
@@ -188,6 +188,6 @@ def _disregarded(films: Films) -> set[tuple[str, str]]:
     }
 
 
-def _on_plate(films: Films, entry: Entry, logged: Position) -> Position:
+def _on_plate(films: MountedFilms, entry: Entry, logged: Position) -> Position:
     scan = films.template(entry.owner).scan if entry.what == "tick" else films.scan_of(films.photo(entry.owner))
     return position(plate_of_log(scan), logged)
