@@ -1,8 +1,8 @@
 """One or more cases for every function whose name ends in `_with_partials`.
 
 A case is a vector of variables, the values of a function there and after a change of the variables, and the partials
-that the function itself returns. Kinds of observation are changed through `BlockState.moved`, so that the parametrisation
-of the rotations is tested with them.
+that the function itself returns. Kinds of observation are changed through `BlockState.moved`, so that the
+parametrisation of the rotations is tested with them.
 """
 
 from __future__ import annotations
