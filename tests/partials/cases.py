@@ -1,8 +1,8 @@
 """One or more cases for every function whose name ends in `_with_partials`.
 
 A case is a vector of variables, the values of a function there and after a change of the variables, and the partials
-that the function itself returns. Kinds of observation are changed through `State.moved`, so that the parametrisation of
-the rotations is tested with them.
+that the function itself returns. Kinds of observation are changed through `BlockState.moved`, so that the
+parametrisation of the rotations is tested with them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import numpy as np
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.problem import starting_state
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.ground_frame import GroundFrame, ground_frame
@@ -27,7 +26,7 @@ from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
 from orip.geometry.similarity import Similarities, similarity_with_partials
 from orip.interior import additional_parameters, image_coordinates
-from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
+from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, base_of_camera, default_error
 from orip.interior.distortion import (
     corrected_by_coefficients,
     corrected_with_partials,
@@ -375,7 +374,7 @@ def _with_set(block: Block, name: str) -> Block:
     return replace(block, cameras=(camera,), held_additional=frozenset([held]))
 
 
-def state_of(block: Block) -> State:
+def state_of(block: Block) -> BlockState:
     """Return the starting state, with additional parameters that are not zero."""
     state = starting_state(block)
     values = np.zeros_like(state.additional)
