@@ -11,7 +11,6 @@ project's coordinates are functions of the local ones, with partials.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
-from orip.interior.measured import Measured
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.wording import counted

@@ -8,11 +8,10 @@ from orip.bundle.assemble import Ingredients, gather
 from orip.errors import InputError, ProjectWarning
 from orip.files.stores.transaction import reading
 from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
 from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.project.folder import Project

@@ -13,11 +13,10 @@ from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
 from orip.files.text.natural_order import natural_key
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.known_names import near_names
 from orip.multimodel.digitising import DigitisedBlock, PhotoPair
 from orip.multimodel.state import Position
 from orip.records.measurement import no_observations
-from orip.records.names import name_fault, record_key
+from orip.records.names import name_fault, near_names, record_key
 from orip.records.project import BundleDefinition, StereoModel
 from orip.workflow.digitise.films import Films, plate_of_log, position
 from orip.workflow.digitise.session import Place

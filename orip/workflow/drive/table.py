@@ -16,11 +16,11 @@ from orip.files.text.atomic import replace_text, reporting_failure
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground
 from orip.multimodel.table_checks import drivable_name_fault, table_faults
 from orip.records.drive_table import DriveFault, DriveTable
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Stage
 from orip.records.project import BundleDefinition, StereoModel

@@ -11,9 +11,8 @@ from orip.files.stores import solutions
 from orip.files.stores.transaction import reading
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.known_names import near_names
 from orip.records.measurement import PhotoObservations, no_observations
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.records.project import BundleDefinition
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import read_definitions, require_initialised

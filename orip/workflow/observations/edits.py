@@ -19,9 +19,8 @@ from orip.files.stores.transaction import reading
 from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
 from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
-from orip.records.measurement import EditRecord, LogRecord, Place
+from orip.records.measurement import EditRecord, LogRecord, Measured, Place
 from orip.records.names import record_key
 from orip.workflow.observations.measure import measure_project, measurement_inputs
 from orip.workflow.observations.names import Named, chosen_names, edited_owner

@@ -12,11 +12,11 @@ from orip.files.stores.provenance import read_inputs, write_inputs
 from orip.files.stores.transaction import Stores, reading, writing
 from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.camera import Camera
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.photo import Temtick
 from orip.workflow.project.definitions import (

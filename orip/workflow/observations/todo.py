@@ -12,10 +12,9 @@ from orip.errors import ProjectWarning, UsageError
 from orip.files.listings.observations import todo_text
 from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.natural_order import natural_key
-from orip.interior.measured import Measured
 from orip.interior.replay import replay
 from orip.records.listed_observation import ListedObservation, Pair, PointToMeasure, WhyAgain
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.workflow.observations.at_hand import BundleAtHand, bundle_at_hand
 from orip.workflow.observations.listed import listed_observations

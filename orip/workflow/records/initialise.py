@@ -10,10 +10,17 @@ from orip.errors import Complaint, ProjectWarning
 from orip.files.stores.transaction import reading, writing
 from orip.files.text.parsed import Parsed
 from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.replay import replay
 from orip.progress import stage
-from orip.records.measurement import EditRecord, FiducialsRecord, LogRecord, PhotoRecord, PointsRecord, TemplateRecord
+from orip.records.measurement import (
+    EditRecord,
+    FiducialsRecord,
+    LogRecord,
+    Measured,
+    PhotoRecord,
+    PointsRecord,
+    TemplateRecord,
+)
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, write_definitions
 from orip.workflow.project.folder import Project
