@@ -1,4 +1,4 @@
-"""The README's first project, as most tests of commands begin with it: in text, initialised or adjusted."""
+"""What all tests share: settings of hypothesis, and the README's first project in text, initialised and adjusted."""
 
 from __future__ import annotations
 
@@ -6,7 +6,12 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from hypothesis import HealthCheck, settings
 from workflow.small_projects import first_project
+
+# how long an example takes depends on the machine and on what else it does, and is no fault
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 
 @pytest.fixture

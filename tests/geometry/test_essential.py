@@ -104,6 +104,7 @@ def test_solutions_fulfil_the_constraints_and_contain_the_points():
     assert np.allclose(np.linalg.norm(np.concatenate(found), axis=(1, 2)), 1.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_all_real_solutions_are_found():
     left, right, _ = two_views(5, 5)
     left, right = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (left, right))

@@ -16,7 +16,7 @@ from monte_carlo.simulated_blocks import (
 )
 from support.synthetic_block import SyntheticBlock
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.snooping import SnoopingSettings, snoop
 from orip.records.block import Block
 
@@ -87,7 +87,7 @@ def snooping_run(case: tuple[str, int]) -> SnoopingRun:
         named_wrongly=len(named - found.photo_points),
         control_points=len(found.block.control_points),
         control_named=len({each.point for each in snooped.blunders if each.kind == "control"}),
-        converged=snooped.solved.adjusted.termination is Termination.CONVERGED,
+        converged=snooped.solved.reason is TerminationReason.CONVERGED,
     )
 
 
@@ -100,12 +100,12 @@ def danish_run(case: tuple[str, int, int]) -> DanishRun:
         found.block.definition, max_iterations=60, start_down_weight=iteration, max_standard_residual=5.0
     )
     robust = replace(found.block, definition=definition)
-    ends = [solved(started_off(robust, found.made, relative, random)).adjusted for relative in STARTS]
+    ends = [solved(started_off(robust, found.made, relative, random)) for relative in STARTS]
     return DanishRun(
         wrong=found.rows,
         down_weighted=tuple(frozenset(np.flatnonzero(each.weight_factors < 1.0).tolist()) for each in ends),
-        converged=tuple(each.termination is Termination.CONVERGED for each in ends),
-        iterations=tuple(len(each.passes) for each in ends),
+        converged=tuple(each.reason is TerminationReason.CONVERGED for each in ends),
+        iterations=tuple(len(each.iterations) for each in ends),
     )
 
 

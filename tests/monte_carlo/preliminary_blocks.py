@@ -16,7 +16,7 @@ from monte_carlo.preliminary_records import SimulatedRecords, cameras_of, photo_
 from support.block_scenes import SCENES
 from support.tie_points import holds_together, measured_points
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
 from orip.records.names import record_key
@@ -60,7 +60,7 @@ def _drawn(family: str, run: int, photos: int, random: np.random.Generator) -> S
         if self_calibrating and not _calibrated(found):
             self_calibrating = False
             cameras = {record_key(true.name): true}
-            records = replace(records, ingredients=replace(records.ingredients, cameras=cameras))
+            records = replace(records, inputs=replace(records.inputs, cameras=cameras))
             found = true_minimum(records)
         if reason := _weakness(found):
             return reason
@@ -80,13 +80,13 @@ def _calibrated(found: SolvedBlock) -> bool:
 
 def _weakness(found: SolvedBlock) -> str:
     """Return what makes a block without blunders unfit for the study, or nothing."""
-    if found.adjusted.termination is not Termination.CONVERGED:
+    if found.reason is not TerminationReason.CONVERGED:
         return "does not converge from the truth"
-    if found.adjusted.normals.removed.any():
+    if found.normals.removed.any():
         return "singular"
-    if (found.adjusted.weight_factors[found.adjusted.linearised.equations.active] < 1.0).any():
+    if (found.weight_factors[found.equations.active] < 1.0).any():
         return "down-weighted without blunders"
     centre, rotation = photo_deviations(found)
-    state, points = found.adjusted.linearised.state, found.block.photo_points
+    state, points = found.state, found.block.photo_points
     distance = np.mean(np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1))
     return "weak" if centre.max() > 0.02 * distance or rotation.max() > 0.02 else ""

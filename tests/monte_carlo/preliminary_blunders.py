@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_minimum
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 
 _ROUNDS = 4
@@ -36,7 +36,7 @@ def with_blunders(records: SimulatedRecords, clean: SolvedBlock, random: np.rand
     for _ in range(_ROUNDS):
         made = _blundered(records, rows, displaced, control)
         found = true_minimum(made)
-        if found.adjusted.termination is not Termination.CONVERGED:
+        if found.reason is not TerminationReason.CONVERGED:
             return "does not converge from the truth with blunders"
         wanted = np.zeros(len(clean.block.photo_points.photo), dtype=bool)
         wanted[rows] = True
@@ -55,7 +55,7 @@ def with_blunders(records: SimulatedRecords, clean: SolvedBlock, random: np.rand
 
 def _down_weighted(found: SolvedBlock) -> np.ndarray:
     n = found.block.photo_points.xy.size
-    return np.asarray((found.adjusted.weight_factors[:n] < 1.0).reshape(-1, 2).any(axis=1))
+    return np.asarray((found.weight_factors[:n] < 1.0).reshape(-1, 2).any(axis=1))
 
 
 def _blunders(clean: SolvedBlock, part: float, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +95,7 @@ def _blunders(clean: SolvedBlock, part: float, random: np.random.Generator) -> t
 
 def _wrong_control(records: SimulatedRecords, random: np.random.Generator) -> tuple[str, ...]:
     """Return in a fifth of the blocks with eight weighted full control points and more the one that is wrong."""
-    control = records.ingredients.control.points
+    control = records.inputs.control.points
     full = [point.name for point in control if None not in point.coordinates and point.errors[0] != 0.0]
     if len(full) < 8 or random.random() > 0.2:
         return ()
@@ -105,20 +105,20 @@ def _wrong_control(records: SimulatedRecords, random: np.random.Generator) -> tu
 def _blundered(
     records: SimulatedRecords, rows: np.ndarray, displaced: np.ndarray, control: tuple[str, ...]
 ) -> SimulatedRecords:
-    ingredients = records.ingredients
-    observations = ingredients.observations
+    inputs = records.inputs
+    observations = inputs.observations
     measured = observations.measured.copy()
     measured[rows] = displaced
     points = tuple(
         replace(point, coordinates=tuple(np.add(point.coordinates, [0.0, 100.0 * point.errors[1], 0.0])))
         if point.name in control
         else point
-        for point in ingredients.control.points
+        for point in inputs.control.points
     )
     changed = replace(
-        ingredients,
+        inputs,
         observations=replace(observations, measured=measured),
-        control=replace(ingredients.control, points=points),
+        control=replace(inputs.control, points=points),
     )
     wrong = frozenset((observations.photos[row], observations.points[row]) for row in rows.tolist())
-    return replace(records, ingredients=changed, wrong=wrong, wrong_control=frozenset(control))
+    return replace(records, inputs=changed, wrong=wrong, wrong_control=frozenset(control))

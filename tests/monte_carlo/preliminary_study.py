@@ -28,14 +28,14 @@ from monte_carlo.simulated_blocks import solved
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.solve import SolvedBlock
 from orip.errors import OripError
 from orip.prelim.chain import preliminary_values
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.workflow.adjust.starting_values import cameras_as_found
+from orip.solving.starting_values import cameras_as_found
 
 End = Literal["reached", "lower", "as from the truth", "other", "not converged", "refused"]
 
@@ -180,27 +180,27 @@ def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
 
 def compared(found: SolvedBlock, reference: SolvedBlock) -> Comparison:
     """Compare where an adjustment ended with the true minimum."""
-    here, there = found.adjusted.linearised.state, reference.adjusted.linearised.state
+    here, there = found.state, reference.state
     centre, rotation = photo_deviations(reference)
     turned = Rotation.from_matrix(here.rotations @ there.rotations.transpose(0, 2, 1)).as_rotvec()
     distance = max(np.abs((here.centres - there.centres) / centre).max(), np.abs(turned / rotation).max())
     sigma0 = found.variance.sigma0 / reference.variance.sigma0 - 1.0 if reference.variance.sigma0 else 0.0
     cost = robust_cost(found) / robust_cost(reference) - 1.0
     end: End = "other"
-    if found.adjusted.termination is not Termination.CONVERGED:
+    if found.reason is not TerminationReason.CONVERGED:
         end = "not converged"
-    elif found.adjusted.normals.removed.any():
+    elif found.normals.removed.any():
         end = "other"
     elif distance <= _SAME_POSITION and abs(sigma0) <= _SAME_SIGMA0:
         end = "reached"
     elif cost <= _SAME_COST:
         end = "lower"
-    return Comparison(end, float(distance), float(sigma0), float(cost), len(found.adjusted.passes))
+    return Comparison(end, float(distance), float(sigma0), float(cost), len(found.iterations))
 
 
 def robust_cost(found: SolvedBlock) -> float:
     """Return what the Danish method makes least: the sum of `loss` over the observations."""
-    equations = found.adjusted.linearised.equations
+    equations = found.equations
     residuals = equations.residual[equations.active & ~equations.exact]
     return float(loss(np.abs(residuals), found.block.definition.max_standard_residual).sum())
 

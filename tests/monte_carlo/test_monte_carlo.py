@@ -27,7 +27,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import DISTORTED, SyntheticBlock
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT
@@ -81,13 +81,13 @@ def run_once(case: tuple[str, int]) -> Run:
     study, run = case
     made, random = exact(study), random_numbers(study, run)
     found = solved(started_off(with_noise(made, random), made, 0.001, random))
-    equations = found.adjusted.linearised.equations
+    equations = found.equations
     return Run(
         normalised=errors_of(found, made) / standard_deviations(found),
         square_sum=float(np.sum(equations.residual[equations.active] ** 2)),
         redundancy=found.variance.redundancy,
         sum_of_redundancy_numbers=float(np.nansum(found.variance.redundancy_numbers)),
-        converged=found.adjusted.termination is Termination.CONVERGED,
+        converged=found.reason is TerminationReason.CONVERGED,
     )
 
 
@@ -109,7 +109,7 @@ def errors_of(found: SolvedBlock, made: SyntheticBlock) -> np.ndarray:
 
     A free network is first laid upon the truth, by its datum points: its own datum is that of the starting values.
     """
-    unknowns, state = found.problem.unknowns, found.adjusted.linearised.state
+    unknowns, state = found.problem.unknowns, found.state
     if found.problem.datum is not None:
         state = laid_upon(state, made.points, found.problem.datum.points)
     true_rotations = Rotation.from_euler("XYZ", made.orientations[:, 3:]).as_matrix()

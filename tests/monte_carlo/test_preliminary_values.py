@@ -15,7 +15,7 @@ from monte_carlo.preliminary_records import gathered, true_minimum
 from monte_carlo.preliminary_study import SUCCESS, compared, loss, outcome, outcomes, success, tables, write_tables
 from scipy.integrate import quad
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.weights import danish_weights
 
 LOG = logging.getLogger(__name__)
@@ -24,11 +24,11 @@ LOG = logging.getLogger(__name__)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_records_hold_no_preliminary_value(family):
     records = simulated_records(0, family, largest=12)
-    ingredients = records.ingredients
-    assert not ingredients.preliminary
-    assert all(photo.orientation == (None,) * 6 for photo in ingredients.photos.values())
+    inputs = records.inputs
+    assert not inputs.preliminary
+    assert all(photo.orientation == (None,) * 6 for photo in inputs.photos.values())
     block = gathered(records)
-    assert {len(block.photos), len(ingredients.photos)} == {len(records.orientations)}
+    assert {len(block.photos), len(inputs.photos)} == {len(records.orientations)}
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -36,7 +36,7 @@ def test_true_minimum_fits_the_truth(family):
     # noise is as large as the a-priori errors, and blunders have no weight: sigma0 is 1 within its own deviation
     records = simulated_records(1, family, largest=30)
     found = true_minimum(records)
-    assert found.adjusted.termination is Termination.CONVERGED
+    assert found.reason is TerminationReason.CONVERGED
     assert found.variance.sigma0 == pytest.approx(1.0, abs=4.0 / (2.0 * found.variance.redundancy_used) ** 0.5)
     assert compared(found, found).end == "reached"
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from orip.errors import InputError, UsageError
 from orip.files.project.assignments import with_assignments
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
 from orip.files.text.shown import shown_token
 from orip.records.names import name_fault, record_key
 from orip.wording import listed_names
