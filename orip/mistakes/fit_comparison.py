@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.records.solution import Solution
@@ -29,8 +30,6 @@ of them with 1e-4."""
 
 _EXPLAINED = 0.5
 """Part of the misfits that has to go."""
-
-_NORMAL_MEDIAN = 0.6745
 
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
 """Standard error of unit weight, and part of the observations that may be blunders, in an adjustment that fits."""
@@ -60,7 +59,7 @@ class Fit:
     @property
     def scale(self) -> float:
         """Return the standard error of unit weight as the median tells it, at least 1."""
-        return max(1.0, float(np.median(self.standard)) / _NORMAL_MEDIAN)
+        return max(1.0, float(np.median(self.standard)) / MEDIAN_OF_NORMAL)
 
     def of(self, observations: tuple[tuple[str, str, str, str], ...]) -> FloatArray:
         """Return the standard residuals of some observations; infinite for those that are not there."""

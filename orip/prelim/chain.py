@@ -15,22 +15,22 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.ground_control import known_centres, known_points
-from orip.prelim.growing import Growth
+from orip.prelim.growing import BlockGrower
+from orip.prelim.growing_block import GrowingBlock, empty_growing_block
 from orip.prelim.handedness import handedness
 from orip.prelim.image_rays import image_rays
-from orip.prelim.intersection import intersect
-from orip.prelim.misplaced import misplaced, residual_lengths
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.misplaced_photos import misplaced_photos, residual_lengths
 from orip.prelim.photo_index import photo_index
-from orip.prelim.placed import Placed, nothing_placed
 from orip.prelim.reasons import doubtful_photos, why_not_oriented
 from orip.prelim.refinement.camera_corrections import parameters_with
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
+from orip.prelim.similarity.arbitrary_datum import with_arbitrary_datum
 from orip.prelim.similarity.joining import Joined
-from orip.prelim.similarity.own_system import in_own_system
 from orip.prelim.thinning import thinned
-from orip.prelim.weak_joints import weak_joints
+from orip.prelim.weak_connections import weak_connections
 from orip.records.block import Block
 from orip.records.preliminary import (
     NO_POINTS,
@@ -77,7 +77,7 @@ class _Outcome:
     Parameters
     ----------
     route : Route
-    placed : Placed
+    placed : GrowingBlock
     on_ground : bool
     absolute : SimilarityStep or None
     reason : str
@@ -87,7 +87,7 @@ class _Outcome:
     """
 
     route: Route
-    placed: Placed
+    placed: GrowingBlock
     on_ground: bool
     absolute: SimilarityStep | None
     reason: str
@@ -139,7 +139,7 @@ class _Chain:
                 if found > rank:
                     best, rank = outcome, found
                 if self._is_complete(outcome):
-                    wrong = np.flatnonzero(misplaced(self.rays, outcome.placed, lengths))
+                    wrong = np.flatnonzero(misplaced_photos(self.rays, outcome.placed, lengths))
                     ends.append((frozenset(wrong.tolist()), misfit))
             if _is_enough(ends):
                 self.at_once = number == 0
@@ -166,11 +166,13 @@ class _Chain:
             rotations[given] = rotation_from_angles(orientation[given, 3:])
             yield by_given(free, rotations, orientation[:, :3])
 
-    def _growth(self, held: FloatArray | None = None) -> Growth:
+    def _growth(self, held: FloatArray | None = None) -> BlockGrower:
         nothing = np.full((len(self.rays.points), 3), np.nan)
         everyone = np.ones(len(self.rays.photos), dtype=bool)
         held = nothing if held is None else held
-        return Growth(self.rays, self.index, self.common, held, everyone, self.models, held_errors=self.control_errors)
+        return BlockGrower(
+            self.rays, self.index, self.common, held, everyone, self.models, held_errors=self.control_errors
+        )
 
     def _full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others."""
@@ -199,7 +201,7 @@ class _Chain:
             # no point will hold it on the ground, where it would go on to change its shape
             first = self._growth().refined(first, _TO_THE_END)
         if self.block.definition.datum == "free" and not (self.control.names or self.centres.names):
-            placed, finding = in_own_system(first, self.rays, self.block.distances)
+            placed, finding = with_arbitrary_datum(first, self.rays, self.block.distances)
             yield _Outcome(route, placed, True, None, "", (finding,))
             return
         outcome = self._in_ground(route, first)
@@ -208,8 +210,8 @@ class _Chain:
         if outcome.on_ground:
             for other in others:
                 outcome = self._with_system(outcome, other)
-            growth = self._growth(self._fitting_control(outcome.absolute))
-            outcome = replace(outcome, placed=growth.grown(outcome.placed))
+            grower = self._growth(self._fitting_control(outcome.absolute))
+            outcome = replace(outcome, placed=grower.grown(outcome.placed))
         yield outcome
 
     def _pieces(self, route: Route) -> str:
@@ -226,16 +228,16 @@ class _Chain:
             f"spread over them: {'; '.join(pieces)}"
         )
 
-    def _in_ground(self, route: Route, placed: Placed) -> _Outcome:
+    def _in_ground(self, route: Route, placed: GrowingBlock) -> _Outcome:
         """Take a system to the ground, unless the control would fit it better in another reading."""
-        block = placed.sub_block()
+        block = placed.partial_block()
         findings = handedness(block, self.rays, self.control, self.centres)
         if findings:
             return _Outcome(route, placed, False, None, findings[0], findings)
         found = absolute_orientation(block, self.rays, self.control, self.centres)
         if not isinstance(found, Joined):
             placed = self._with_all_control(placed)
-            again = absolute_orientation(placed.sub_block(), self.rays, self.control, self.centres)
+            again = absolute_orientation(placed.partial_block(), self.rays, self.control, self.centres)
             if not isinstance(again, Joined):
                 return _Outcome(route, placed, False, None, found.reason)
             found = again
@@ -249,7 +251,7 @@ class _Chain:
         )
         return _Outcome(route, moved, True, found.step, "")
 
-    def _with_all_control(self, placed: Placed) -> Placed:
+    def _with_all_control(self, placed: GrowingBlock) -> GrowingBlock:
         """Return the system with control points, too, whose rays miss each other by more than they should.
 
         A camera that is not calibrated lets the two rays of a point miss each other.
@@ -273,7 +275,7 @@ class _Chain:
         fits = np.all(absolute.weight_factor >= 1.0, axis=1)
         return self._full_control(frozenset(name for name, good in zip(absolute.points, fits, strict=True) if good))
 
-    def _with_system(self, outcome: _Outcome, other: Placed) -> _Outcome:
+    def _with_system(self, outcome: _Outcome, other: GrowingBlock) -> _Outcome:
         """Add the photos of another system that has control of its own."""
         new = other.oriented & ~outcome.placed.oriented
         if not new.any():
@@ -291,10 +293,10 @@ class _Chain:
     # how good it is
 
     def _residual_lengths(self, outcome: _Outcome) -> FloatArray:
-        growth = self._growth(self._fitting_control(outcome.absolute) if outcome.on_ground else None)
-        return residual_lengths(growth.seen(outcome.placed), outcome.placed)
+        grower = self._growth(self._fitting_control(outcome.absolute) if outcome.on_ground else None)
+        return residual_lengths(grower.seen(outcome.placed), outcome.placed)
 
-    def _misfit(self, placed: Placed, lengths: FloatArray) -> float:
+    def _misfit(self, placed: GrowingBlock, lengths: FloatArray) -> float:
         """Return the mean residual over the a-priori error; what is far off or has no place counts with a limit."""
         counted = np.where(placed.oriented[self.rays.photo], lengths, np.inf)
         judged = counted[~np.isnan(counted)]
@@ -317,7 +319,7 @@ class _Chain:
         # the user's models are listed in any case: what failed there is what is to be mended
         steps = self.by_models or (best.route if best is not None else Route(()))
         if best is None:
-            nothing = nothing_placed(self.rays)
+            nothing = empty_growing_block(self.rays)
             photos = [self._not_oriented(nothing, photo) for photo in range(len(self.rays.photos))]
             return PreliminaryValues(
                 steps.relative, steps.bridges, steps.connections, None, steps.failures, tuple(photos), NO_POINTS, ()
@@ -342,7 +344,7 @@ class _Chain:
             camera = self.block.cameras[self.block.photo_camera[np.argmax(of_photo == unknown)]]
             yield CameraStart(camera.name, parameters_with(camera, correction))
 
-    def _points(self, placed: Placed) -> PointStarts:
+    def _points(self, placed: GrowingBlock) -> PointStarts:
         """Return where the rays of all points meet, control points too, which may be wrong; else where they are."""
         found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.all_rays))
         coordinates, deviations = found.coordinates, found.deviations
@@ -353,7 +355,7 @@ class _Chain:
         known = np.isfinite(coordinates[:, 0])
         return PointStarts(tuple(compress(self.all_rays.points, known)), coordinates[known], deviations[known])
 
-    def _not_oriented(self, placed: Placed, photo: int) -> PhotoStart:
+    def _not_oriented(self, placed: GrowingBlock, photo: int) -> PhotoStart:
         why = why_not_oriented(self.rays, self.index, self.common, placed, photo)
         return PhotoStart(self.rays.photos[photo], None, None, why)
 
@@ -375,7 +377,7 @@ class _Chain:
         # a photo that has no place says itself what is missing
         if not self.at_once and best.placed.oriented.all():
             known: BoolArray = np.asarray(np.isfinite(self._full_control()).all(axis=1))
-            yield from weak_joints(self.rays, self.common, known)
+            yield from weak_connections(self.rays, self.common, known)
 
 
 def _is_enough(ends: list[tuple[frozenset[int], float]]) -> bool:

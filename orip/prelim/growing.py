@@ -13,10 +13,10 @@ from itertools import islice
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.intersection import intersect
-from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
+from orip.prelim.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
-from orip.prelim.placed import Placed, placed_block
 from orip.prelim.refinement.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.resection.configuration import image_configuration
@@ -24,7 +24,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.records.preliminary import ImageRays, NotOriented, PartialBlock, RelativeOrientation
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
@@ -47,7 +47,7 @@ _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
 _BLOCKS_TRIED = 3
-"""Models that a sub-block is tried to grow from."""
+"""Models that a partial block is tried to grow from."""
 
 _REMOVALS = 2
 """Times that a photo may be taken out again; then it stays, and tells of itself by its residuals."""
@@ -68,7 +68,7 @@ class _Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Growth:
+class BlockGrower:
     """What a system grows with.
 
     Parameters
@@ -84,7 +84,7 @@ class Growth:
     models : dict
         Relative orientations by pairs of photos, kept since many are asked for again.
     branching : bool
-        Sub-blocks may grow by themselves before they are joined on; they do not branch again.
+        Partial blocks may grow by themselves before they are joined on; they do not branch again.
     held_errors : array (number of points,) or None
         A-priori errors of the coordinates of points that do not change; None: they are exact.
     """
@@ -103,11 +103,11 @@ class Growth:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
 
-    def seen(self, placed: Placed) -> ImageRays:
+    def seen(self, placed: GrowingBlock) -> ImageRays:
         """Return the rays as a system shows them: cameras corrected, points that are held as accurate as they are."""
         return placed.corrected(self._with_errors_of_held(placed))
 
-    def _with_errors_of_held(self, placed: Placed) -> ImageRays:
+    def _with_errors_of_held(self, placed: GrowingBlock) -> ImageRays:
         """Return the rays with the errors of points that are held counted as errors of their photo points."""
         rays = self.rays
         if self.held_errors is None or not self.held_errors.any():
@@ -119,14 +119,14 @@ class Growth:
         error[rows] = np.hypot(error[rows], -rays.vectors[rows, 2] * self.held_errors[point] / distance)
         return replace(rays, error=error)
 
-    def grown(self, start: Placed, enough: float = 0.0) -> Placed:
+    def grown(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
         Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
 
         Parameters
         ----------
-        start : Placed
+        start : GrowingBlock
         enough : float
             At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
@@ -135,7 +135,7 @@ class Growth:
         with stage("orienting photos", len(self.rays.photos)) as advance:
             return self._grown(start, enough, advance)
 
-    def _grown(self, start: Placed, enough: float, advance: Callable[[int], None]) -> Placed:
+    def _grown(self, start: GrowingBlock, enough: float, advance: Callable[[int], None]) -> GrowingBlock:
         placed, refined = start, int(start.oriented.sum())
         refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
@@ -149,7 +149,7 @@ class Growth:
                 continue
             placed, refined = self.refined(placed, enough if added is None else ROUGH), count
             lengths = residual_lengths(self.seen(placed), placed)
-            wrong = misplaced(self.rays, placed, lengths) & (removals < _REMOVALS)
+            wrong = misplaced_photos(self.rays, placed, lengths) & (removals < _REMOVALS)
             if wrong.any() and not wrong[placed.oriented].all():
                 removals += wrong
                 refused = _Refused()
@@ -157,12 +157,12 @@ class Growth:
             elif added is None:
                 return placed
 
-    def intersected(self, placed: Placed) -> Placed:
+    def intersected(self, placed: GrowingBlock) -> GrowingBlock:
         """Return the system with all points that its photos determine."""
         found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.rays))
         return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
 
-    def _intersected_anew(self, placed: Placed, photos: BoolArray) -> Placed:
+    def _intersected_anew(self, placed: GrowingBlock, photos: BoolArray) -> GrowingBlock:
         """Return the system with the points that some of its photos see intersected anew."""
         points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
         concerned = np.zeros(len(self.rays.points), dtype=bool)
@@ -176,7 +176,7 @@ class Growth:
         coordinates[points], deviations[points] = found.coordinates, found.deviations
         return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
 
-    def refined(self, placed: Placed, enough: float) -> Placed:
+    def refined(self, placed: GrowingBlock, enough: float) -> GrowingBlock:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         found = refine(
             self._with_errors_of_held(placed),
@@ -191,7 +191,7 @@ class Growth:
         moved = replace(placed, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
         return self.intersected(moved)
 
-    def _with_held(self, placed: Placed) -> Placed:
+    def _with_held(self, placed: GrowingBlock) -> GrowingBlock:
         rows = self.held_points
         if not rows.any():
             return placed
@@ -200,7 +200,7 @@ class Growth:
         deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
         return replace(placed, coordinates=coordinates, deviations=deviations)
 
-    def _with_more_photos(self, placed: Placed, refused: _Refused) -> Placed | None:
+    def _with_more_photos(self, placed: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photos that can be added in the safest way there is, None if there is none."""
         return (
             self._resected(placed, _WELL, refused)
@@ -210,7 +210,7 @@ class Growth:
             or (self._by_three_points(placed) if self.held_points.any() else None)
         )
 
-    def _resected(self, placed: Placed, fewest: int, refused: _Refused) -> Placed | None:
+    def _resected(self, placed: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photos that see most of its points, and at least so many."""
         known = placed.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
@@ -226,7 +226,7 @@ class Growth:
                 result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: Placed, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
+    def resection(self, placed: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
 
         `seen` are the rays, corrected as the system shows the cameras to be.
@@ -243,7 +243,7 @@ class Growth:
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
-    def _by_three_points(self, placed: Placed) -> Placed | None:
+    def _by_three_points(self, placed: GrowingBlock) -> GrowingBlock | None:
         """Return the system with the photos that see three known points and no more, each at the likeliest position.
 
         Of up to four positions that is taken in which most of the other rays of the photo meet those of oriented
@@ -271,13 +271,13 @@ class Growth:
             result = (result or placed).with_photo(int(photo), rotations[chosen], centres[chosen], how)
         return result
 
-    def _rays_that_meet(self, placed: Placed, photo: int) -> int:
+    def _rays_that_meet(self, placed: GrowingBlock, photo: int) -> int:
         """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
         found = self._intersected_anew(placed, np.arange(len(placed.oriented)) == photo)
         lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
-    def _with_model(self, placed: Placed, refused: _Refused) -> Placed | None:
+    def _with_model(self, placed: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.
 
         Known points must fit that give the scale, and check it.
@@ -300,10 +300,10 @@ class Growth:
             refused.models[oriented, photo] = int(known)
         return None
 
-    def _with_block(self, placed: Placed) -> Placed | None:
-        """Return the system with a sub-block that grows from an oriented photo and has too few known points at first.
+    def _with_block(self, placed: GrowingBlock) -> GrowingBlock | None:
+        """Return the system with a partial block grown from an oriented photo, which has too few known points at first.
 
-        The sub-block grows by itself: the more photos it has, the more of its points are known, and give its scale.
+        The partial block grows by itself: the more photos it has, the more of its points are known, and give its scale.
         """
         for oriented, photo in islice(self._models_to_try(placed), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
@@ -312,12 +312,14 @@ class Growth:
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~placed.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            start = replace(placed_block(self.rays, model.block, how), corrections=placed.corrections)
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=placed.corrections)
             block = grower.grown(start, ROUGH)
-            joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
+            joined = join(
+                block.partial_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+            )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
-            # what the sub-block began with may have turned out to be in the wrong place there
+            # what the partial block began with may have turned out to be in the wrong place there
             more = _with_photos_of(placed, joined, block)
             if more is not placed:
                 return more
@@ -331,7 +333,7 @@ class Growth:
             self.models[left, right] = found
         return self.models[left, right]
 
-    def _models_to_try(self, placed: Placed) -> Iterator[tuple[int, int]]:
+    def _models_to_try(self, placed: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
         oriented = placed.oriented
         counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
@@ -345,8 +347,8 @@ class Growth:
                 yield first, photo
 
 
-def _with_photos_of(placed: Placed, joined: Joined, block: Placed) -> Placed:
-    """Return a system with the photos of a sub-block that was joined on."""
+def _with_photos_of(placed: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
+    """Return a system with the photos of a partial block that was joined on."""
     points = len(joined.step.points)
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
         if not placed.oriented[photo]:
@@ -359,10 +361,10 @@ def _fitting_points(joined: Joined) -> int:
     return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
 
 
-def _part(placed: Placed, photo: int, points: IntArray) -> SubBlock:
+def _part(placed: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
     """Return one photo of a system, with those of its points that are known."""
     known = points[placed.known[points]]
-    return SubBlock(
+    return PartialBlock(
         placed.name,
         np.array([photo]),
         placed.rotations[[photo]],

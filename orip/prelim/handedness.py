@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity, fit_similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
-from orip.prelim.similarity.adjustment import CommonPoints, adjusted
+from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Names
 from orip.prelim.similarity.start import TRIPLES, start_from_triples
-from orip.records.preliminary import SubBlock
+from orip.records.preliminary import PartialBlock
 
 _BETTER = 0.1
 """Of the misfit as given: what fits that much better is what was meant. A long block that is not adjusted yet may be
@@ -85,13 +86,13 @@ class _Fit:
 
 
 def handedness(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> tuple[str, ...]:
     """Say what was probably mixed up in control that does not fit a block, or fits with the cameras below the ground.
 
     Parameters
     ----------
-    block : SubBlock
+    block : PartialBlock
         In its own system.
     names : Names
     control : KnownPositions
@@ -164,7 +165,7 @@ def _fit(common: CommonPoints) -> _Fit | None:
             plain = fit_similarity(common.source, common.target)
             squares = ((plain.apply(common.source) - common.target) ** 2).sum(axis=1)
             return _Fit(plain, float(np.sqrt(squares.mean())))
-        found = adjusted(common, start_from_triples(common, TRIPLES[:1]))
+        found = adjust_similarity(common, start_from_triples(common, TRIPLES[:1]))
     except ValueError:
         return None
     return _Fit(found.similarity, float(np.median(found.lengths)))
@@ -174,7 +175,7 @@ def _fits(better: _Fit, given: _Fit) -> str:
     return f"control fits within {better.misfit:.2g} (as given it fits within {given.misfit:.3g}) "
 
 
-def _cause(block: SubBlock, names: Names, mirrored: Similarity, centres: KnownPositions | None) -> str:
+def _cause(block: PartialBlock, names: Names, mirrored: Similarity, centres: KnownPositions | None) -> str:
     """Return what explains a block that fits as a mirror image."""
     known = _known_centres(block, names, centres)
     if known is not None:
@@ -194,7 +195,7 @@ def _cause(block: SubBlock, names: Names, mirrored: Similarity, centres: KnownPo
 
 
 def _known_centres(
-    block: SubBlock, names: Names, centres: KnownPositions | None
+    block: PartialBlock, names: Names, centres: KnownPositions | None
 ) -> tuple[NDArray[np.int64], FloatArray] | None:
     """Return rows of the block's photos and the places where their centres are known to be; None if nowhere."""
     if centres is None:
@@ -236,7 +237,7 @@ def _other_unit(common: CommonPoints, given: _Fit) -> tuple[str, ...]:
     return (_fits(fits[factor], given) + f"when Z is multiplied by {factor:.5g}: {_Z_UNITS[factor]}; use one unit",)
 
 
-def _seen_from_below(block: SubBlock, common: CommonPoints, given: _Fit) -> tuple[str, ...]:
+def _seen_from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> tuple[str, ...]:
     """Say so when points that fit with and without a reflection are seen from below."""
     rotations = given.similarity.rotation @ block.rotations
     heights = given.similarity.apply(block.centres)[:, 2]

@@ -78,7 +78,7 @@ class ImageRays:
 
 
 @dataclass(frozen=True, slots=True)
-class SubBlock:
+class PartialBlock:
     """Photos and points in one system: a model, a strip of bridged models, or the block.
 
     Parameters
@@ -136,7 +136,7 @@ class RelativeOrientation:
         Standard error of unit weight; 0 with no redundancy.
     max_residual : float
         Largest residual parallax of a point with full weight, mm.
-    block : SubBlock
+    block : PartialBlock
         Both photos and the points in front of both of them, in the model's system.
     remarks : tuple of str
         What the user should know, in sentences.
@@ -161,7 +161,7 @@ class RelativeOrientation:
     iterations: int
     seuw: float
     max_residual: float
-    block: SubBlock
+    block: PartialBlock
     remarks: tuple[str, ...] = ()
 
 
@@ -236,15 +236,15 @@ class ModelCoordinates:
     ----------
     stage : {"relative", "bridged", "connected", "absolute"}
     photos, points : tuples of str
-        Names that the indices of the sub-blocks count in.
-    systems : tuple of SubBlock
+        Names that the indices of the partial blocks count in.
+    systems : tuple of PartialBlock
         One a model, one a strip, or one for the block (several where they could not be joined).
     """
 
     stage: Stage
     photos: tuple[str, ...]
     points: tuple[str, ...]
-    systems: tuple[SubBlock, ...]
+    systems: tuple[PartialBlock, ...]
 
 
 @dataclass(frozen=True, slots=True)

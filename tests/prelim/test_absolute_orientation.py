@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sub_block_samples import ground_sample, mirrored
+from partial_block_samples import ground_sample, mirrored
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.handedness import handedness

@@ -12,7 +12,7 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
-from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.prelim.project_coordinates import orientations_in_project, points_in_project
 from orip.records.block import Block, PhotoPoints
 from orip.records.control import Control
 from orip.records.preliminary import PreliminaryValues

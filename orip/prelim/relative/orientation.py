@@ -11,7 +11,7 @@ from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import Solution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.records.preliminary import ImageRays, NotOriented, PartialBlock, RelativeOrientation
 
 _NO_BASE = 3.0
 """Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain
@@ -149,11 +149,11 @@ def _result(
     )
 
 
-def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> SubBlock:
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> PartialBlock:
     rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
     rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
     centres[1] = solution.length * solution.photos.base
-    return SubBlock(
+    return PartialBlock(
         name,
         np.array(photos, dtype=np.int64),
         rotations,

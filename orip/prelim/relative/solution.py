@@ -17,7 +17,7 @@ from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import DANISH, Adjusted, adjust_relative, precision_of
+from orip.prelim.relative.adjustment import DANISH, AdjustedPairs, adjust_relative, precision_of
 from orip.prelim.relative.parallax import Meeting, Pairs, meeting_points, parallaxes
 from orip.prelim.relative.start import (
     POINTS_NEEDED,
@@ -47,7 +47,7 @@ _ROTATION_STEPS = 8
 
 _CHOICE = (_ITERATIONS_TO_COMPARE, _MAX_ITERATIONS, _EQUALLY_GOOD, _SAME, _SURE, _PLAIN_BASE, _ROTATION_STEPS)
 _RULES = np.array([*SAMPLING, *DANISH, *_CHOICE])
-"""As the compiled loop takes them: `RelativeRules` in kernels/relative.h."""
+"""As the compiled loop takes them: `RelativeRules` in solution.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _compiled_solution(pairs: Pairs) -> Solution | None:
     parallax, weights, redundancy = np.empty(count), np.empty(count), np.empty(count)
     coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
     in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    if not kernels.orient(
+    if not kernels.orient_pair(
         *pairs, samples_of(count), log_of_sets(count), _RULES, found, parallax, weights, redundancy, coordinates,
         deviations, in_front, usable,
     ):  # fmt: skip
@@ -181,7 +181,7 @@ def _solution(pairs: Pairs) -> Solution | None:
     )
 
 
-def _choice(tried: Adjusted, pairs: Pairs, scale: float) -> tuple[int, bool]:
+def _choice(tried: AdjustedPairs, pairs: Pairs, scale: float) -> tuple[int, bool]:
     """Return the best of several orientations, and whether another one is as good.
 
     The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones that
@@ -210,7 +210,7 @@ def _usable(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
     return np.asarray((weight_factor == 1.0) & meeting.in_front & finite)
 
 
-def _unit_weight_error(final: Adjusted, redundancy_number: FloatArray, pairs: Pairs) -> float:
+def _unit_weight_error(final: AdjustedPairs, redundancy_number: FloatArray, pairs: Pairs) -> float:
     whole = final.weight_factor[0] == 1.0
     redundancy = float(redundancy_number[whole].sum())
     if len(pairs.error) == POINTS_NEEDED or redundancy < 1e-6:

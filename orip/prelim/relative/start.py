@@ -50,7 +50,7 @@ fits as well, and samples of it must not crowd out those of the first."""
 SAMPLING = (
     _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, _LIMIT, _ALIKE, _KEPT, _STARTS,
 )  # fmt: skip
-"""As the compiled loop takes them: `Sampling` in kernels/relative_start.h."""
+"""As the compiled loop takes them: `Sampling` in start.h."""
 
 
 def starting_orientations(pairs: Pairs) -> TwoPhotos:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.prelim.resection.adjustment import Adjusted, KnownPoints, Orientations, adjusted
-from orip.prelim.resection.best_orientations import settled
+from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
+from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.configuration import on_one_line
+from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.resection.start import starting_orientations
 
 _WORTHLESS_ANGLE = 0.1
@@ -122,17 +123,17 @@ def resect(
     start = starting_orientations(known, seed)
     if not len(start.centres):
         return Unresected(f"from nowhere are the {count} known points seen as they are in the photo")
-    best, others = _best_of_three(known, start) if count == 3 else settled(known, start)
+    best, others = _best_of_three(known, start) if count == 3 else best_orientations(known, start)
     deviations = _deviations(best)
     unfit = _unfit(known, best, deviations)
     return Unresected(unfit) if unfit is not None else _result(best, others, deviations, centroid, spread)
 
 
-def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientations]:
-    return adjusted(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
+def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
+    return adjust_resection(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
 
 
-def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | None:
+def _unfit(known: KnownPoints, best: AdjustedResection, deviations: FloatArray) -> str | None:
     """Return why the orientation is worth nothing; None: it is worth something."""
     xy = known.vectors[:, :2]
     radius = math.sqrt(((xy - xy.sum(axis=0) / len(xy)) ** 2).sum(axis=1).max())
@@ -154,7 +155,7 @@ def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | 
     return None
 
 
-def _deviations(best: Adjusted) -> FloatArray:
+def _deviations(best: AdjustedResection) -> FloatArray:
     """Return standard deviations (6,) of rotation and centre, infinite where the points leave them open."""
     scale = np.sqrt(best.normals.diagonal())
     if not scale.all():
@@ -167,7 +168,7 @@ def _deviations(best: Adjusted) -> FloatArray:
 
 
 def _result(
-    best: Adjusted, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
+    best: AdjustedResection, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
 ) -> Resected:
     """Return the orientation in the ground system."""
     count, redundancy = len(best.weight_factors), best.redundancy

@@ -8,7 +8,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.homography import plane_orientations
 from orip.geometry.three_point_resection import three_point_resection
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.resection.adjustment import KnownPoints, Orientations
+from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.sampling import subsets
 
 _TRIPLES = 50
@@ -73,7 +73,7 @@ def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, Fl
 def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
     """Do what `_of_triples` does in the compiled loop."""
     rotations, centres, quantile = np.empty((_CANDIDATES, 3, 3)), np.empty((_CANDIDATES, 3)), np.empty(_CANDIDATES)
-    kernels.rank(
+    kernels.rank_triples(
         *known.arrays, np.ascontiguousarray(triples), rotations, centres, quantile, np.empty(len(known)),
         known.error_mm, known.least, _FITS,
     )  # fmt: skip

@@ -9,11 +9,12 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step, steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.preliminary import NotOriented, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock
 
 _CONSTANT = 0.1
 """Of the median a-priori error: what stands for the error 0 of a constant coordinate."""
@@ -57,13 +58,13 @@ class KnownPositions:
 
 
 def absolute_orientation(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> Joined | NotOriented:
     """Take a block to the ground.
 
     Parameters
     ----------
-    block : SubBlock
+    block : PartialBlock
     names : Names
         For the block's indices.
     control : KnownPositions
@@ -87,7 +88,7 @@ def absolute_orientation(
 
 
 def control_of_block(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> tuple[tuple[str, ...], CommonPoints]:
     """Return the control that is in a block, projection centres below the points, and its names: "photo P1"."""
     own = {names.points[k]: row for row, k in enumerate(block.points)}
@@ -119,12 +120,12 @@ def _usable(known: KnownPositions, own: dict[str, int]) -> tuple[IntArray, IntAr
 
 
 def _from(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> Joined | NotOriented:
     points, common = control_of_block(block, names, control, centres)
     remarks: list[str] = []
     try:
-        found = fitted(common, block.rotations, remarks)
+        found = fit_to_control(common, block.rotations, remarks)
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
     typical, extent = float(np.median(found.lengths)), common.extent
@@ -140,7 +141,7 @@ def _from(
     return Joined(found.similarity, transformed(block, found.similarity), replace(step, remarks=tuple(remarks)))
 
 
-def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
+def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
     """Adjust the similarity from the block to its control.
 
     Parameters
@@ -161,7 +162,7 @@ def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> S
     width, length = _width(common)
     on_line = width < _BESIDE_ONE_LINE * _middle_error(common, width, length)
     if count >= 3 and not on_line:
-        found = adjusted(common, start_from_triples(common))
+        found = adjust_similarity(common, start_from_triples(common))
         if full.all() or count > _FEW or (found.fits.all() and found.s0 < _WELL):
             return found
         # of few full points the wrong ones show only with the help of those known in part

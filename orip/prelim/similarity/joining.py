@@ -1,4 +1,4 @@
-"""Joining two sub-blocks: the similarity that takes one to the system of the other, from what both contain.
+"""Joining two partial blocks: the similarity that takes one to the system of the other, from what both contain.
 
 Both contain points, and often a photo. A common photo gives the rotation at once, and its projection centre is a point
 that no one can have numbered wrongly and that lies far off the ground points, which may all be near one line.
@@ -18,13 +18,13 @@ from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
-    CommonPoints,
     SimilarityAdjustment,
-    adjusted,
+    adjust_similarity,
 )
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.medians import median, medians
 from orip.prelim.similarity.start import best_start, start_from_triples
-from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 Step = Literal["bridge", "connect", "absolute"]
 
@@ -62,23 +62,23 @@ class Joined:
     ----------
     similarity : Similarity
         That took it there.
-    block : SubBlock
+    block : PartialBlock
         In the target system. Points that do not fit have their residuals as deviations.
     step : SimilarityStep
         For the listing.
     """
 
     similarity: Similarity
-    block: SubBlock
+    block: PartialBlock
     step: SimilarityStep
 
 
-def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined | NotOriented:
-    """Take a sub-block to the system of another one, by their common points and photos.
+def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> Joined | NotOriented:
+    """Take a partial block to the system of another one, by their common points and photos.
 
     Parameters
     ----------
-    source, target : SubBlock
+    source, target : PartialBlock
         The one that is moved, and the one that stays.
     names : Names
         For the points and photos of remarks.
@@ -95,9 +95,9 @@ def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined
 
 
 class _Joint:
-    """What two sub-blocks have in common: points first, then the projection centres of photos."""
+    """What two partial blocks have in common: points first, then the projection centres of photos."""
 
-    def __init__(self, source: SubBlock, target: SubBlock, names: Names, step: Step) -> None:
+    def __init__(self, source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> None:
         self.source, self.target, self.names, self.step = source, target, names, step
         self.at_source, self.at_target = _common(source.points, target.points)
         self.photo_source, self.photo_target = _common(source.photos, target.photos)
@@ -122,11 +122,15 @@ class _Joint:
             return self._failed(missing)
         remarks: list[str] = []
         try:
-            found = self._by_photos(remarks) if self.photos else adjusted(self.common, start_from_triples(self.common))
+            found = (
+                self._by_photos(remarks)
+                if self.photos
+                else adjust_similarity(self.common, start_from_triples(self.common))
+            )
             reason = self._disagreement(found)
             if reason and self.photos and len(self.points) >= 3:
                 remarks.append("the rotations of the common photo do not agree; joined by the points")
-                found = adjusted(self.common, start_from_triples(self.common))
+                found = adjust_similarity(self.common, start_from_triples(self.common))
                 reason = self._disagreement(found)
         except ValueError as error:
             return self._failed(f"{error}; {self._shared()}")
@@ -152,13 +156,13 @@ class _Joint:
         start = best_start(self.common, [self._start(k) for k in range(len(self.photos))])
         if len(self.common.source) >= 4:
             try:
-                return adjusted(self.common, start, ALL_UNKNOWNS)
+                return adjust_similarity(self.common, start, ALL_UNKNOWNS)
             except ValueError:
                 remarks.append("the common points and the projection centre lie on one line")
         remarks.append(
             f"with {_counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
         )
-        return adjusted(self.common, start, NO_ROTATION)
+        return adjust_similarity(self.common, start, NO_ROTATION)
 
     def _start(self, photo: int) -> Similarity:
         """Return the similarity that one common photo gives: only its scale comes from the points."""
@@ -231,8 +235,8 @@ def _counted(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
-def steady_deviations(block: SubBlock) -> FloatArray:
-    """Return the deviations of a sub-block as weights need them: none far below the median of its axis.
+def steady_deviations(block: PartialBlock) -> FloatArray:
+    """Return the deviations of a partial block as weights need them: none far below the median of its axis.
 
     One that is not known is taken for the median, and all for 0 where none is known.
     """
@@ -294,8 +298,8 @@ def similarity_step(
     )
 
 
-def transformed(block: SubBlock, similarity: Similarity) -> SubBlock:
-    """Return a sub-block in the target system of a similarity; deviations are propagated from axis to axis."""
+def transformed(block: PartialBlock, similarity: Similarity) -> PartialBlock:
+    """Return a partial block in the target system of a similarity; deviations are propagated from axis to axis."""
     variances = similarity.scale**2 * (block.deviations**2 @ (similarity.rotation**2).T)
     return replace(
         block,
@@ -306,20 +310,20 @@ def transformed(block: SubBlock, similarity: Similarity) -> SubBlock:
     )
 
 
-def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
-    """Return several sub-blocks of one system as one.
+def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
+    """Return several partial blocks of one system as one.
 
     A point that occurs more than once has the weighted mean of its determinations, and their root mean square spread
     as its deviation. A photo that occurs more than once is as in the first.
 
     Parameters
     ----------
-    blocks : sequence of SubBlock
+    blocks : sequence of PartialBlock
         One at least; the first gives the name.
 
     Returns
     -------
-    SubBlock
+    PartialBlock
         Photos and points of several in ascending order; of one as they are.
     """
     if len(blocks) == 1:
@@ -341,7 +345,7 @@ def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
     spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
     once = count == 1
     mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
-    return SubBlock(
+    return PartialBlock(
         blocks[0].name,
         photos,
         np.concatenate([each.rotations for each in blocks])[first],

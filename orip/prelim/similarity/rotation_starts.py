@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from contextlib import suppress
 from itertools import permutations, product
+from typing import NamedTuple
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import UNKNOWNS, Similarities, similarity_with_partials
+from orip.prelim.least_squares import LARGEST_TURN, Marquardt, least_squares, shortened
 from orip.prelim.sampling import subsets
-from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import truncated_costs
 
 _STEPS = 40
@@ -24,7 +27,6 @@ _SETTLED = 1e-3
 _STUCK = 1e4
 """Damping of a start from which no step of some size gains anything."""
 
-_LARGEST_TURN = 0.5
 _BEST = 8
 """Starts that are adjusted with Danish weights."""
 
@@ -94,7 +96,7 @@ def _solutions(common: CommonPoints, starts: Similarities) -> list[SimilarityAdj
             continue
         tried.append(rotation)
         with suppress(ValueError):
-            solutions.append(adjusted(common, starts.one(int(index))))
+            solutions.append(adjust_similarity(common, starts.one(int(index))))
         if len(tried) == _BEST:
             break
     return solutions
@@ -160,40 +162,54 @@ def _errors(common: CommonPoints, scale: FloatArray) -> FloatArray:
 
 def _least_squares(common: CommonPoints, starts: Similarities, weights: FloatArray) -> Similarities:
     """Improve all starts at once, damped as by Levenberg and Marquardt; weights (s, k) or (k,) are those of each."""
-    known = common.known
-    errors = _errors(common, np.full(len(starts.scale), float(np.median(starts.scale))))
-    root = np.sqrt(weights) / errors
-    centroid = common.source.mean(axis=0)
-    reduced = common.source - centroid
-    at = starts._replace(shift=starts.apply(centroid[None])[:, 0])
-    damping = np.full(len(starts.scale), 1e-3)
-
-    def linearised(at: Similarities) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found = similarity_with_partials(at, reduced)
-        residual = (found.value - common.target)[:, known] * root
-        return residual, found.by_unknowns[:, known] * root[:, :, None], (residual**2).sum(axis=1)
-
-    residual, design, cost = linearised(at)
-    for _ in range(_STEPS):
-        before = cost
-        tried = at.moved(_changes(residual, design, damping))
-        new_residual, new_design, new_cost = linearised(tried)
-        better = new_cost < cost
-        at = Similarities(*(_where(better, new, old) for new, old in zip(tried, at, strict=True)))
-        residual, design = _where(better, new_residual, residual), _where(better, new_design, design)
-        cost = np.where(better, new_cost, cost)
-        damping = np.clip(np.where(better, damping / 5.0, damping * 5.0), 1e-9, 1e6)
-        if np.all(better & (before - cost <= _SETTLED * before) | (damping >= _STUCK)):
-            break
-    return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ centroid))
+    problem = _DampedProblem(common, starts, weights)
+    rule = Marquardt(np.full(len(starts.scale), 1e-3), decrease=0.2, increase=5.0, least=1e-9, largest=_STUCK)
+    at = least_squares(problem, problem.start, rule, _STEPS, reweightings=0).best.at
+    return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ problem.centroid))
 
 
-def _where(chosen: BoolArray, new: FloatArray, old: FloatArray) -> FloatArray:
-    return np.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+class _Estimate(NamedTuple):
+    """s similarities of the points reduced to their centroid, with residuals (s, k), partials (s, k, 7) and weights."""
+
+    at: Similarities
+    residual: FloatArray
+    design: FloatArray
+    weights: FloatArray
+
+
+class _DampedProblem:
+    """Many starts of one similarity side by side, with given weights."""
+
+    def __init__(self, common: CommonPoints, starts: Similarities, weights: FloatArray) -> None:
+        self._target, self._known = common.target, common.known
+        errors = _errors(common, np.full(len(starts.scale), float(np.median(starts.scale))))
+        self._root = np.sqrt(weights) / errors
+        self.centroid = common.source.mean(axis=0)
+        self._reduced = common.source - self.centroid
+        self._weights = np.ones((len(starts.scale), 1))
+        self.start = self._linearised(starts._replace(shift=starts.apply(self.centroid[None])[:, 0]))
+
+    def _linearised(self, at: Similarities) -> _Estimate:
+        found = similarity_with_partials(at, self._reduced)
+        residual = (found.value - self._target)[:, self._known] * self._root
+        return _Estimate(at, residual, found.by_unknowns[:, self._known] * self._root[:, :, None], self._weights)
+
+    def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
+        return self._linearised(here.at.moved(_changes(here.residual, here.design, damping)))
+
+    def reweighted(self, here: _Estimate) -> _Estimate:
+        return here
+
+    def costs(self, here: _Estimate, _weights: FloatArray) -> FloatArray:
+        return np.asarray((here.residual**2).sum(axis=1))
+
+    def converged(self, before: _Estimate, after: _Estimate) -> BoolArray:
+        cost = self.costs(before, before.weights)
+        return np.asarray(cost - self.costs(after, after.weights) <= _SETTLED * cost)
 
 
 def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return damped corrections (s, 7), no turn longer than half a radian."""
+    """Return damped corrections (s, 7), no turn above `LARGEST_TURN`, no scale changed by more than a factor e."""
     transposed = np.swapaxes(design, 1, 2)
     normal = transposed @ design
     diagonal = np.maximum(np.einsum("sii->si", normal), np.finfo(float).tiny)
@@ -202,8 +218,7 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
     right = scaling * (transposed @ residual[:, :, None])[:, :, 0]
     changes = -scaling * np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     turn = np.linalg.norm(changes[:, 4:], axis=1)
-    longest = np.maximum(turn / _LARGEST_TURN, np.abs(changes[:, 0]))
-    return np.asarray(changes / np.maximum(1.0, longest)[:, None])
+    return shortened(changes, np.maximum(turn / LARGEST_TURN, np.abs(changes[:, 0])), 1.0)
 
 
 def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:

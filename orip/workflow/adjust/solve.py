@@ -18,7 +18,7 @@ from orip.files.stores.transaction import writing
 from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior
 from orip.mistakes.explanation import Trials, explanations_of, explanations_of_failure
-from orip.prelim.in_project import absolute_in_project
+from orip.prelim.project_coordinates import absolute_in_project
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.measurement import PhotoObservations

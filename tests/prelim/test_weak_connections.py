@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.weak_joints import weak_joints
+from orip.prelim.weak_connections import weak_connections
 from orip.records.preliminary import ImageRays
 
 
@@ -32,7 +32,7 @@ def strip(across: int) -> ImageRays:
 def told(rays: ImageRays, control: int = 0) -> list[str]:
     known = np.zeros(len(rays.points), dtype=bool)
     known[rays.point[rays.photo == 0][:control]] = True
-    return [each for each in weak_joints(rays, common_point_counts(rays), known) if "by photo P3" in each]
+    return [each for each in weak_connections(rays, common_point_counts(rays), known) if "by photo P3" in each]
 
 
 def test_few_points_across() -> None:

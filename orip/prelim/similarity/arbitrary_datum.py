@@ -9,17 +9,19 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.placed import Placed
+from orip.prelim.growing_block import GrowingBlock
 from orip.records.control import ControlDistance
 from orip.records.preliminary import ImageRays
 
 
-def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDistance]) -> tuple[Placed, str]:
+def with_arbitrary_datum(
+    placed: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]
+) -> tuple[GrowingBlock, str]:
     """Take a block to the system of its first photo, at the scale of measured distances if there are any.
 
     Parameters
     ----------
-    placed : Placed
+    placed : GrowingBlock
         With two photos at least.
     rays : ImageRays
     distances : sequence of ControlDistance
@@ -28,7 +30,7 @@ def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDi
 
     Returns
     -------
-    Placed
+    GrowingBlock
     str
         A sentence that says what the system is.
     """
@@ -53,7 +55,7 @@ def in_own_system(placed: Placed, rays: ImageRays, distances: Sequence[ControlDi
     return moved, f"nothing is known on the ground: origin and axes of the block are those of photo {name}, {size}"
 
 
-def _ratios(placed: Placed, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
+def _ratios(placed: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
     """Return given over computed lengths."""
     place = {name: row for row, name in enumerate(rays.points)}
     known = placed.known

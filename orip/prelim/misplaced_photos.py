@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.placed import Placed
+from orip.prelim.growing_block import GrowingBlock
 from orip.records.preliminary import ImageRays
 
 MISFIT = 5.0
@@ -18,7 +18,7 @@ _OUT_OF_PLACE = 0.2
 """Part of the points of a photo that do not fit it from which on the photo is in the wrong place."""
 
 
-def residual_lengths(rays: ImageRays, placed: Placed) -> FloatArray:
+def residual_lengths(rays: ImageRays, placed: GrowingBlock) -> FloatArray:
     """Return the lengths (n,) of the residuals of rays, as the system shows them, over their a-priori errors.
 
     Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
@@ -42,7 +42,7 @@ def unfit(lengths: FloatArray) -> BoolArray:
     return judged & ~(lengths <= MISFIT * max(overall, 1.0))
 
 
-def misplaced(rays: ImageRays, placed: Placed, lengths: FloatArray) -> BoolArray:
+def misplaced_photos(rays: ImageRays, placed: GrowingBlock, lengths: FloatArray) -> BoolArray:
     """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
 
     A photo none of whose points is seen by another one is among them.
@@ -50,7 +50,7 @@ def misplaced(rays: ImageRays, placed: Placed, lengths: FloatArray) -> BoolArray
     Parameters
     ----------
     rays : ImageRays
-    placed : Placed
+    placed : GrowingBlock
     lengths : array (n,)
         The system's `residual_lengths`.
     """

@@ -8,11 +8,11 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
-from orip.records.preliminary import ImageRays, SubBlock
+from orip.records.preliminary import ImageRays, PartialBlock
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class GrowingBlock:
     """All photos and points of a block as far as they are placed in one system.
 
     Parameters
@@ -52,23 +52,23 @@ class Placed:
         """Return rays as the system's photos and points show their cameras to be."""
         return corrected(rays, self.corrections)
 
-    def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> Placed:
+    def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> GrowingBlock:
         """Return the system with one more photo."""
         rotations, centres, sentences = self.rotations.copy(), self.centres.copy(), list(self.how)
         rotations[photo], centres[photo], sentences[photo] = rotation, centre, how
         return replace(self, rotations=rotations, centres=centres, how=tuple(sentences))
 
-    def without_photos(self, photos: BoolArray) -> Placed:
+    def without_photos(self, photos: BoolArray) -> GrowingBlock:
         """Return the system without some of its photos."""
         rotations, centres = self.rotations.copy(), self.centres.copy()
         rotations[photos], centres[photos] = np.nan, np.nan
         how = tuple("" if out else sentence for out, sentence in zip(photos, self.how, strict=True))
         return replace(self, rotations=rotations, centres=centres, how=how)
 
-    def sub_block(self) -> SubBlock:
+    def partial_block(self) -> PartialBlock:
         """Return what is placed."""
         photos, points = np.flatnonzero(self.oriented), np.flatnonzero(self.known)
-        return SubBlock(
+        return PartialBlock(
             self.name,
             photos,
             self.rotations[photos],
@@ -79,10 +79,10 @@ class Placed:
         )
 
 
-def nothing_placed(rays: ImageRays, name: str = "") -> Placed:
+def empty_growing_block(rays: ImageRays, name: str = "") -> GrowingBlock:
     """Return a system without photos and points."""
     photos, points = len(rays.photos), len(rays.points)
-    return Placed(
+    return GrowingBlock(
         name,
         np.full((photos, 3, 3), np.nan),
         np.full((photos, 3), np.nan),
@@ -93,9 +93,9 @@ def nothing_placed(rays: ImageRays, name: str = "") -> Placed:
     )
 
 
-def placed_block(rays: ImageRays, block: SubBlock, how: str) -> Placed:
-    """Return a system with the photos, all oriented in one way, and the points of a sub-block."""
-    empty = nothing_placed(rays, block.name)
+def growing_block_of(rays: ImageRays, block: PartialBlock, how: str) -> GrowingBlock:
+    """Return a system with the photos, all oriented in one way, and the points of a partial block."""
+    empty = empty_growing_block(rays, block.name)
     sentences = list(empty.how)
     for photo in block.photos:
         sentences[photo] = how

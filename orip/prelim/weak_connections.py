@@ -21,7 +21,7 @@ _NAMED = 8
 """Photos that are named one by one."""
 
 
-def weak_joints(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
+def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
     """Yield a sentence for each part of a block whose scale hangs on a few points.
 
     Parameters

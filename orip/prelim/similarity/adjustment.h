@@ -5,7 +5,7 @@
 #ifndef ORIP_PRELIM_SIMILARITY_H
 #define ORIP_PRELIM_SIMILARITY_H
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include <string.h>
 
 #define MOST_UNKNOWNS 7
