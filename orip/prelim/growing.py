@@ -14,6 +14,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
@@ -24,7 +25,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.preliminary import ImageRays, NotOriented, PartialBlock, RelativeOrientation
+from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
@@ -103,23 +104,23 @@ class BlockGrower:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
 
-    def seen(self, placed: GrowingBlock) -> ImageRays:
+    def seen(self, current: GrowingBlock) -> ImageRays:
         """Return the rays as a system shows them: cameras corrected, points that are held as accurate as they are."""
-        return placed.corrected(self._with_errors_of_held(placed))
+        return current.corrected(self._with_errors_of_held(current))
 
-    def _with_errors_of_held(self, placed: GrowingBlock) -> ImageRays:
+    def _with_errors_of_held(self, current: GrowingBlock) -> ImageRays:
         """Return the rays with the errors of points that are held counted as errors of their photo points."""
         rays = self.rays
         if self.held_errors is None or not self.held_errors.any():
             return rays
-        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & placed.oriented[rays.photo])
+        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & current.oriented[rays.photo])
         photo, point = rays.photo[rows], rays.point[rows]
-        distance = np.linalg.norm(self.held[point] - placed.centres[photo], axis=1)
+        distance = np.linalg.norm(self.held[point] - current.centres[photo], axis=1)
         error = rays.error.copy()
         error[rows] = np.hypot(error[rows], -rays.vectors[rows, 2] * self.held_errors[point] / distance)
         return replace(rays, error=error)
 
-    def grown(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
+    def grow(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
         Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
@@ -131,38 +132,38 @@ class BlockGrower:
             At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
         if not self.branching:
-            return self._grown(start, enough, lambda _photos: None)
+            return self._grow(start, enough, lambda _photos: None)
         with stage("orienting photos", len(self.rays.photos)) as advance:
-            return self._grown(start, enough, advance)
+            return self._grow(start, enough, advance)
 
-    def _grown(self, start: GrowingBlock, enough: float, advance: Callable[[int], None]) -> GrowingBlock:
-        placed, refined = start, int(start.oriented.sum())
+    def _grow(self, start: GrowingBlock, enough: float, advance: Callable[[int], None]) -> GrowingBlock:
+        current, refined = start, int(start.oriented.sum())
         refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
         while True:
-            added = self._with_more_photos(placed, refused)
+            added = self._with_more_photos(current, refused)
             if added is not None:
-                placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
-            count = int(placed.oriented.sum())
+                current = self._intersected_anew(added, added.oriented & ~current.oriented)
+            count = int(current.oriented.sum())
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            placed, refined = self.refined(placed, enough if added is None else ROUGH), count
-            lengths = residual_lengths(self.seen(placed), placed)
-            wrong = misplaced_photos(self.rays, placed, lengths) & (removals < _REMOVALS)
-            if wrong.any() and not wrong[placed.oriented].all():
+            current, refined = self.refined(current, enough if added is None else ROUGH), count
+            lengths = residual_lengths(self.seen(current), current)
+            wrong = misplaced_photos(self.rays, current, lengths) & (removals < _REMOVALS)
+            if wrong.any() and not wrong[current.oriented].all():
                 removals += wrong
                 refused = _Refused()
-                placed = self.intersected(placed.without_photos(wrong))
+                current = self.intersected(current.without_photos(wrong))
             elif added is None:
-                return placed
+                return current
 
-    def intersected(self, placed: GrowingBlock) -> GrowingBlock:
+    def intersected(self, current: GrowingBlock) -> GrowingBlock:
         """Return the system with all points that its photos determine."""
-        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.rays))
-        return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(self.rays))
+        return self._with_held(replace(current, coordinates=found.coordinates, deviations=found.deviations))
 
-    def _intersected_anew(self, placed: GrowingBlock, photos: BoolArray) -> GrowingBlock:
+    def _intersected_anew(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
         """Return the system with the points that some of its photos see intersected anew."""
         points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
         concerned = np.zeros(len(self.rays.points), dtype=bool)
@@ -171,71 +172,71 @@ class BlockGrower:
         part = self.rays.of(rows)
         names = tuple(self.rays.points[point] for point in points)
         part = replace(part, points=names, point=np.searchsorted(points, part.point))
-        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(part))
-        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations
-        return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
+        return self._with_held(replace(current, coordinates=coordinates, deviations=deviations))
 
-    def refined(self, placed: GrowingBlock, enough: float) -> GrowingBlock:
+    def refined(self, current: GrowingBlock, enough: float) -> GrowingBlock:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         found = refine(
-            self._with_errors_of_held(placed),
-            placed.rotations,
-            placed.centres,
-            placed.oriented,
-            placed.coordinates,
-            corrections=placed.corrections,
+            self._with_errors_of_held(current),
+            current.rotations,
+            current.centres,
+            current.oriented,
+            current.coordinates,
+            corrections=current.corrections,
             held_points=self.held_points,
             enough=enough,
         )
-        moved = replace(placed, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
+        moved = replace(current, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
         return self.intersected(moved)
 
-    def _with_held(self, placed: GrowingBlock) -> GrowingBlock:
+    def _with_held(self, current: GrowingBlock) -> GrowingBlock:
         rows = self.held_points
         if not rows.any():
-            return placed
-        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+            return current
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
         coordinates[rows] = self.held[rows]
         deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
-        return replace(placed, coordinates=coordinates, deviations=deviations)
+        return replace(current, coordinates=coordinates, deviations=deviations)
 
-    def _with_more_photos(self, placed: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+    def _with_more_photos(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photos that can be added in the safest way there is, None if there is none."""
         return (
-            self._resected(placed, _WELL, refused)
-            or self._with_model(placed, refused)
-            or self._resected(placed, _BARELY, refused)
-            or (self._with_block(placed) if self.branching else None)
-            or (self._by_three_points(placed) if self.held_points.any() else None)
+            self._resected(current, _WELL, refused)
+            or self._with_model(current, refused)
+            or self._resected(current, _BARELY, refused)
+            or (self._with_block(current) if self.branching else None)
+            or (self._by_three_points(current) if self.held_points.any() else None)
         )
 
-    def _resected(self, placed: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
+    def _resected(self, current: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photos that see most of its points, and at least so many."""
-        known = placed.known
+        known = current.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
-        counts[placed.oriented | ~self.allowed] = 0
+        counts[current.oriented | ~self.allowed] = 0
         # what failed is tried again when it has more to go by
         counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
-        result, seen = None, placed.corrected(self.rays)
+        result, seen = None, current.corrected(self.rays)
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
-            found = self.resection(placed, seen, int(photo), known)
+            found = self.resection(current, seen, int(photo), known)
             if found is None:
                 refused.photos[int(photo)] = int(counts[photo])
             else:
-                result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
+                result = (result or current).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
+    def resection(self, current: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
 
         `seen` are the rays, corrected as the system shows the cameras to be.
         """
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
-        deviation = np.sqrt((placed.deviations[points] ** 2).sum(axis=1) / 3.0)
+        deviation = np.sqrt((current.deviations[points] ** 2).sum(axis=1) / 3.0)
         error = float(self.rays.error[rows].mean())
-        found = resect(seen.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
+        found = resect(seen.vectors[rows], current.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
         if np.mean(found.weight_factor >= 1.0) < _FITTING:
@@ -243,85 +244,85 @@ class BlockGrower:
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
-    def _by_three_points(self, placed: GrowingBlock) -> GrowingBlock | None:
+    def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
         """Return the system with the photos that see three known points and no more, each at the likeliest position.
 
         Of up to four positions that is taken in which most of the other rays of the photo meet those of oriented
         photos, and of equally good ones that with the most upright photo: on the ground there is an upright.
         """
-        known, result = placed.known, None
-        for photo in np.flatnonzero(self.allowed & ~placed.oriented):
+        known, result = current.known, None
+        for photo in np.flatnonzero(self.allowed & ~current.oriented):
             rows = self.index.rows[photo][known[self.index.points[photo]]]
             if len(rows) != _LEAST:
                 continue
             points = self.rays.point[rows]
-            seen = placed.corrected(self.rays.of(rows))
-            found = resect(seen.vectors, placed.coordinates[points], error_mm=float(np.median(seen.error)))
+            seen = current.corrected(self.rays.of(rows))
+            found = resect(seen.vectors, current.coordinates[points], error_mm=float(np.median(seen.error)))
             if not isinstance(found, Resected):
                 continue
             rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
             centres = np.concatenate([found.centre[None], found.alternatives.centres])
-            tried = [placed.with_photo(int(photo), *each, "") for each in zip(rotations, centres, strict=True)]
+            tried = [current.with_photo(int(photo), *each, "") for each in zip(rotations, centres, strict=True)]
             met = np.array([self._rays_that_meet(each, int(photo)) for each in tried])
             best = np.flatnonzero(met == met.max())
             chosen = max(best, key=lambda row: upright(rotations[[row]]))
             how = "space resection from 3 points, which nothing checks"
             if len(best) > 1:
                 how += f"; {len(best)} positions fit them, taken is the most upright one: measure one more known point"
-            result = (result or placed).with_photo(int(photo), rotations[chosen], centres[chosen], how)
+            result = (result or current).with_photo(int(photo), rotations[chosen], centres[chosen], how)
         return result
 
-    def _rays_that_meet(self, placed: GrowingBlock, photo: int) -> int:
+    def _rays_that_meet(self, current: GrowingBlock, photo: int) -> int:
         """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
-        found = self._intersected_anew(placed, np.arange(len(placed.oriented)) == photo)
+        found = self._intersected_anew(current, np.arange(len(current.oriented)) == photo)
         lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
-    def _with_model(self, placed: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+    def _with_model(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photo that shares most points with an oriented one, joined on by their model.
 
         Known points must fit that give the scale, and check it.
         """
-        for oriented, photo in self._models_to_try(placed):
+        for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
-            known = np.count_nonzero(placed.known[model.block.points])
+            known = np.count_nonzero(current.known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
-            joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
+            joined = join(model.block, _part(current, oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
                     f"model with photo {model.left} ({len(model.points)} points), joined on by "
                     f"{len(joined.step.points)} known points"
                 )
-                return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+                return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
             refused.models[oriented, photo] = int(known)
         return None
 
-    def _with_block(self, placed: GrowingBlock) -> GrowingBlock | None:
+    def _with_block(self, current: GrowingBlock) -> GrowingBlock | None:
         """Return the system with a partial block grown from an oriented photo, which has too few known points at first.
 
         The partial block grows by itself: the more photos it has, the more of its points are known, and give its scale.
         """
-        for oriented, photo in islice(self._models_to_try(placed), _BLOCKS_TRIED):
+        for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
             how = f"model with photo {model.left} ({len(model.points)} points)"
-            allowed = self.allowed & ~placed.oriented
+            allowed = self.allowed & ~current.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            start = replace(growing_block_of(self.rays, model.block, how), corrections=placed.corrections)
-            block = grower.grown(start, ROUGH)
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=current.corrections)
+            block = grower.grow(start, ROUGH)
             joined = join(
-                block.partial_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+                block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
             )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
             # what the partial block began with may have turned out to be in the wrong place there
-            more = _with_photos_of(placed, joined, block)
-            if more is not placed:
+            more = _with_photos_of(current, joined, block)
+            if more is not current:
                 return more
         return None
 
@@ -333,9 +334,9 @@ class BlockGrower:
             self.models[left, right] = found
         return self.models[left, right]
 
-    def _models_to_try(self, placed: GrowingBlock) -> Iterator[tuple[int, int]]:
+    def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
-        oriented = placed.oriented
+        oriented = current.oriented
         counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
         tried = np.zeros(len(oriented), dtype=int)
         for flat in np.argsort(-counts, axis=None, kind="stable"):
@@ -347,29 +348,29 @@ class BlockGrower:
                 yield first, photo
 
 
-def _with_photos_of(placed: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
+def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
     """Return a system with the photos of a partial block that was joined on."""
     points = len(joined.step.points)
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
-        if not placed.oriented[photo]:
+        if not current.oriented[photo]:
             how = f"{block.how[photo]}; joined on by {points} known point{'' if points == 1 else 's'}"
-            placed = placed.with_photo(int(photo), rotation, centre, how)
-    return placed
+            current = current.with_photo(int(photo), rotation, centre, how)
+    return current
 
 
 def _fitting_points(joined: Joined) -> int:
     return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
 
 
-def _part(placed: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
+def _part(current: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
     """Return one photo of a system, with those of its points that are known."""
-    known = points[placed.known[points]]
+    known = points[current.known[points]]
     return PartialBlock(
-        placed.name,
+        current.name,
         np.array([photo]),
-        placed.rotations[[photo]],
-        placed.centres[[photo]],
+        current.rotations[[photo]],
+        current.centres[[photo]],
         known,
-        placed.coordinates[known],
-        np.nan_to_num(placed.deviations[known]),
+        current.coordinates[known],
+        np.nan_to_num(current.deviations[known]),
     )

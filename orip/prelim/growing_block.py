@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
+from orip.geometry.similarity import Similarity
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
-from orip.records.preliminary import ImageRays, PartialBlock
+from orip.records.preliminary import PartialBlock
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +67,18 @@ class GrowingBlock:
         how = tuple("" if out else sentence for out, sentence in zip(photos, self.how, strict=True))
         return replace(self, rotations=rotations, centres=centres, how=how)
 
+    def transformed(self, similarity: Similarity) -> GrowingBlock:
+        """Return the block in the target system of a similarity."""
+        return replace(
+            self,
+            rotations=similarity.rotation @ self.rotations,
+            centres=similarity.apply(self.centres),
+            coordinates=similarity.apply(self.coordinates),
+            deviations=similarity.scale * self.deviations,
+        )
+
     def partial_block(self) -> PartialBlock:
-        """Return what is placed."""
+        """Return what is grown."""
         photos, points = np.flatnonzero(self.oriented), np.flatnonzero(self.known)
         return PartialBlock(
             self.name,

@@ -200,7 +200,7 @@ def _merged(rows: BoolArray, new: object, old: object) -> object:
     return np.where(rows.reshape(-1, *[1] * (values.ndim - 1)), values, old)
 
 
-def enlarged_diagonal(normals: FloatArray, damping: FloatArray | float, floor: float) -> FloatArray:
+def enlarged_diagonal(normals: FloatArray, damping: FloatArray | float, floor: FloatArray) -> FloatArray:
     """Return normal matrices (k, u, u) with a larger diagonal.
 
     Parameters
@@ -208,14 +208,17 @@ def enlarged_diagonal(normals: FloatArray, damping: FloatArray | float, floor: f
     normals : array (k, u, u)
     damping : float or array (k,)
         Part of each element that is added to it.
-    floor : float
-        Part of the largest element that is added to all: what nothing determines stays where it is.
+    floor : array (k,)
+        Added to all elements, so that what nothing determines stays where it is; where it is 0, 1 is added.
     """
     diagonal = np.einsum("kii->ki", normals)
-    least = floor * diagonal.max(axis=1, keepdims=True)
-    least = np.where(least > 0.0, least, 1.0)
-    added = np.asarray(damping).reshape(-1, 1) * diagonal + least
+    added = np.asarray(damping).reshape(-1, 1) * diagonal + np.where(floor > 0.0, floor, 1.0)[:, None]
     return np.asarray(normals + added[:, :, None] * np.eye(normals.shape[1]))
+
+
+def largest_elements(normals: FloatArray) -> FloatArray:
+    """Return the largest diagonal elements (k,) of normal matrices (k, u, u)."""
+    return np.asarray(np.einsum("kii->ki", normals).max(axis=1))
 
 
 def shortened(corrections: FloatArray, turns: FloatArray, largest: float = LARGEST_TURN) -> FloatArray:

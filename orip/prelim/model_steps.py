@@ -8,13 +8,14 @@ from itertools import groupby
 
 import numpy as np
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row
 from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.names import record_key
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.records.preliminary import NotOriented, RelativeOrientation
 from orip.records.project import StereoModel
 
 

@@ -13,11 +13,12 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.prelim.growing import BlockGrower
 from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.refinement.refinement import ROUGH
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.records.project import StereoModel
 
 POINTS_FOR_A_PAIR = 5
@@ -64,7 +65,7 @@ def by_models(grower: BlockGrower, models: Sequence[StereoModel]) -> Route:
     told = _how_by_models(grower.rays, relative, bridged, connected.steps)
     systems = [_with_sentences(growing_block_of(grower.rays, block, ""), grower.rays, told) for block in blocks]
     return Route(
-        (grower.grown(systems[0], ROUGH), *systems[1:]) if systems else (),
+        (grower.grow(systems[0], ROUGH), *systems[1:]) if systems else (),
         relative=tuple(relative),
         bridges=bridged.steps,
         connections=connected.steps,
@@ -98,23 +99,23 @@ def _common(step: SimilarityStep) -> str:
     return f"{points} and photo {step.common_photo}" if step.common_photo else points
 
 
-def _with_sentences(placed: GrowingBlock, rays: ImageRays, told: Mapping[str, str]) -> GrowingBlock:
-    pairs = zip(rays.photos, placed.oriented, strict=True)
-    return replace(placed, how=tuple(told[photo] if oriented else "" for photo, oriented in pairs))
+def _with_sentences(grown: GrowingBlock, rays: ImageRays, told: Mapping[str, str]) -> GrowingBlock:
+    pairs = zip(rays.photos, grown.oriented, strict=True)
+    return replace(grown, how=tuple(told[photo] if oriented else "" for photo, oriented in pairs))
 
 
 def by_control(grower: BlockGrower) -> Route:
     """Go by resection of the photos that see enough control points; `grower` holds the control."""
     start = empty_growing_block(grower.rays)
     start = replace(start, coordinates=grower.held.copy(), deviations=np.where(np.isnan(grower.held), np.nan, 0.0))
-    return Route((grower.grown(start),), on_ground=True)
+    return Route((grower.grow(start),), on_ground=True)
 
 
 def by_given(grower: BlockGrower, rotations: FloatArray, centres: FloatArray) -> Route:
     """Go by the photos whose orientation is given in full: intersection, and growing from there."""
     start = replace(empty_growing_block(grower.rays), rotations=rotations, centres=centres)
     start = replace(start, how=tuple("given" if given else "" for given in start.oriented))
-    return Route((grower.grown(grower.intersected(start)),), on_ground=True)
+    return Route((grower.grow(grower.intersected(start)),), on_ground=True)
 
 
 def by_pairs(grower: BlockGrower, choice: int) -> Route:
@@ -124,7 +125,7 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
     free = np.ones(len(grower.rays.photos), dtype=bool)
     while (start := _starting_pair(grower, free, choice if not systems else 0)) is not None:
         how = f"model of photos {start.left} and {start.right}, {len(start.points)} points"
-        system = grower.grown(growing_block_of(grower.rays, start.block, how), ROUGH)
+        system = grower.grow(growing_block_of(grower.rays, start.block, how), ROUGH)
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented

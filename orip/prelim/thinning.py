@@ -8,7 +8,7 @@ from itertools import compress
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 
 _HOLDING = 4
 """Points that are kept at least of those that hold two photos together."""

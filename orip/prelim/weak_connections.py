@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -25,12 +25,12 @@ from orip.records.preliminary import (
     CameraStart,
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     PhotoStart,
     PointStarts,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
-    PartialBlock,
 )
 
 NAN = np.nan

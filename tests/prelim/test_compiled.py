@@ -14,7 +14,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.geometry.similarity import Similarity
 from orip.prelim import compiled
-from orip.prelim.image_rays import image_rays
+from orip.prelim.image_rays import ALL_KNOWN, ImageRays, UnknownCameras, image_rays
 from orip.prelim.intersection import intersection
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.photo_index import photo_index
@@ -32,7 +32,7 @@ from orip.prelim.similarity import start as similarity_start
 from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.preliminary import ALL_KNOWN, ImageRays, RelativeOrientation, UnknownCameras
+from orip.records.preliminary import RelativeOrientation
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 

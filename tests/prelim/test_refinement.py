@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
 from orip.prelim.compiled import is_compiled
+from orip.prelim.image_rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.camera_corrections import EXPECTED
 from orip.prelim.refinement.refinement import refine
-from orip.records.preliminary import ALL_KNOWN, UnknownCameras
 
 
 def block(photos=5, rows=2, points=150, noise_mm=0.0, seed=1):

@@ -9,9 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import photo_index
 from orip.prelim.relative.orientation import orient_pair
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.records.preliminary import NotOriented, RelativeOrientation
 
 ERROR = 0.005
 

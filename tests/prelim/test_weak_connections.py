@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.weak_connections import weak_connections
-from orip.records.preliminary import ImageRays
 
 
 def strip(across: int) -> ImageRays:

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from orip.records.preliminary import (
         ModelCoordinates,
         NotOriented,
+        PartialBlock,
         PhotoStart,
         PreliminaryValues,
         RelativeOrientation,
         SimilarityStep,
-        PartialBlock,
     )
     from orip.workflow.adjust.prelim import PrelimOutcome
     from orip.workflow.adjust.prelim_steps import Relative, Similarities

@@ -15,9 +15,9 @@ from orip.files.text.table import INDENT, Column, paragraph, table_lines
 from orip.records.preliminary import (
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     RelativeOrientation,
     SimilarityStep,
-    PartialBlock,
 )
 
 _ANGLES = ("om", "phi", "kp")

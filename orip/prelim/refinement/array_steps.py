@@ -8,11 +8,11 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.prelim.least_squares import enlarged_diagonal, group_sums
+from orip.prelim.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
 from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
-from orip.records.preliminary import CAMERA_CORRECTIONS
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -57,13 +57,13 @@ class ArraySolver:
         """Return the state after one step; the residuals are those of the state."""
         order, photos, points = self._band_order.order, len(state.centres), len(state.points)
         rows = self._rows(state, at, factors)
-        inverse = np.linalg.inv(enlarged_diagonal(self._by_points(rows.by_point, rows.by_point), damping, _FLOOR))
+        inverse = np.linalg.inv(_damped(self._by_points(rows.by_point, rows.by_point), damping))
         half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
         # what the points take away is the product of these with themselves
         coupling = self._sparse(half[self._problem.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
         point_right = (half @ self._by_points(rows.by_point, rows.misclosure)).ravel()
         point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(3 * points, -1)
-        blocks = enlarged_diagonal(self._by_photos(rows.by_photo, rows.by_photo), damping, _FLOOR)
+        blocks = _damped(self._by_photos(rows.by_photo, rows.by_photo), damping)
         equations = ReducedEquations(
             _band(blocks[order], coupling),
             self._by_photos(rows.by_photo, rows.misclosure)[order].ravel() - coupling.T @ point_right,
@@ -126,6 +126,10 @@ class ArraySolver:
         pointer = np.concatenate([[0], np.cumsum(counts)])
         shape = (3 * len(problem.point_free), 6 * len(self._band_order.order))
         return csr_array(bsr_array((coupling[rows], place[problem.rays.photo[rows]], pointer), shape=shape))
+
+
+def _damped(normals: FloatArray, damping: float) -> FloatArray:
+    return enlarged_diagonal(normals, damping, _FLOOR * largest_elements(normals))
 
 
 def _band(blocks: FloatArray, coupling: csr_array) -> FloatArray:

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
+from orip.prelim.image_rays import CAMERA_CORRECTIONS, ImageRays
 from orip.records.camera import Camera
-from orip.records.preliminary import CAMERA_CORRECTIONS, ImageRays
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
 """Standard deviations of the corrections before anything is known: they keep in bounds what a block does not tell."""

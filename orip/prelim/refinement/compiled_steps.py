@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
+from orip.prelim.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
 from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
-from orip.records.preliminary import CAMERA_CORRECTIONS
 
 
 class CompiledSolver:

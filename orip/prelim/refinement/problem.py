@@ -9,9 +9,9 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.refinement.camera_corrections import EXPECTED
-from orip.records.preliminary import ImageRays
 
 _MEDIAN = np.sqrt(2.0 * np.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""

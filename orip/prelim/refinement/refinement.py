@@ -15,12 +15,12 @@ import numpy as np
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.least_squares import E, Problem, least_squares
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.compiled_steps import CompiledSolver
 from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
-from orip.records.preliminary import ImageRays
 
 ROUGH = 1e-2
 """Relative gain in the weighted square sum below which a system is good enough to grow further."""

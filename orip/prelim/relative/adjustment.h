@@ -48,11 +48,11 @@ static inline void add_equation(const double design[5], double weight, double N[
 /* Copy normal equations to below their diagonal, and keep them solvable. */
 static void complete(const RelativeDanish *d, double N[5][5])
 {
-    double largest = 0.0;
+    double trace = 0.0;
     for (int i = 0; i < 5; i++)
-        largest = larger(largest, N[i][i]);
+        trace += N[i][i];
     for (int i = 0; i < 5; i++) {
-        N[i][i] += largest > 0.0 ? d->regular * largest : 1.0;
+        N[i][i] += d->regular * trace + 1e-300;
         for (int j = 0; j < i; j++)
             N[i][j] = N[j][i];
     }

@@ -31,7 +31,7 @@ _LONGEST_STEP = 0.3
 """Radians; from a poor start the linear step may lead anywhere."""
 
 _REGULAR = 1e-13
-"""Part of the largest diagonal element that keeps the normal equations solvable where five points determine nothing."""
+"""Part of the trace that keeps the normal equations solvable where five points determine nothing."""
 
 DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
 """As the compiled loop takes them: `RelativeDanish` in adjustment.h."""
@@ -122,7 +122,7 @@ class _ParallaxProblem:
         design, across = _design(at.photos, self._pairs, at.parallaxes)
         weighted = np.swapaxes(design * at.weights[..., None], 1, 2)
         right = weighted @ (-at.parallaxes.value / self._pairs.error)[..., None]
-        step = np.linalg.solve(enlarged_diagonal(weighted @ design, 0.0, _REGULAR), right)[..., 0]
+        step = np.linalg.solve(_regular(weighted @ design), right)[..., 0]
         photos = _moved(at.photos, across, step)
         # the squared correction in standard deviations, dx^T N dx, is dx^T right at the solution
         squared_step = (step * right[..., 0]).sum(axis=1)
@@ -142,7 +142,7 @@ def precision_of(adjusted: AdjustedPairs, pairs: Pairs) -> Precision:
     """Return redundancy numbers and cofactors of one adjusted orientation, from the a-priori errors."""
     photos, weights = adjusted.photos, adjusted.weight_factor
     design, across = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
-    inverse = np.linalg.inv(enlarged_diagonal(np.swapaxes(design * weights[..., None], 1, 2) @ design, 0.0, _REGULAR))
+    inverse = np.linalg.inv(_regular(np.swapaxes(design * weights[..., None], 1, 2) @ design))
     redundancy = 1.0 - weights * ((design @ inverse) * design).sum(axis=-1)
     whole = np.zeros((6, 5))
     whole[:3, :2] = across[0]
@@ -160,6 +160,10 @@ def _design(photos: TwoPhotos, pairs: Pairs, found: Parallaxes) -> tuple[FloatAr
 def _across(base: FloatArray) -> FloatArray:
     """Return two directions (k, 3, 2) across each of k bases."""
     return np.asarray(np.linalg.qr(base[..., None], mode="complete")[0][..., 1:])
+
+
+def _regular(normals: FloatArray) -> FloatArray:
+    return enlarged_diagonal(normals, 0.0, _REGULAR * np.trace(normals, axis1=1, axis2=2))
 
 
 def _moved(photos: TwoPhotos, across: FloatArray, step: FloatArray) -> TwoPhotos:

@@ -6,12 +6,13 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import Solution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
-from orip.records.preliminary import ImageRays, NotOriented, PartialBlock, RelativeOrientation
+from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 
 _NO_BASE = 3.0
 """Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain

@@ -16,6 +16,7 @@ from orip.prelim.least_squares import (
     Iterated,
     Marquardt,
     enlarged_diagonal,
+    largest_elements,
     least_squares,
     shortened,
 )
@@ -133,7 +134,9 @@ class _Resection:
 
     def stepped(self, here: Linearised, damping: FloatArray) -> Linearised:
         normals, right = here.normal_equations()
-        correction = -np.linalg.solve(enlarged_diagonal(normals, damping, _FLOOR), right)[:, :, 0]
+        correction = -np.linalg.solve(enlarged_diagonal(normals, damping, _FLOOR * largest_elements(normals)), right)[
+            :, :, 0
+        ]
         correction = shortened(correction, np.linalg.norm(correction[:, :3], axis=1))
         turned = rotation_about_axes(correction[:, :3]) @ here.at.rotations
         moved = Orientations(turned, here.at.centres + correction[:, 3:])

@@ -12,24 +12,23 @@ from pathlib import Path
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.prelim.chain import preliminary_values
-from orip.prelim.image_rays import image_rays
-from orip.prelim.project_coordinates import absolute_in_project, block_in_project
+from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
 from orip.prelim.photo_index import photo_index
+from orip.prelim.project_coordinates import absolute_in_project, block_in_project
 from orip.prelim.similarity.bridging import JoinedSystems, bridge
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.preliminary import (
-    ImageRays,
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
     Stage,
-    PartialBlock,
 )
 from orip.records.project import StereoModel
 from orip.workflow.adjust.bundle_input import gathered_block, read_stored

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.growing_block import GrowingBlock
+from orip.prelim.image_rays import ImageRays
 from orip.records.control import ControlDistance
-from orip.records.preliminary import ImageRays
 
 
 def with_arbitrary_datum(
-    placed: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]
+    grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]
 ) -> tuple[GrowingBlock, str]:
     """Take a block to the system of its first photo, at the scale of measured distances if there are any.
 
     Parameters
     ----------
-    placed : GrowingBlock
+    grown : GrowingBlock
         With two photos at least.
     rays : ImageRays
     distances : sequence of ControlDistance
@@ -34,38 +33,32 @@ def with_arbitrary_datum(
     str
         A sentence that says what the system is.
     """
-    first = int(np.flatnonzero(placed.oriented)[0])
-    ratios = _ratios(placed, rays, distances)
+    first = int(np.flatnonzero(grown.oriented)[0])
+    ratios = _ratios(grown, rays, distances)
     if ratios:
         scale = float(np.median(ratios))
         size = f"its scale comes from {len(ratios)} distance{'' if len(ratios) == 1 else 's'}"
     else:
-        scale = 1.0 / _usual_base(placed.centres[placed.oriented])
+        scale = 1.0 / _usual_base(grown.centres[grown.oriented])
         size = "its scale is arbitrary: photos are 1 from the next one in the mean"
-    to_photo = placed.rotations[first].T
-    similarity = Similarity(scale, to_photo, -scale * (to_photo @ placed.centres[first]))
-    moved = replace(
-        placed,
-        rotations=similarity.rotation @ placed.rotations,
-        centres=similarity.apply(placed.centres),
-        coordinates=similarity.apply(placed.coordinates),
-        deviations=scale * placed.deviations,
-    )
+    to_photo = grown.rotations[first].T
+    similarity = Similarity(scale, to_photo, -scale * (to_photo @ grown.centres[first]))
     name = rays.photos[first]
-    return moved, f"nothing is known on the ground: origin and axes of the block are those of photo {name}, {size}"
+    finding = f"nothing is known on the ground: origin and axes of the block are those of photo {name}, {size}"
+    return grown.transformed(similarity), finding
 
 
-def _ratios(placed: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
+def _ratios(grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
     """Return given over computed lengths."""
     place = {name: row for row, name in enumerate(rays.points)}
-    known = placed.known
+    known = grown.known
     ratios = []
-    for each in distances:
-        start, end = place.get(each.start), place.get(each.end)
-        if each.code == "XYZ" and each.error >= 0.0 and start is not None and end is not None:
-            length = float(np.linalg.norm(placed.coordinates[end] - placed.coordinates[start]))
+    for distance in distances:
+        start, end = place.get(distance.start), place.get(distance.end)
+        if distance.code == "XYZ" and distance.error >= 0.0 and start is not None and end is not None:
+            length = float(np.linalg.norm(grown.coordinates[end] - grown.coordinates[start]))
             if known[start] and known[end] and length > 0.0:
-                ratios.append(each.distance / length)
+                ratios.append(distance.distance / length)
     return ratios
 
 
