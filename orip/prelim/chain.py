@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.found_values import found_values
 from orip.prelim.growing_block import GrowingBlock
@@ -107,7 +107,7 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
         yield by_pairs(free, choice)
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
             yield by_control(with_control)
-    given = np.isfinite(measured.block.photo_orientation).all(axis=1)
+    given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)

@@ -262,8 +262,8 @@ class BlockGrower:
                 continue
             rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
             centres = np.concatenate([found.centre[None], found.alternatives.centres])
-            tried = [current.with_photo(int(photo), *each, "") for each in zip(rotations, centres, strict=True)]
-            met = np.array([self._rays_that_meet(each, int(photo)) for each in tried])
+            tried = [current.with_photo(int(photo), *position, "") for position in zip(rotations, centres, strict=True)]
+            met = np.array([self._rays_that_meet(position, int(photo)) for position in tried])
             best = np.flatnonzero(met == met.max())
             chosen = max(best, key=lambda row: upright(rotations[[row]]))
             how = "space resection from 3 points, which nothing checks"

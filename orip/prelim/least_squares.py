@@ -6,7 +6,7 @@ them into weights and says when it has converged. The loop repeats that; a step 
 
 from __future__ import annotations
 
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -190,14 +190,14 @@ def chosen(rows: BoolArray, new: E, old: E) -> E:
         return new
     if not rows.any():
         return old
-    return _merged(rows, new, old)  # type: ignore[return-value]
+    return cast("E", _merged(rows, new, old))
 
 
-def _merged(rows: BoolArray, new: object, old: object) -> object:
-    if isinstance(new, tuple) and isinstance(old, tuple):
+def _merged(rows: BoolArray, new: Any, old: Any) -> Any:
+    """Merge arrays whose first axis is that of the problems, and named tuples of them."""
+    if isinstance(new, tuple):
         return type(new)(*(_merged(rows, *pair) for pair in zip(new, old, strict=True)))
-    values = np.asarray(new)
-    return np.where(rows.reshape(-1, *[1] * (values.ndim - 1)), values, old)
+    return np.where(rows.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def enlarged_diagonal(normals: FloatArray, damping: FloatArray | float, floor: FloatArray) -> FloatArray:

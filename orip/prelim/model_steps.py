@@ -66,13 +66,13 @@ def orient_models(
     """Orient all models relatively, in driving order."""
     places = _places(rays)
     found = [_oriented(rays, places, model, index) for model in in_driving_order(models)]
-    oriented = [each for each in found if isinstance(each, RelativeOrientation)]
-    return oriented, [each for each in found if isinstance(each, NotOriented)]
+    oriented = [model for model in found if isinstance(model, RelativeOrientation)]
+    return oriented, [model for model in found if isinstance(model, NotOriented)]
 
 
 def bridge_rows(relative: Sequence[RelativeOrientation], rays: ImageRays) -> JoinedSystems:
     """Bridge oriented models, given in driving order, to strips."""
-    rows = [bridge_row([each.block for each in row], rays) for _, row in groupby(relative, lambda each: each.row)]
+    rows = [bridge_row([model.block for model in row], rays) for _, row in groupby(relative, lambda model: model.row)]
     return JoinedSystems(
         tuple(system for row in rows for system in row.systems),
         tuple(step for row in rows for step in row.steps),

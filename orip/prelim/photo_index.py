@@ -38,4 +38,4 @@ def photo_index(rays: ImageRays) -> PhotoIndex:
     order = np.lexsort((rays.point, rays.photo))
     starts = np.searchsorted(rays.photo[order], np.arange(1, len(rays.photos)))
     rows = tuple(np.split(order, starts)) if rays.photos else ()
-    return PhotoIndex(rows, tuple(rays.point[each] for each in rows))
+    return PhotoIndex(rows, tuple(rays.point[of_photo] for of_photo in rows))

@@ -147,7 +147,7 @@ def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> Relativ
     found: list[RelativeOrientation] = []
     for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
         # pairs come with ever fewer points, and one cannot be worth more than with all of them at a good angle
-        if sum(_worth(each) >= np.sqrt(common) * _GOOD_ANGLE for each in found) > choice:
+        if sum(_worth(pair) >= np.sqrt(common) * _GOOD_ANGLE for pair in found) > choice:
             break
         pair = grower.model(left, right)
         if isinstance(pair, RelativeOrientation):

@@ -195,10 +195,10 @@ def _scale(rays: OrientedRays, residual: FloatArray) -> float:
     number = np.bincount(rays.point[finite], minlength=rays.points)
     several = number > 2
     tested = finite & several[rays.point]
-    rays, points = int(number[several].sum()), int(np.count_nonzero(several))
-    if rays <= 10:
-        tested, rays, points = finite, int(number.sum()), int(np.count_nonzero(number))
-    redundancy = (2 * rays - 3 * points) / (2 * rays) if rays else 0.0
+    tested_rays, points = int(number[several].sum()), int(np.count_nonzero(several))
+    if tested_rays <= 10:
+        tested, tested_rays, points = finite, int(number.sum()), int(np.count_nonzero(number))
+    redundancy = (2 * tested_rays - 3 * points) / (2 * tested_rays) if tested_rays else 0.0
     if redundancy <= 0.0:
         return 1.0
     length = float(np.quantile(residual[tested], QUANTILE))

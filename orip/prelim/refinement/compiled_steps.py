@@ -47,8 +47,8 @@ class CompiledSolver:
         # asked for twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
             rays = corrected(self._problem.rays, state.corrections)
-            each = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
-            self._prepared = state, tuple(map(np.ascontiguousarray, each))
+            arrays = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            self._prepared = state, tuple(map(np.ascontiguousarray, arrays))
         return self._prepared[1]
 
     def residuals(self, state: RefinementState) -> RayResiduals:

@@ -122,7 +122,7 @@ class _ParallaxProblem:
         design, across = _design(at.photos, self._pairs, at.parallaxes)
         weighted = np.swapaxes(design * at.weights[..., None], 1, 2)
         right = weighted @ (-at.parallaxes.value / self._pairs.error)[..., None]
-        step = np.linalg.solve(_regular(weighted @ design), right)[..., 0]
+        step = np.asarray(np.linalg.solve(_regular(weighted @ design), right)[..., 0], dtype=np.float64)
         photos = _moved(at.photos, across, step)
         # the squared correction in standard deviations, dx^T N dx, is dx^T right at the solution
         squared_step = (step * right[..., 0]).sum(axis=1)

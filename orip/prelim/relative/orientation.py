@@ -114,7 +114,7 @@ def _result(
     unit_weight = seuw or 1.0
     base = solution.length * solution.photos.base
     points = rays.point[rows[0]]
-    names = tuple(rays.points[each] for each in points.tolist())
+    names = tuple(rays.points[point] for point in points.tolist())
     return RelativeOrientation(
         model=place[0],
         left=rays.photos[photos[0]],

@@ -169,7 +169,7 @@ def _chance_of_unit(pairs: Pairs) -> float:
 def log_of_sets(n: int) -> FloatArray:
     """Return the logarithm of (n - 5) C(n, m) C(m, 5) for m from 6 to n."""
     sets = [math.comb(n, m) * math.comb(m, POINTS_NEEDED) for m in range(POINTS_NEEDED + 1, n + 1)]
-    return np.array([math.log(n - POINTS_NEEDED) + math.log(each) for each in sets])
+    return np.array([math.log(n - POINTS_NEEDED) + math.log(number) for number in sets])
 
 
 def costs_in_front(residuals: FloatArray, in_front: NDArray[np.bool_], scale: float) -> FloatArray:

@@ -137,7 +137,7 @@ class _Resection:
         correction = -np.linalg.solve(enlarged_diagonal(normals, damping, _FLOOR * largest_elements(normals)), right)[
             :, :, 0
         ]
-        correction = shortened(correction, np.linalg.norm(correction[:, :3], axis=1))
+        correction = shortened(np.asarray(correction, dtype=np.float64), np.linalg.norm(correction[:, :3], axis=1))
         turned = rotation_about_axes(correction[:, :3]) @ here.at.rotations
         moved = Orientations(turned, here.at.centres + correction[:, 3:])
         return self.linearised(moved, here.weights, correction)

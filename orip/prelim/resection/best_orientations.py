@@ -69,8 +69,8 @@ def _side_by_side(known: KnownPoints, start: Orientations) -> tuple[AdjustedRese
     variance = float(known.trimmed_variance(squares).min())
     likely = _likely(known, tried, squares)
     found = [adjust_resection(known, tried.of(slice(row, row + 1)), variance) for row in likely]
-    ends = Orientations(*(np.concatenate(part) for part in zip(*(each.at for each in found), strict=True)))
-    left = _likely(known, ends, np.stack([each.squares for each in found]))
+    ends = Orientations(*(np.concatenate(part) for part in zip(*(adjusted.at for adjusted in found), strict=True)))
+    left = _likely(known, ends, np.stack([adjusted.squares for adjusted in found]))
     return found[left[0]], ends.of(left[1:])
 
 

@@ -167,7 +167,7 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
             return found
         # of few full points the wrong ones show only with the help of those known in part
         other = adjusted_from_all_sides(common, rotations, [])
-        return min(found, other, key=lambda each: float(np.median(each.lengths)))
+        return min(found, other, key=lambda solution: float(np.median(solution.lengths)))
     known = common.known
     axes = known.sum(axis=0)
     if count == len(full) and count >= 3:

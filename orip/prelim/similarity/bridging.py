@@ -56,7 +56,7 @@ def _have_in_common(one: tuple[set[int], set[int]], other: tuple[set[int], set[i
 
 
 def _runs_back(model: PartialBlock, previous: PartialBlock) -> bool:
-    base, before = (each.centres[1] - each.centres[0] for each in (model, previous))
+    base, before = (pair.centres[1] - pair.centres[0] for pair in (model, previous))
     return float(base @ before) < _BACK * math.sqrt(float(base @ base) * float(before @ before))
 
 
@@ -85,7 +85,7 @@ def bridge_row(models: Sequence[PartialBlock], names: Names) -> JoinedSystems:
             continue
         strip = strips[-1]
         before = zip(strip, contents[place - len(strip) : place], strict=True)
-        near = [each for each, has in before if _have_in_common(has, contents[place])] or strip[-1:]
+        near = [member for member, has in before if _have_in_common(has, contents[place])] or strip[-1:]
         found = bridge(model, strip[-1], names, replace(assembled(near), name=strip[-1].name))
         if isinstance(found, Joined):
             steps.append(found.step)

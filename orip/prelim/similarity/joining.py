@@ -328,13 +328,13 @@ def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
     """
     if len(blocks) == 1:
         return blocks[0]
-    photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
-    all_points = np.concatenate([each.points for each in blocks])
+    photos, first = np.unique(np.concatenate([block.photos for block in blocks]), return_index=True)
+    all_points = np.concatenate([block.points for block in blocks])
     order = np.argsort(all_points, kind="stable")
     points = all_points[order]
-    coordinates = np.concatenate([each.coordinates for each in blocks])[order]
-    deviations = np.concatenate([each.deviations for each in blocks])[order]
-    steady = np.concatenate([steady_deviations(each) for each in blocks])[order]
+    coordinates = np.concatenate([block.coordinates for block in blocks])[order]
+    deviations = np.concatenate([block.deviations for block in blocks])[order]
+    steady = np.concatenate([steady_deviations(block) for block in blocks])[order]
     weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
     is_first = np.ones(len(points), dtype=bool)
     is_first[1:] = points[1:] != points[:-1]
@@ -348,8 +348,8 @@ def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
     return PartialBlock(
         blocks[0].name,
         photos,
-        np.concatenate([each.rotations for each in blocks])[first],
-        np.concatenate([each.centres for each in blocks])[first],
+        np.concatenate([block.rotations for block in blocks])[first],
+        np.concatenate([block.centres for block in blocks])[first],
         points[starts],
         mean,
         spread,

@@ -67,15 +67,15 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
     everything = np.ones(int(np.count_nonzero(common.known)))
     starts = _least_squares(common, _starts(common), everything)
     solutions = _solutions(common, starts)
-    if not solutions or not all(each.fits.all() and each.s0 < _WELL for each in solutions):
+    if not solutions or not all(solution.fits.all() and solution.s0 < _WELL for solution in solutions):
         solutions += _solutions(common, _without_some(common, starts))
     if not solutions:
         message = "the points do not determine the transformation"
         raise ValueError(message)
     costs = _robust_costs(common, solutions)
-    best = [each for each, cost in zip(solutions, costs, strict=True) if cost <= costs.min() + _EQUAL]
-    chosen = max(best, key=lambda each: upright(each.similarity.rotation @ rotations))
-    others = sum(_angle(chosen.similarity.rotation, each.similarity.rotation) > _SAME for each in best)
+    best = [solution for solution, cost in zip(solutions, costs, strict=True) if cost <= costs.min() + _EQUAL]
+    chosen = max(best, key=lambda solution: upright(solution.similarity.rotation @ rotations))
+    others = sum(_angle(chosen.similarity.rotation, solution.similarity.rotation) > _SAME for solution in best)
     if others:
         remarks.append(
             "the control fits in more than one position of the block; that with the most upright photos is taken: "
@@ -111,7 +111,7 @@ def _without_some(common: CommonPoints, starts: Similarities) -> Similarities:
     weights = np.repeat(weights[:, :, None], 3, axis=2)[:, common.known]
     best = np.argsort(truncated_costs(common, starts))[:2]
     repeated = np.repeat(best, len(left_out))
-    again = Similarities(*(each[repeated] for each in starts))
+    again = Similarities(*(values[repeated] for values in starts))
     return _least_squares(common, again, np.vstack([weights, weights]))
 
 
@@ -133,7 +133,7 @@ def _axis_rotations() -> FloatArray:
         for order in permutations(range(3))
         for signs in product((1.0, -1.0), repeat=3)
     ]
-    return np.array([each for each in signed if np.linalg.det(each) > 0.0])
+    return np.array([rotation for rotation in signed if np.linalg.det(rotation) > 0.0])
 
 
 def _starts(common: CommonPoints) -> Similarities:
@@ -224,8 +224,8 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
 def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:
     """Return the sums of min(u², 9) with residuals u in units of what the best solution leaves."""
     known = common.known
-    standard = np.array([(each.residuals / common.errors(each.similarity))[known] for each in solutions])
-    usual = max(1.0, min(each.s0 for each in solutions))
+    standard = np.array([(solution.residuals / common.errors(solution.similarity))[known] for solution in solutions])
+    usual = max(1.0, min(solution.s0 for solution in solutions))
     return np.asarray(np.minimum((standard / usual) ** 2, 9.0).sum(axis=1))
 
 
