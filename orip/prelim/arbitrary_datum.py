@@ -1,4 +1,4 @@
-"""A block with nothing known on the ground: it stays in a system of its own, that of its first photo."""
+"""A block without ground coordinates: its datum is arbitrary, that of its first photo."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from orip.records.control import ControlDistance
 def with_arbitrary_datum(
     grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]
 ) -> tuple[GrowingBlock, str]:
-    """Take a block to the system of its first photo, at the scale of measured distances if there are any.
+    """Transform a block to the system of its first photo, at the scale of measured distances if there are any.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def with_arbitrary_datum(
         With two photos at least.
     rays : ImageRays
     distances : sequence of ControlDistance
-        Those in space between placed points count, in ground units. Without any the scale is such that the mean
+        Those in space between known points count, in ground units. Without any the scale is such that the mean
         distance from a photo to the nearest other one is 1.
 
     Returns
@@ -40,11 +40,11 @@ def with_arbitrary_datum(
         size = f"its scale comes from {len(ratios)} distance{'' if len(ratios) == 1 else 's'}"
     else:
         scale = 1.0 / _usual_base(grown.centres[grown.oriented])
-        size = "its scale is arbitrary: photos are 1 from the next one in the mean"
+        size = "its scale is arbitrary: the mean distance between neighbouring photos is 1"
     to_photo = grown.rotations[first].T
     similarity = Similarity(scale, to_photo, -scale * (to_photo @ grown.centres[first]))
     name = rays.photos[first]
-    finding = f"nothing is known on the ground: origin and axes of the block are those of photo {name}, {size}"
+    finding = f"no ground coordinates are known: origin and axes of the block are those of photo {name}, {size}"
     return grown.transformed(similarity), finding
 
 

@@ -1,7 +1,7 @@
-"""Growing from photo to photo: resection from the points that are known, intersection of the points that are then seen.
+"""Adding photo after photo to a block: resection from its known points, then intersection of the points newly seen.
 
-Where a photo sees too few known points for resection, the model that it makes with an oriented photo is joined on: its
-rotation and base come from all points of the two photos, and one known point gives the scale.
+A photo that sees too few known points for resection is added by a model with an oriented photo: rotation and base come
+from all points of the two photos, and one known point gives the scale.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from orip.progress import stage
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 
 _WELL, _BARELY = 8, 4
-"""Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
+"""Known points in a photo: eight reveal one or two blunders; four give only a check."""
 
 _LEAST = 3
-"""Known points that a photo can be oriented by at all, in up to four positions."""
+"""Known points that suffice to orient a photo, in up to four positions."""
 
 _NEARLY_MOST = 0.7
-"""Of the most known points that any photo sees: photos with fewer wait, and will see more."""
+"""Only photos seeing at least this part of the best photo's known points are added now."""
 
 _SCALE_CHECKED = 3
-"""Known points of a model: with three a wrong one is found."""
+"""Known points of a model: three reveal a wrong one."""
 
 _FITTING = 0.6
-"""Least part of the known points that has to fit a resection."""
+"""Part of the known points that has to fit a resection."""
 
 _FEWEST_FOR_MODEL = 5
 
@@ -48,18 +48,18 @@ _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
 _BLOCKS_TRIED = 3
-"""Models that a partial block is tried to grow from."""
+"""Models from which a partial block is tried to grow."""
 
 _REMOVALS = 2
-"""Times that a photo may be taken out again; then it stays, and tells of itself by its residuals."""
+"""Times that a photo may be removed; after that it stays, and its residuals show that it does not fit."""
 
 _REFINED_AT = 1.5
-"""Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
+"""Errors add up as a block grows: when it has grown by this factor it is adjusted as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Refused:
-    """What could not be added, with the known points that it had then: it is tried again when there are more.
+    """What could not be added, and how many points were known then: it is tried again when there are more.
 
     Photos, and models of an oriented photo and one that is not.
     """
@@ -70,7 +70,7 @@ class _Refused:
 
 @dataclass(frozen=True, slots=True)
 class BlockGrower:
-    """What a system grows with.
+    """The rays a block grows by, and what does not change in it.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class BlockGrower:
     models : dict
         Relative orientations by pairs of photos, kept since many are asked for again.
     branching : bool
-        Partial blocks may grow by themselves before they are joined on; they do not branch again.
+        Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
         A-priori errors of the coordinates of points that do not change; None: they are exact.
     """
@@ -123,13 +123,13 @@ class BlockGrower:
     def grow(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
-        Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
+        Photos that are in the wrong place after an adjustment are removed, and added again on the basis of the others.
 
         Parameters
         ----------
         start : GrowingBlock
         enough : float
-            At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
+            Gain at which the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
         if not self.branching:
             return self._grow(start, enough, lambda _photos: None)
@@ -143,7 +143,7 @@ class BlockGrower:
         while True:
             added = self._with_more_photos(current, refused)
             if added is not None:
-                current = self._intersected_anew(added, added.oriented & ~current.oriented)
+                current = self._intersected_again(added, added.oriented & ~current.oriented)
             count = int(current.oriented.sum())
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
@@ -163,8 +163,8 @@ class BlockGrower:
         found = intersect(current.rotations, current.centres, current.oriented, current.corrected(self.rays))
         return self._with_held(replace(current, coordinates=found.coordinates, deviations=found.deviations))
 
-    def _intersected_anew(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
-        """Return the system with the points that some of its photos see intersected anew."""
+    def _intersected_again(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
+        """Return the block after a new intersection of the points that some of its photos see."""
         points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         concerned[points] = True
@@ -202,7 +202,7 @@ class BlockGrower:
         return replace(current, coordinates=coordinates, deviations=deviations)
 
     def _with_more_photos(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
-        """Return the system with the photos that can be added in the safest way there is, None if there is none."""
+        """Return the block with the photos that can be added in the safest possible way; None if there are none."""
         return (
             self._resected(current, _WELL, refused)
             or self._with_model(current, refused)
@@ -212,11 +212,11 @@ class BlockGrower:
         )
 
     def _resected(self, current: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
-        """Return the system with the photos that see most of its points, and at least so many."""
+        """Return the block with the photos that see most of its points, and at least `fewest`."""
         known = current.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
         counts[current.oriented | ~self.allowed] = 0
-        # what failed is tried again when it has more to go by
+        # what failed is tried again when more points are known
         counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
         result, seen = None, current.corrected(self.rays)
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
@@ -245,10 +245,10 @@ class BlockGrower:
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
     def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
-        """Return the system with the photos that see three known points and no more, each at the likeliest position.
+        """Return the block with the photos that see exactly three known points, each in its likeliest position.
 
-        Of up to four positions that is taken in which most of the other rays of the photo meet those of oriented
-        photos, and of equally good ones that with the most upright photo: on the ground there is an upright.
+        Of up to four positions the one is used in which most other rays of the photo meet those of oriented photos,
+        and of equally good ones the most upright: on the ground the vertical is known.
         """
         known, result = current.known, None
         for photo in np.flatnonzero(self.allowed & ~current.oriented):
@@ -266,20 +266,20 @@ class BlockGrower:
             met = np.array([self._rays_that_meet(position, int(photo)) for position in tried])
             best = np.flatnonzero(met == met.max())
             chosen = max(best, key=lambda row: upright(rotations[[row]]))
-            how = "space resection from 3 points, which nothing checks"
+            how = "space resection from 3 points, without a check"
             if len(best) > 1:
-                how += f"; {len(best)} positions fit them, taken is the most upright one: measure one more known point"
+                how += f"; {len(best)} positions fit them, the most upright one was used: measure one more known point"
             result = (result or current).with_photo(int(photo), rotations[chosen], centres[chosen], how)
         return result
 
     def _rays_that_meet(self, current: GrowingBlock, photo: int) -> int:
-        """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
-        found = self._intersected_anew(current, np.arange(len(current.oriented)) == photo)
+        """Return how many points are determined only with the rays of a photo, and fit them."""
+        found = self._intersected_again(current, np.arange(len(current.oriented)) == photo)
         lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
     def _with_model(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
-        """Return the system with the photo that shares most points with an oriented one, joined on by their model.
+        """Return the system with the photo that shares most points with an oriented one, connected by their model.
 
         Known points must fit that give the scale, and check it.
         """
@@ -294,7 +294,7 @@ class BlockGrower:
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
-                    f"model with photo {model.left} ({len(model.points)} points), joined on by "
+                    f"model with photo {model.left} ({len(model.points)} points), connected by "
                     f"{len(joined.step.points)} known points"
                 )
                 return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
@@ -320,7 +320,7 @@ class BlockGrower:
             )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
-            # what the partial block began with may have turned out to be in the wrong place there
+            # the photos that the partial block began with may have been removed from it as wrong
             more = _with_photos_of(current, joined, block)
             if more is not current:
                 return more
@@ -349,11 +349,11 @@ class BlockGrower:
 
 
 def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
-    """Return a system with the photos of a partial block that was joined on."""
+    """Return a system with the photos of a partial block that was connected."""
     points = len(joined.step.points)
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
         if not current.oriented[photo]:
-            how = f"{block.how[photo]}; joined on by {points} known point{'' if points == 1 else 's'}"
+            how = f"{block.how[photo]}; connected by {points} known point{'' if points == 1 else 's'}"
             current = current.with_photo(int(photo), rotation, centre, how)
     return current
 

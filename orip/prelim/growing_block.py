@@ -1,4 +1,4 @@
-"""Photos and points that have their place in one system, while it grows."""
+"""Photos and points of a block that are oriented in one system, while it grows."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from orip.records.preliminary import PartialBlock
 
 @dataclass(frozen=True, slots=True)
 class GrowingBlock:
-    """All photos and points of a block as far as they are placed in one system.
+    """All photos and points of a block, as far as they are oriented in one system.
 
     Parameters
     ----------
     name : str
         Of the system's first model.
     rotations : array (number of photos, 3, 3)
-        Photo to system; NaN where not placed.
+        Photo to system; NaN where not oriented.
     centres : array (number of photos, 3)
     coordinates, deviations : arrays (number of points, 3)
-        NaN where not placed.
+        NaN where not known.
     corrections : array (cameras, 4)
         Of the unknown cameras; see `orip.prelim.refinement.camera_corrections`.
     how : tuple of str, one a photo
@@ -42,12 +42,12 @@ class GrowingBlock:
 
     @property
     def oriented(self) -> BoolArray:
-        """Return which photos are placed, array (number of photos,)."""
+        """Return which photos are oriented, array (number of photos,)."""
         return np.isfinite(self.centres[:, 0])
 
     @property
     def known(self) -> BoolArray:
-        """Return which points are placed, array (number of points,)."""
+        """Return which points are known, array (number of points,)."""
         return np.isfinite(self.coordinates[:, 0])
 
     def corrected(self, rays: ImageRays) -> ImageRays:

@@ -96,7 +96,7 @@ class Marquardt:
     least : float
         Smallest damping.
     largest : float
-        Damping from which on no step can be expected to help.
+        Damping at which no further step can be expected to help.
     """
 
     on_trust = False

@@ -1,4 +1,4 @@
-"""Photos that are in the wrong place: they do not show their points where these are."""
+"""Photos that are in the wrong place: their points do not fit them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 
 MISFIT = 5.0
-"""Residual over the median of all from which on a point does not fit its photo."""
+"""Residual over the median of all above which a point does not fit its photo."""
 
 _FEWEST = 3
-"""Points that do not fit; fewer may be blunders."""
+"""Points that do not fit: fewer may be blunders."""
 
 _OUT_OF_PLACE = 0.2
-"""Part of the points of a photo that do not fit it from which on the photo is in the wrong place."""
+"""Part of its points that do not fit above which a photo is in the wrong place."""
 
 
 def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Which rays belong to which photo, sorted once, so that the common points of any two photos are found at once."""
+"""Which rays belong to which photo, sorted once, so that the common points of two photos are found quickly."""
 
 from __future__ import annotations
 

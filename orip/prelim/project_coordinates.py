@@ -62,7 +62,7 @@ def absolute_in_project(values: PreliminaryValues, ground: GroundSystem) -> Prel
 
 
 def block_in_project(values: PreliminaryValues, rays: ImageRays, ground: GroundSystem) -> PartialBlock:
-    """Return the oriented photos and placed points as one partial block, in the project's coordinates."""
+    """Return the oriented photos and known points as one partial block, in the project's coordinates."""
     photos = [row for row, photo in enumerate(values.photos) if photo.rotation is not None]
     place = {name: row for row, name in enumerate(rays.points)}
     centres = ground.to_project(np.array([values.photos[row].centre for row in photos]).reshape(-1, 3))

@@ -1,6 +1,6 @@
-"""The ways to a block in one system: by its models, by control in the photos, by pairs of photos, by what is given.
+"""The routes to a block in one system: by its models, by control in the photos, by pairs of photos, by what is given.
 
-Each way gives partial blocks in systems of their own, or one that is on the ground from the beginning.
+Each route gives blocks in systems of their own, or one that is on the ground from the beginning.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _KNOWN_POINTS = 6
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where one way led.
+    """Where one route led.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def by_models(grower: BlockGrower, models: Sequence[StereoModel]) -> Route:
     bridged = bridge_rows(relative, grower.rays)
     connected = connect_rows(bridged, grower.rays)
     blocks = sorted(connected.systems, key=lambda block: -len(block.photos))
-    told = _how_by_models(grower.rays, relative, bridged, connected.steps)
-    systems = [_with_sentences(growing_block_of(grower.rays, block, ""), grower.rays, told) for block in blocks]
+    sentences = _how_by_models(grower.rays, relative, bridged, connected.steps)
+    systems = [_with_sentences(growing_block_of(grower.rays, block, ""), grower.rays, sentences) for block in blocks]
     return Route(
         (grower.grow(systems[0], ROUGH), *systems[1:]) if systems else (),
         relative=tuple(relative),
@@ -83,15 +83,15 @@ def _how_by_models(
     bridges = {step.source: step for step in bridged.steps}
     strips = {rays.photos[photo]: strip.name for strip in bridged.systems for photo in strip.photos}
     connected = {step.source: step for step in connections}
-    told: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     for model in relative:
         sentence = f"relative orientation in model {model.model} from {len(model.points)} points"
         if step := bridges.get(model.model):
             sentence += f", bridged to model {step.target} by {_common(step)}"
         for photo in (model.left, model.right):
             strip = connected.get(strips[photo])
-            told.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
-    return told
+            sentences.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
+    return sentences
 
 
 def _common(step: SimilarityStep) -> str:
@@ -99,9 +99,9 @@ def _common(step: SimilarityStep) -> str:
     return f"{points} and photo {step.common_photo}" if step.common_photo else points
 
 
-def _with_sentences(grown: GrowingBlock, rays: ImageRays, told: Mapping[str, str]) -> GrowingBlock:
+def _with_sentences(grown: GrowingBlock, rays: ImageRays, sentences: Mapping[str, str]) -> GrowingBlock:
     pairs = zip(rays.photos, grown.oriented, strict=True)
-    return replace(grown, how=tuple(told[photo] if oriented else "" for photo, oriented in pairs))
+    return replace(grown, how=tuple(sentences[photo] if oriented else "" for photo, oriented in pairs))
 
 
 def by_control(grower: BlockGrower) -> Route:
@@ -129,7 +129,7 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented
-        # they may have turned out to be in the wrong place there, and would begin the same system again
+        # they may have been removed from it as wrong, and would begin the same system again
         free[start.block.photos] = False
     systems.sort(key=lambda system: -int(system.oriented.sum()))
     return Route(tuple(systems), relative=tuple(relative))
@@ -146,7 +146,7 @@ def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> Relativ
     counts = np.where(free[:, None] & free, grower.common, 0)
     found: list[RelativeOrientation] = []
     for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
-        # pairs come with ever fewer points, and one cannot be worth more than with all of them at a good angle
+        # pairs come with fewer and fewer points, and none is better than with all of them at a good angle
         if sum(_worth(pair) >= np.sqrt(common) * _GOOD_ANGLE for pair in found) > choice:
             break
         pair = grower.model(left, right)
@@ -157,7 +157,7 @@ def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> Relativ
 
 
 def _worth(pair: RelativeOrientation) -> float:
-    """Return what a pair is worth as the first: many points that fit, at good angles."""
+    """Return how good a starting pair is: many points that fit, at good angles."""
     to_left = pair.block.coordinates
     to_right = to_left - pair.base
     lengths = np.linalg.norm(to_left, axis=1) * np.linalg.norm(to_right, axis=1)

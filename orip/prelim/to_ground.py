@@ -1,4 +1,4 @@
-"""Taking the blocks that a route has led to to the ground: absolute orientation, and growing on by the control."""
+"""From where a route has led to the ground: absolute orientation, and further growth by the control."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _with_other(measured: MeasuredBlock, outcome: Outcome, other: GrowingBlock) 
 
 
 def _parts(measured: MeasuredBlock, route: Route) -> str:
-    """Tell of what parts a block consists, and what control each of them sees."""
+    """Name the parts of a block, and the control that each of them sees."""
     control = np.isfinite(measured.full_control()).all(axis=1)
     parts = []
     for system in route.systems:

@@ -144,7 +144,7 @@ def test_three_known_points_and_the_rays_of_the_others_orient_a_photo(convergent
     start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
     found = grower_of(alone, held)._by_three_points(start)
     assert found is not None
-    assert found.how[2].startswith("space resection from 3 points, which nothing checks")
+    assert found.how[2].startswith("space resection from 3 points, without a check")
     assert errors(found, convergent)[2] < 1e-6
 
 

@@ -37,7 +37,7 @@ def told(rays: ImageRays, control: int = 0) -> list[str]:
 
 def test_few_points_across() -> None:
     (sentence,) = told(strip(2))
-    assert sentence.startswith("photos P1, P2 hang together with the others by photo P3 and 2 points only")
+    assert sentence.startswith("photos P1, P2 are connected with the others only by photo P3 and 2 points,")
 
 
 def test_enough_points_across_or_control_beyond() -> None:

@@ -1,4 +1,4 @@
-/* Points from rays, one point after the other; orip/prelim/intersection.py does the same for all at once. */
+/* Points from rays, one point after the other; robust_intersection.py does the same for all side by side. */
 
 #include "../compiled/linear.h"
 

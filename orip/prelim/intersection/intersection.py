@@ -1,4 +1,4 @@
-"""Intersection of all points of a block at once from oriented photos, with wrong rays thrown out."""
+"""Intersection of all points of a block at once from oriented photos, with wrong rays rejected."""
 
 from __future__ import annotations
 

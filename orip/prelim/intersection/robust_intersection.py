@@ -16,18 +16,18 @@ SMALLEST_ANGLE = np.radians(0.5)
 """Rays that meet at less leave a depth that is wrong by some hundred times the error across the rays."""
 
 MANY = 8
-"""Rays from which on least absolute residuals find a wrong one as surely as leaving out one after the other."""
+"""With so many rays least absolute residuals find a wrong one as surely as leaving out one after the other."""
 
 KEPT = 0.5
-"""Weight factor from which on a ray counts for the angle and for lying in front."""
+"""Least weight factor with which a ray counts for the angle and for lying in front."""
 
 ABSOLUTE_ITERATIONS = 10
 DANISH_ITERATIONS = 4
 
 QUANTILE = 0.4
 LENGTH_AT_QUANTILE = np.sqrt(-2.0 * np.log(1.0 - QUANTILE))
-"""Of a residual with two normal components of standard deviation 1; below the median, since a wrong ray spoils the
-residuals of the others of its point as well."""
+"""Of a residual with two normal components of standard deviation 1; below the median, since a wrong ray also enlarges
+the residuals of the others of its point."""
 
 
 class OrientedRays(NamedTuple):
@@ -190,7 +190,7 @@ def _residuals(rays: OrientedRays, points: FloatArray) -> FloatArray:
 
 
 def _scale(rays: OrientedRays, residual: FloatArray) -> float:
-    """Return the robust scale of the residuals: a quantile, freed of the part that the points take up."""
+    """Return the robust scale of the residuals: a quantile, corrected for the redundancy."""
     finite = np.isfinite(residual)
     number = np.bincount(rays.point[finite], minlength=rays.points)
     several = number > 2
@@ -213,7 +213,7 @@ def _judged(
     kept = factors >= KEPT
     number = np.bincount(rays.point[kept], minlength=rays.points)
     angles = _largest_angles(rays, kept)
-    # a ray that is behind pulled the position to where it is: nothing is left of a point with two rays
+    # a point behind one of its two photos is not determined by the other alone
     determined = (number >= 2) & (angles >= SMALLEST_ANGLE) & np.isfinite(points).all(axis=1)
     _, normals = _solve(rays, factors * _angular_weights(rays, points))
     deviations = s0 * np.sqrt(np.einsum("qii->qi", _inverse(normals)))

@@ -1,4 +1,4 @@
-"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` cannot be had."""
+"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` was not built."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ArraySolver:
         rows = self._rows(state, at, factors)
         inverse = np.linalg.inv(_damped(self._by_points(rows.by_point, rows.by_point), damping))
         half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
-        # what the points take away is the product of these with themselves
+        # eliminating the points subtracts the product of these with themselves
         coupling = self._sparse(half[self._problem.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
         point_right = (half @ self._by_points(rows.by_point, rows.misclosure)).ravel()
         point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(3 * points, -1)

@@ -28,7 +28,7 @@ class RefinementState:
 
     @property
     def of_cameras(self) -> float:
-        """Return the square sum of the cameras' corrections over what is expected of them."""
+        """Return the square sum of the cameras' corrections over their a-priori standard deviations."""
         return float(((self.corrections / EXPECTED) ** 2).sum())
 
     def moved(self, by_photos: FloatArray, by_points: FloatArray, by_cameras: FloatArray) -> RefinementState:

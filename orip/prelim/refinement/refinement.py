@@ -1,8 +1,8 @@
 """Refinement of a block's preliminary values: all photos and points in one least squares adjustment, weights robust.
 
-It removes the drift that adding photo after photo leaves. Of unknown interior orientations no more is estimated than
-keeps them from spoiling it (see `orip.prelim.refinement.camera_corrections`), and no standard deviations come of it:
-that is what the bundle adjustment is for.
+It removes the drift that accumulates as photo after photo is added. Of unknown interior orientations only as much is
+estimated as is needed to keep them from distorting the block (see `orip.prelim.refinement.camera_corrections`).
+Standard deviations are left to the bundle adjustment.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ROUGH = 1e-2
 
 _ENOUGH = 0.5
 """Gain in the weighted square sum, over the variance of unit weight, below which nothing is off by much more than its
-standard deviation: photos that hang together with the others by few points hardly show in the whole sum."""
+standard deviation: photos connected with the others by few points hardly affect the whole sum."""
 
 _UPHILL, _UPHILL_STEPS = 10.0, 2
 """Times the weighted square sum up to which steps uphill are taken, and how many of them one after the other."""
@@ -40,7 +40,7 @@ _SQUARE_BEHIND = 1e6
 _MOST_STEPS = 30
 
 _FIRST_DAMPING = 1e-6
-"""What adding photo after photo leaves is mostly the bending of strips, whose eigenvalues are small."""
+"""Small, as the drift of added photos is mostly a bending of strips, whose eigenvalues are small."""
 
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
@@ -146,7 +146,7 @@ def refine(
 def _problem(
     rays: ImageRays, oriented: BoolArray, coordinates: FloatArray, held_points: BoolArray
 ) -> tuple[RefinementProblem, IntArray]:
-    """Return what is adjusted, and the rays that take part: those of points that two photos see, or that are known."""
+    """Return the problem, and the rays that take part: those of points that two photos see, or that are known."""
     known = np.asarray(np.isfinite(coordinates).all(axis=1), dtype=bool)
     used = oriented[rays.photo] & known[rays.point]
     number = np.bincount(rays.point[used], minlength=len(rays.points))

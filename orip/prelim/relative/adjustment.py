@@ -1,7 +1,7 @@
 """Least squares adjustment of relative orientations: five unknowns, parallaxes as observations, Danish weights.
 
 The unknowns are two components of the base across itself and a small rotation of the right photo: no direction of the
-base and no rotation is special. Several starts are adjusted side by side.
+base and no rotation is singular. Several starts are adjusted side by side.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class AdjustedPairs(NamedTuple):
 
 
 class Precision(NamedTuple):
-    """What the adjusted orientation is good for.
+    """How well the points determine the adjusted orientation.
 
     Attributes
     ----------

@@ -15,17 +15,17 @@ from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 
 _NO_BASE = 3.0
-"""Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain
-them, half of which are below 1.2."""
+"""Parallaxes left by a rotation alone, in standard deviations: below this limit measuring errors explain them, half of
+which are below 1.2."""
 
 _NO_MODEL = 0.01
-"""Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
+"""Standard deviation of parallaxes, as part of the principal distance, that no uncalibrated camera causes."""
 
 _FITS = 3.0
 """Standard deviations within which a point fits that is measured under another number."""
 
 _LARGEST_SCALE = 20.0
-"""Of errors that a camera out of calibration makes; above it numbers are confused, and their parallaxes say nothing."""
+"""Of the errors that an uncalibrated camera causes; above it points are confused, and their parallaxes mean nothing."""
 
 
 def orient_pair(
@@ -40,9 +40,9 @@ def orient_pair(
 ) -> RelativeOrientation | NotOriented:
     """Orient the right photo to the left one (dependent pair), without initial values.
 
-    Five-point solutions of samples of the points start an adjustment of all parallaxes with Danish weights. It finds
-    its way where a third of the points are blunders, and where all residuals are many times the a-priori error: weights
-    are reduced above five times the a-priori error or, where it is larger, a robust estimate of what the residuals are.
+    Five-point solutions of samples of the points start an adjustment of all parallaxes with Danish weights. It succeeds
+    where a third of the points are blunders, and where all residuals are many times the a-priori error: weights are
+    reduced above five times the a-priori error or, where it is larger, a robust estimate of the residuals' scale.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def orient_pair(
         reason = f"photo {names[0]} and photo {names[1]} share {points}, {POINTS_NEEDED} are needed"
         return NotOriented(model, "", reason)
     solution = solve(pairs)
-    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share determine no orientation"
+    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"
     if solution is None:
         return NotOriented(model, "", reason)
     fault = _fault(solution, pairs)
@@ -89,7 +89,7 @@ def orient_pair(
 
 
 def _fault(solution: Solution, pairs: Pairs) -> str | None:
-    """Return why an orientation is none, or None."""
+    """Return why an orientation cannot be used, or None."""
     count = len(pairs.error)
     typical = solution.seuw * float(pairs.error.sum()) / count
     if solution.by_chance or typical > _NO_MODEL * float(np.abs(pairs.left[:, 2]).sum()) / count:
@@ -166,7 +166,7 @@ def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solut
 
 
 def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
-    """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
+    """Return pairs of rows whose points do not fit, but would if they were exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:
         return []

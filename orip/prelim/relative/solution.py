@@ -1,8 +1,8 @@
-"""The relative orientation that n points in two photos determine, in numbers; compiled, or by the modules named below.
+"""The relative orientation that n points in two photos determine, compiled or by the modules named below.
 
 The best orientations of samples of five points (`orip.prelim.relative.start`) start adjustments of all parallaxes
-(`orip.prelim.relative.adjustment`). What all points say then chooses between their results, and the best one is
-adjusted to its end.
+(`orip.prelim.relative.adjustment`). All points then decide between their results, and the best one is adjusted
+until it converges.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _EQUALLY_GOOD = 4.0
 """Difference of square sums, two standard deviations, below which the points do not tell two orientations apart."""
 
 _SAME = 0.02
-"""Radians between orientations that are one, iterated more or less."""
+"""Radians between orientations that are the same one, iterated to different ends."""
 
 _SURE = 3.0
-"""Logarithm of how many times better than chance points agree; fewer than three redundant ones cannot be that sure."""
+"""Logarithm of how many times better than by chance points agree; fewer than three redundant ones do not suffice."""
 
 _PLAIN_BASE = 1000.0
-"""No blunders hide a rotation behind that many standard deviations."""
+"""Standard deviations that a pure rotation does not leave, whatever the blunders."""
 
 _ROTATION_STEPS = 8
 
@@ -66,7 +66,7 @@ class Solution:
         mm.
     weight_factor, redundancy_number : arrays (n,)
     coordinates, deviations : arrays (n, 3)
-        Where the rays meet, and how well while the orientation is held, in units of the base; NaN for the deviations of
+        Where the rays meet, and how accurately for a held orientation, in units of the base; NaN for the deviations of
         points that are not usable.
     in_front : array (n,) of bool
         The point is in front of both photos.
@@ -80,8 +80,8 @@ class Solution:
     seuw : float
         Standard error of unit weight of the points with full weight; 0 without redundancy.
     left_by_rotation : float
-        The median of what a rotation alone leaves between the two photos, in standard deviations of a parallax, or some
-        number above 1000 times the scale.
+        Median residual of a pure rotation between the two photos, in standard deviations of a parallax, or some number
+        above 1000 times the scale.
     by_chance : bool
         So many points would agree so well if they were placed at random.
     ambiguous : bool
@@ -184,8 +184,8 @@ def _solution(pairs: Pairs) -> Solution | None:
 def _choice(tried: AdjustedPairs, pairs: Pairs, scale: float) -> tuple[int, bool]:
     """Return the best of several orientations, and whether another one is as good.
 
-    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones that
-    with the smallest rotation is taken.
+    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones the
+    one with the smallest rotation is used.
     """
     in_front = meeting_points(tried.photos, pairs).in_front
     costs = costs_in_front(tried.residuals(pairs), in_front, scale)

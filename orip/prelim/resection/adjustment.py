@@ -111,7 +111,7 @@ class AdjustedResection(NamedTuple):
 
 
 class _Resection:
-    """The adjustment of k orientations; what they have in common whichever way the points are weighted."""
+    """The adjustment of k orientations; what they have in common however the points are weighted."""
 
     def __init__(self, known: KnownPoints) -> None:
         self._known = known
@@ -207,7 +207,7 @@ def adjust_resection(known: KnownPoints, start: Orientations, variance: float) -
     start : Orientations
         One.
     variance : float
-        Of unit weight: what is a blunder depends on it. It is estimated again from the points that are none.
+        Of unit weight: the limit for blunders depends on it. It is estimated again from the points that are none.
 
     Returns
     -------
@@ -222,14 +222,14 @@ def adjust_resection(known: KnownPoints, start: Orientations, variance: float) -
         if 1.0 / SAME_SCALE < estimated / limit < SAME_SCALE or steps_left < ITERATIONS // 2 - 1:
             break
         limit = estimated
-    # residuals one last step further on would hardly change the weights that led here
+    # the last step is so small that weights from the residuals after it would be the same
     end = here._replace(weights=found.before.weights)
     normals, _ = end.normal_equations()
     return AdjustedResection(end.at, end.residual[0], end.squares[0], end.weights[0], normals[0])
 
 
 def _variance_before(found: Iterated[Linearised]) -> float:
-    """Return the variance of unit weight, at least 1, that the residuals before the last step tell of."""
+    """Return the variance of unit weight, at least 1, of the residuals before the last step."""
     return max(_variance(found.before.squares[0], found.before.weights[0]), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Of several orientations of a photo those that its known points agree with best, adjusted: one is left, as a rule."""
+"""The orientations of a photo, among several, that fit its known points best, adjusted: usually a single one."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _ALIKE = 3.0
 """Excess of squared residuals, over those expected, up to which a second orientation is another possibility."""
 
 _SAME = 0.02
-"""Radians, and parts of the distance: orientations nearer to each other are one, stopped before its end."""
+"""Radians, and parts of the distance: orientations nearer to each other are the same one, not fully iterated."""
 
 _NUMBERS_OF_A_POINT = 36
 """Room of the compiled loops for two linearisations: residuals, partials, variance, square, weight, a place to sort."""
 
 
 def best_orientations(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
-    """Improve orientations, adjust those whose residuals are not much larger than the least, and compare them again.
+    """Improve orientations, adjust those whose residuals are close to the smallest, and compare them again.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _excess(known: KnownPoints) -> float:
 def _likely(known: KnownPoints, at: Orientations, squares: FloatArray) -> IntArray:
     """Return which orientations with squared residuals (k, n) cost the least or not much more, the least first.
 
-    Of those that are the same, the first.
+    Of equal ones, the first.
     """
     costs = np.nan_to_num(known.costs(squares), nan=np.inf)  # an orientation may have run away
     order = np.argsort(costs, kind="stable")

@@ -35,7 +35,7 @@ class Orientations(NamedTuple):
 
 @dataclass(frozen=True)
 class KnownPoints:
-    """n known points of a photo, in units of their own spread, from their centroid: all ground systems are alike then.
+    """n known points of a photo, from their centroid and in units of their spread: all ground systems are then alike.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ class KnownPoints:
         return np.where((squares <= limit) & np.isfinite(squares), 1.0, 0.0)
 
     def trimmed_variance(self, squares: FloatArray) -> FloatArray:
-        """Return the variances of unit weight (k,) that the smallest of squared residuals (k, n) tell of."""
+        """Return the variances of unit weight (k,) estimated from the smallest squared residuals (k, n)."""
         return np.asarray(self.variance_of_least * _smallest(squares, self.least).sum(axis=1))
 
     def costs(self, squares: FloatArray) -> FloatArray:
-        """Return what orientations cost (k,): the sums of squared residuals (k, n), each blunder at the limit of one.
+        """Return the costs (k,) of orientations: sums of squared residuals (k, n), each counted up to the limit.
 
         In units of the least variance among the orientations, or of the a-priori one.
         """

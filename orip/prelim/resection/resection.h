@@ -214,7 +214,7 @@ typedef struct {
     Danish danish;
 } OrientationChoice;
 
-/* The least of the variances of unit weight that orientations tell of, from their trimmed sums of squares. */
+/* The least of the variances of unit weight estimated from their trimmed sums of squares. */
 static double least_variance(const Known *k, const OrientationChoice *s, const double *squares, int64_t number,
                              double *sorted)
 {

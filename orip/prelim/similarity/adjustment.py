@@ -1,8 +1,8 @@
 """Adjustment of a spatial similarity by least squares with Danish weights.
 
 How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
-Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; what lies
-beyond three times of it is weighted down.
+Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; residuals
+above three times it are weighted down.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ _BACK = -0.5
 
 @dataclass(frozen=True, slots=True)
 class JoinedSystems:
-    """What became of several partial blocks.
+    """The result of joining several partial blocks.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class JoinedSystems:
     steps : tuple of SimilarityStep
         In the order in which they were made.
     failures : tuple of NotOriented
-        Why a partial block began a system of its own.
+        Why a partial block stayed in a system of its own.
     """
 
     systems: tuple[PartialBlock, ...]
@@ -37,7 +37,7 @@ def bridge(
 ) -> Joined | NotOriented:
     """Bridge a model to the one before it, or to the strip of models that the one before it is the last of.
 
-    See `join`. A remark tells of a model whose base runs back along that of the one before it.
+    See `join`. A remark names a model whose base runs back along that of the one before it.
     """
     found = join(model, previous if strip is None else strip, names, "bridge")
     if isinstance(found, NotOriented) or not _runs_back(found.block, previous):

@@ -11,7 +11,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 
 LEAST_ERROR = 1e-3
-"""Of the median: no coordinate is taken for so much better than the others that it alone decides."""
+"""Of the median: no coordinate counts as so much better than the others that it alone decides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class CommonPoints:
     source_deviation, target_deviation : arrays (n, 3)
         Standard deviations, each in its own system.
     trusted : array (n,) of bool
-        Never weighted down: a projection centre, which cannot be taken for another one.
+        Never weighted down: projection centres, which cannot be confused.
     """
 
     source: FloatArray

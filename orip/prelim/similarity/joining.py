@@ -1,7 +1,7 @@
 """Joining two partial blocks: the similarity that takes one to the system of the other, from what both contain.
 
-Both contain points, and often a photo. A common photo gives the rotation at once, and its projection centre is a point
-that no one can have numbered wrongly and that lies far off the ground points, which may all be near one line.
+Both contain points, and often a photo. A common photo gives the rotation directly, and its projection centre is a point
+that cannot be numbered wrongly and lies far from the ground points, which may all be near one line.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 Step = Literal["bridge", "connect", "absolute"]
 
 _AGREEMENT = 0.05
-"""Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
-however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
+"""Typical residual, as part of the extent of the points, above which two systems do not show the same object:
+measuring errors, however large, stay below 0.01; points with interchanged names lie some 0.3 apart."""
 
 _LARGE = 0.1 * _AGREEMENT
 """Typical residual, as part of the extent, above which most points should fit."""
@@ -42,11 +42,11 @@ _MM = 1000.0
 """Systems are in metres at photo scale."""
 
 _STEADY = 0.3
-"""Of the median: the spread of two determinations may be nothing by chance, and is then no measure of precision."""
+"""Of the median: two determinations may agree by chance, and their spread then says nothing of the precision."""
 
 
 class Names(Protocol):
-    """What indices of photos and points count in, such as `ImageRays`."""
+    """Names by index of photos and points, such as `ImageRays`."""
 
     @property
     def photos(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -74,7 +74,7 @@ class Joined:
 
 
 def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> Joined | NotOriented:
-    """Take a partial block to the system of another one, by their common points and photos.
+    """Transform a partial block to the system of another one, by their common points and photos.
 
     Parameters
     ----------
@@ -142,14 +142,16 @@ class _Joint:
     def _missing(self) -> str:
         points, photos = len(self.points), len(self.photos)
         if photos and points + photos < 2:
-            return f"photo {self.photos[0]} is common, but no point: there is no scale; measure common points"
+            return (
+                f"photo {self.photos[0]} is common, but no point is: the scale is not determined; measure common points"
+            )
         if not photos and points < 3:
             return f"{_counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
         return ""
 
     def _shared(self) -> str:
         photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
-        return f"common are {_counted(len(self.points), 'point')}{photos}"
+        return f"in common: {_counted(len(self.points), 'point')}{photos}"
 
     def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
@@ -176,7 +178,7 @@ class _Joint:
         return Similarity(scale, rotation, other - scale * (rotation @ own))
 
     def _disagreement(self, found: SimilarityAdjustment) -> str:
-        """Return why the common points cannot be those of the same object, or nothing."""
+        """Return why the common points cannot be those of the same object; empty if they can."""
         extent = self.common.extent
         typical = median(found.lengths[: len(self.points)]) if self.points else 0.0
         if typical <= _LARGE * extent:
@@ -220,13 +222,13 @@ class _Joint:
 
 
 def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
-    """Return where the indices that occur in both are in each; none occurs twice in one."""
+    """Return the places in both of the indices that occur in both; none occurs twice in one."""
     _, at_source, at_target = np.intersect1d(source, target, assume_unique=True, return_indices=True)
     return at_source, at_target
 
 
 def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
-    """Return deviations of points and, below them, of projection centres, which weigh like the points' middle one."""
+    """Return deviations of points and, below them, of projection centres, which get the median of the points."""
     middle = median(deviations) if deviations.size else 0.0
     return np.concatenate([deviations, np.full((centres, 3), middle)])
 
@@ -238,7 +240,7 @@ def _counted(count: int, what: str) -> str:
 def steady_deviations(block: PartialBlock) -> FloatArray:
     """Return the deviations of a partial block as weights need them: none far below the median of its axis.
 
-    One that is not known is taken for the median, and all for 0 where none is known.
+    An unknown one counts as the median; all count as 0 where none is known.
     """
     known = np.isfinite(block.deviations)
     if known.all() and known.size:
@@ -259,7 +261,7 @@ def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
     others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
     off = [k for k in np.argsort(-lengths) if not fits[k]]
     sentences = [
-        f"point {points[k]} does not fit: it is {lengths[k] * _MM:.2g} mm at photo scale off{others}"
+        f"point {points[k]} does not fit: it is off by {lengths[k] * _MM:.2g} mm at photo scale{others}"
         for k in off[:_NAMED]
     ]
     return [*sentences, f"{len(off) - _NAMED} more points do not fit"] if len(off) > _NAMED else sentences
@@ -275,7 +277,7 @@ def similarity_step(
     common_photo: str = "",
     remarks: Sequence[str] = (),
 ) -> SimilarityStep:
-    """Return what a listing says of an adjustment whose points are all named."""
+    """Return an adjustment as listings show it, with the names of its points."""
     return SimilarityStep(
         step=step,
         source=systems[0],
@@ -357,5 +359,5 @@ def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
 
 
 def _tiny(coordinates: FloatArray) -> float:
-    """Return a deviation that is nothing beside the coordinates, where none is given."""
+    """Return a deviation that is negligible beside the coordinates, where none is given."""
     return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))

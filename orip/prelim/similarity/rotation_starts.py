@@ -1,4 +1,4 @@
-"""A similarity from coordinates that are known in part, where there is no closed form: starts from rotations all round.
+"""A similarity from partly known coordinates, for which there is no closed form: starts from rotations all around.
 
 Gauss-Newton finds the rotation from some 60 degrees off; rotations that turn axes into axes are never further than 63
 degrees from any other. Where seven coordinates are just enough, several rotations may fit.
@@ -22,10 +22,10 @@ from orip.prelim.similarity.start import truncated_costs
 
 _STEPS = 40
 _SETTLED = 1e-3
-"""Relative gain of a step after which Danish weights go on from the start."""
+"""Relative gain of a step below which a start is good enough for an adjustment with Danish weights."""
 
 _STUCK = 1e4
-"""Damping of a start from which no step of some size gains anything."""
+"""Damping of a start that no step improves noticeably."""
 
 _BEST = 8
 """Starts that are adjusted with Danish weights."""
@@ -37,10 +37,10 @@ _WELL = 2.0
 """Standard error of unit weight up to which no blunder is looked for."""
 
 _SAME = 0.05
-"""Radians between rotations that are one solution."""
+"""Radians between rotations that are the same solution."""
 
 _EQUAL = 9.0
-"""Solutions whose square sums differ by less cannot be told apart: three standard deviations."""
+"""Solutions whose square sums differ by less are indistinguishable: three standard deviations."""
 
 
 def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
@@ -50,7 +50,7 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
     ----------
     common : CommonPoints
     rotations : array (p, 3, 3)
-        Of the block's photos, to its system. Of solutions that fit equally the one is taken in which the photos look
+        Of the block's photos, to its system. Of solutions that fit equally the one is used in which the photos look
         down, or stand upright.
     remarks : list of str
         To which it is added when there was such a choice.
@@ -78,7 +78,7 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
     others = sum(_angle(chosen.similarity.rotation, solution.similarity.rotation) > _SAME for solution in best)
     if others:
         remarks.append(
-            "the control fits in more than one position of the block; that with the most upright photos is taken: "
+            "the control fits in more than one position of the block; the one with the most upright photos was used: "
             "check it, or measure one more control point"
         )
     elif np.count_nonzero(common.known) == UNKNOWNS:
@@ -222,7 +222,7 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
 
 
 def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:
-    """Return the sums of min(u², 9) with residuals u in units of what the best solution leaves."""
+    """Return the sums of min(u², 9), with residuals u in units of the standard error of the best solution."""
     known = common.known
     standard = np.array([(solution.residuals / common.errors(solution.similarity))[known] for solution in solutions])
     usual = max(1.0, min(solution.s0 for solution in solutions))

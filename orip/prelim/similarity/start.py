@@ -15,7 +15,7 @@ from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
 
 TRIPLES = 40, 500
 """Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
-triple of eight is good; 500 miss it never."""
+triple of eight is good; 500 never miss it."""
 
 _FITTING = 9.0
 """d²/s² that most points stay below at a start that fits."""
@@ -94,7 +94,7 @@ def best_start(common: CommonPoints, starts: list[Similarity]) -> Similarity:
 
 
 def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
-    """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
+    """Return the sums (s,) of min(d²/s², 9) over the points, with s² scaled to the points that fit best."""
     return _compared(common, starts)[0]
 
 

@@ -26,8 +26,8 @@ def connect_strips(strips: Sequence[PartialBlock], names: Names) -> JoinedSystem
     Returns
     -------
     JoinedSystems
-        Each strip is connected to all that is connected so far. One that cannot be is tried again when others have
-        been, and begins a block of its own in the end; the failures say why.
+        Each strip is connected to all those connected so far. One that cannot be connected is tried again after the
+        others, and finally begins a block of its own; the failures say why.
     """
     waiting = list(strips)
     systems: list[PartialBlock] = []
@@ -44,7 +44,7 @@ def connect_strips(strips: Sequence[PartialBlock], names: Names) -> JoinedSystem
 def _connect_all(
     members: list[PartialBlock], waiting: list[PartialBlock], steps: list[SimilarityStep], names: Names
 ) -> list[NotOriented]:
-    """Move strips from those that wait to the members of a block; return why those that are left do not connect."""
+    """Move strips from the waiting ones to the members of a block; return why the remaining ones do not connect."""
     while True:
         failed: list[NotOriented] = []
         before, block = len(waiting), assembled(members)
