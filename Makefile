@@ -4,6 +4,7 @@
 #
 #   make PYTHON=/path/to/python3 test      use that Python for a new .venv
 #   make PYTEST_ARGS='-k rotation' test    hand options to pytest
+#   make KERNELS='Zen SkylakeX' test-kernels   other values of OPENBLAS_CORETYPE
 #   make BENCH_PHOTOS='50 2000' BENCH_CASES= BENCH_ARGS='--repetitions 3' bench    other benchmarks
 
 .SUFFIXES:
@@ -11,7 +12,7 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
-# Written last: says for which folder, and for which text of pyproject.toml, Makefile and C sources, .venv is complete.
+# Written last: says for which folder, and for which text of pyproject.toml, setup.py, Makefile and C sources, .venv is complete.
 READY := $(VENV)/orip-ready
 # There while .venv is being made or changed; still there, the run was interrupted and .venv is not to be trusted.
 UNFINISHED := $(VENV)/orip-unfinished
@@ -20,7 +21,7 @@ SAMPLE := zurich_city_hall
 DOCS := build/docs
 build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
-state_wanted := $(shell pwd -P; cat pyproject.toml Makefile orip/*/*/*.[ch] | cksum)
+state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum)
 state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
 
 .PHONY: help
@@ -28,6 +29,7 @@ help:
 	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results'
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
+	@echo 'make test-kernels  run the numerical tests and the samples as other processors calculate (some minutes)'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
 	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
@@ -56,6 +58,13 @@ test: $(READY)
 .PHONY: test-all
 test-all: $(READY)
 	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
+
+# under other kernels of OpenBLAS than the tests, and without what is compiled
+KERNELS :=
+
+.PHONY: test-kernels
+test-kernels: $(READY)
+	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
 
 .PHONY: browser-test
 browser-test: $(READY)
@@ -146,7 +155,7 @@ $(READY):
 	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
 	  exit 1; \
 	}; \
-	{ printf '%s\n' "$$place"; cat pyproject.toml Makefile orip/*/*/*.[ch] | cksum; } >$(READY); \
+	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum; } >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 

@@ -21,7 +21,7 @@ from aerial_blocks import POINTS_A_PHOTO
 from peer_problem import block_of, pixel_mm
 from threadpoolctl import threadpool_limits
 
-from orip.adjustment.iteration import Adjusted, adjust
+from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.precision import Cofactors, cofactors
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import iteration_settings, threads_that_pay
@@ -38,7 +38,7 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
         adjusted = adjust(problem, state, settings, lambda _: None, lambda: False)
         clock.append(_now())
         peak = _peak_mb()
-        equations = adjusted.linearised.equations
+        equations = adjusted.equations
         computed = equations.residual[equations.active]
         clock.append(_now())
         precise = cofactors(equations, adjusted.normals)
@@ -53,24 +53,24 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
         "precision_wall": precision[1],
         "cost": 0.5 * float(computed @ computed) * size**2,
         "not_computed": len(equations.residual) - len(computed),
-        "iterations": len(adjusted.passes),
+        "iterations": len(adjusted.iterations),
         "photos": len(block.photos),
         "points": len(block.point_names),
         "photo_points": len(block.photo_points.photo),
         "peak": peak,
         "peak_precision": _peak_mb(),
         "digest": digest(adjusted, precise),
-        "ended": adjusted.termination.name,
+        "ended": adjusted.reason.name,
     }
 
 
-def digest(adjusted: Adjusted[State], precise: Cofactors) -> str:
+def digest(adjusted: Adjustment[State], precise: Cofactors) -> str:
     """Return the SHA-256 of everything that was found."""
-    state = adjusted.linearised.state
+    state = adjusted.state
     found = hashlib.sha256()
     for each in (state.cameras, state.centres, state.rotations, state.points, precise.blocks, precise.leverage):
         found.update(np.ascontiguousarray(each).tobytes())
-    found.update(adjusted.linearised.equations.residual.tobytes())
+    found.update(adjusted.equations.residual.tobytes())
     return found.hexdigest()
 
 

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 TIMES = 5
-ZURICH = Path(__file__).parents[1] / "orip" / "sample_projects" / "zurich_city_hall"
+ZURICH = Path(__file__).parents[1] / "sample_projects" / "zurich_city_hall"
 
 
 def orip(*arguments: str) -> None:

@@ -12,7 +12,7 @@ author = "The orip developers"
 release = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 version = release
 
-extensions = ["myst_parser", "program_reference", "offline_mathematics"]
+extensions = ["myst_parser", "program_reference", "offline_mathematics", "glossary_links"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 smartquotes = False  # what a program says and what a user types have straight ones

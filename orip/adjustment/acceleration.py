@@ -1,12 +1,14 @@
-"""Acceleration of slow convergence: the last corrections tell where they are heading.
+"""Acceleration of slow convergence by the corrections of the last iterations (Anderson 1965).
 
 Gauss-Newton iterations on large residuals, and reweighted ones, converge linearly: each correction is about the same
-part of the one before. Once corrections are smaller than the standard deviations, the step is taken to where the
-sequence of corrections would end (Anderson 1965). The correction itself, by which convergence is judged, is not touched
-by it, nor is the solution.
+part of the one before. Once corrections are smaller than the standard deviations, the step goes to where the sequence
+of corrections would end. Neither the correction, by which convergence is judged, nor the solution is changed by it.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,49 +20,47 @@ from orip.arrays import FloatArray
 _MEMORY = 3
 _STARTING_ENP = 0.0
 _FAST = 1.0
-"""Digits an iteration gains when it needs no help."""
+"""Digits that an iteration gains where convergence needs no acceleration."""
 
 
+@dataclass(frozen=True, slots=True)
 class Acceleration:
-    """What the last iterations did: differences of corrections, and of the steps that were taken.
+    """The corrections of the last iterations and the steps that were taken for them; none after a change of weights.
 
     Parameters
     ----------
-    layout : Layout
+    corrections, steps : tuples of arrays (m + 3 b,)
+    enp : float
+        Of the last correction.
     """
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
-        self.forget()
+    corrections: tuple[FloatArray, ...] = ()
+    steps: tuple[FloatArray, ...] = ()
+    enp: float = -np.inf
 
-    def forget(self) -> None:
-        """Start anew, after the problem itself has changed (other weights)."""
-        self._corrections: list[FloatArray] = []
-        self._steps: list[FloatArray] = []
-        self._enp = -np.inf
-
-    def step(self, normals: SolvedNormals) -> FloatArray:
-        """Return the step (m + 3 b,) to take for a correction.
-
-        Parameters
-        ----------
-        normals : SolvedNormals
-        """
+    def step(self, normals: SolvedNormals, layout: Layout) -> AcceleratedStep:
+        """Return the step to take for the correction of an iteration."""
         correction = normals.correction
-        enp = exponent_of_numerical_precision(normals.reduced_square_sum, self._layout.unknowns)
-        slow = self._enp < enp < self._enp + _FAST
-        if enp < _STARTING_ENP or not slow:
-            self.forget()
-        self._enp = enp
-        self._corrections = [*self._corrections, correction][-_MEMORY - 1 :]
-        self._steps = self._steps[-(len(self._corrections) - 1) :] if len(self._corrections) > 1 else []
-        if not self._steps:
-            return correction
-        scale = np.concatenate([normals.scale, np.ones(3 * self._layout.blocks)])
-        changes = np.diff(np.array(self._corrections), axis=0)
+        enp = exponent_of_numerical_precision(normals.reduced_square_sum, layout.unknowns)
+        slow = self.enp < enp < self.enp + _FAST
+        before = self if enp >= _STARTING_ENP and slow else Acceleration()
+        corrections = (*before.corrections, correction)[-_MEMORY - 1 :]
+        steps = before.steps[-(len(corrections) - 1) :] if len(corrections) > 1 else ()
+        history = Acceleration(corrections, steps, enp)
+        if not steps:
+            return AcceleratedStep(correction, history)
+        scale = np.concatenate([normals.scale, np.ones(3 * layout.blocks)])
+        changes = np.diff(np.array(corrections), axis=0)
         share, *_ = np.linalg.lstsq((changes * scale).T, correction * scale, rcond=1e-6)
-        return np.asarray(correction - share @ (np.array(self._steps) + changes))
+        return AcceleratedStep(np.asarray(correction - share @ (np.array(steps) + changes)), history)
 
-    def applied(self, step: FloatArray) -> None:
-        """Remember the step that was taken."""
-        self._steps = [*self._steps, step]
+    def applied(self, step: FloatArray) -> Acceleration:
+        """Return the history with the step that was taken for its last correction."""
+        return replace(self, steps=(*self.steps, step))
+
+
+class AcceleratedStep(NamedTuple):
+    """A step (m + 3 b,), and the history with the correction that it is for."""
+
+    step: FloatArray
+    history: Acceleration

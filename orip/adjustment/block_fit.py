@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.equations import BlockNormals, Equations, Layout, Linearised, Problem, State
+from orip.adjustment.equations import BlockNormals, Equations, Layout, Linearised, Problem, StateT
 from orip.arrays import FloatArray
 
 _PASSES = 2
@@ -23,8 +23,8 @@ _OUT_OF_SIGHT = 4.0
 
 
 def with_blocks_fitted(
-    problem: Problem[State], moved: Linearised[State], before: Equations, weights: FloatArray
-) -> Linearised[State]:
+    problem: Problem[StateT], moved: Linearised[StateT], before: Equations, weights: FloatArray
+) -> Linearised[StateT]:
     """Return the state with each block moved towards the least square sum of its own observations.
 
     Parameters
@@ -60,9 +60,10 @@ def with_blocks_fitted(
 
 
 def judged_residuals(before: Equations, after: Equations) -> FloatArray:
-    """Return the residuals (n,) after a step, zero for what could not be computed before it.
+    """Return the residuals (n,) after a step, zero for observations that could not be computed before it.
 
-    An observation that can no longer be computed counts four times one and what it did: to go out of sight is no gain.
+    The square of one that can no longer be computed counts as four times the sum of 1 and its former square, so that
+    losing an observation is no improvement.
     """
     return np.where(before.active, np.where(after.active, after.residual, _lost(before)), 0.0)
 

@@ -1,4 +1,4 @@
-"""When to stop: the exponent of numerical precision, steady weights, and divergence."""
+"""When to stop: the exponent of numerical precision and the tests of convergence and divergence."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ ENP_LIMIT = 15.0
 """Printed for corrections that are zero to working precision."""
 
 _WEIGHT_CHANGE = 0.05
-_DIVERGING_PASSES = 3
-_HOPELESS = 3.0
-"""Digits: corrections a thousand times as large as the first ones lead nowhere."""
+
+_LEAST_COMPUTABLE = 0.5
+"""Diverged once less than this part of the observations can be computed."""
+
+_FALLING_ITERATIONS = 3
+_FALLEN_DIGITS = 3.0
+"""Diverged once corrections are a thousand times as large as the first ones."""
 
 
-class Termination(Enum):
+class TerminationReason(Enum):
     """Why the iterations ended."""
 
     CONVERGED = "converged"
@@ -48,19 +52,25 @@ def exponent_of_numerical_precision(reduced_square_sum: float, unknowns: int) ->
 
 
 def weights_are_steady(before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
-    """Whether no weight factor changes by more than 0.05 when it is computed anew."""
+    """Return whether no weight factor changes by more than 0.05 from one iteration to the next."""
     return bool(np.abs(after - before).max(initial=0.0) <= _WEIGHT_CHANGE)
 
 
 def is_diverging(enps: Sequence[float]) -> bool:
-    """Whether ENP fell in three iterations running and is negative, or far below where it began, or is not finite.
+    """Return whether corrections grow: by the ENP of successive iterations with the same weight function.
 
-    A positive ENP says that corrections are smaller than the standard deviations. It falls for some iterations when
-    reweighting moves from one end state to another, and then rises again.
+    That is where ENP fell in three successive iterations and is negative, is three digits below the first one (or below
+    zero), or is not finite. A positive ENP says that corrections are smaller than the standard deviations; it may fall
+    for some iterations while weights change from one solution to another.
     """
     if enps and not np.isfinite(enps[-1]):
         return True
-    if enps and enps[-1] < min(enps[0], 0.0) - _HOPELESS:
+    if enps and enps[-1] < min(enps[0], 0.0) - _FALLEN_DIGITS:
         return True
-    last = enps[-_DIVERGING_PASSES - 1 :]
-    return len(last) > _DIVERGING_PASSES and last[-1] < 0.0 and all(b < a for a, b in pairwise(last))
+    last = enps[-_FALLING_ITERATIONS - 1 :]
+    return len(last) > _FALLING_ITERATIONS and last[-1] < 0.0 and all(b < a for a, b in pairwise(last))
+
+
+def most_are_lost(computable: int, at_first: int) -> bool:
+    """Return whether too few of the observations that could be computed at first can be computed now."""
+    return computable < _LEAST_COMPUTABLE * at_first

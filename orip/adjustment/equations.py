@@ -12,7 +12,7 @@ from orip.adjustment.band import Arrangement, Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.arrays import BoolArray, FloatArray
 
-State = TypeVar("State")
+StateT = TypeVar("StateT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class BlockNormals(NamedTuple):
 class Rows(Protocol):
     """The design matrix: partials of n computed observations, divided by their a-priori errors.
 
-    It need not be stored: what the adjustment wants of it are the normal equations and the leverages.
+    It need not be stored: the adjustment asks for normal equations and leverages.
     """
 
     def matrix(self) -> csr_array:
@@ -106,7 +106,7 @@ class Equations:
     active : array (n,) of bool
         False: a disregarded observation, or one that cannot be computed at this linearisation.
     exact : array (n,) of bool
-        A constant that is met exactly: full weight always, a part of the redundancy, no part of sigma0.
+        Exact constraints: always full weight, counted in the redundancy, not in sigma0.
     """
 
     rows: Rows
@@ -120,38 +120,38 @@ class Equations:
         return self.rows.matrix()
 
 
-class Problem(Protocol[State]):
-    """What can be adjusted: it has a layout, and can be linearised at a state and moved by a correction."""
+class Problem(Protocol[StateT]):
+    """What can be adjusted: a layout of the unknowns, linearisation at a state, and states after a correction."""
 
     @property
     def layout(self) -> Layout:
         """Return the order of the unknowns."""
 
-    def linearise(self, state: State) -> Equations:
+    def linearise(self, state: StateT) -> Equations:
         """Return the observation equations at a state."""
 
-    def update(self, state: State, correction: FloatArray) -> State:
+    def update(self, state: StateT, correction: FloatArray) -> StateT:
         """Return the state moved by a correction of all unknowns, array (m + 3 b,)."""
 
     def step_factor(self, correction: FloatArray) -> float:
-        """Return the factor (at most 1) that keeps a correction where the linearisation means something."""
+        """Return the factor (at most 1) that keeps a correction within the range of the linearisation."""
 
-    def with_points_anew(self, state: State) -> State:
-        """Return a state whose blocks, each by itself, fit the rest of it; the same one where that is not possible."""
+    def with_blocks_recomputed(self, state: StateT) -> StateT:
+        """Return the state with its blocks computed from the rest of it, where that is possible."""
 
-    def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
-        """Return the state with its blocks moved along their corrections, array (3 b,), as far as makes sense."""
+    def with_blocks_moved(self, state: StateT, correction: FloatArray) -> StateT:
+        """Return the state with its blocks moved along their corrections, array (3 b,), or part of the way."""
 
-    def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
-        """Return a state in which more observations fit than where weights were reduced in the course of things.
+    def improve_consensus(self, state: StateT, equations: Equations, limit: float) -> StateT | None:
+        """Return the state with blocks moved to where more of their observations fit; None if there are none.
 
-        `limit` is the standard residual up to which an observation fits. None: there is none.
+        `limit` is the standard residual up to which an observation fits.
         """
 
 
 @dataclass(frozen=True, slots=True)
-class Linearised(Generic[State]):
+class Linearised(Generic[StateT]):
     """A state with its observation equations."""
 
-    state: State
+    state: StateT
     equations: Equations

@@ -1,40 +1,38 @@
-"""The iterations: linearise, weigh, solve, move, until the corrections and the weights have settled."""
+"""The iterations: linearise, weigh, solve, control the step, move, judge convergence.
+
+Gauss-Newton, with damping (Marquardt 1963) where the full correction fails, and weights of the Danish method.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic
+from typing import Generic, NamedTuple
 
 import numpy as np
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.block_fit import with_blocks_fitted
 from orip.adjustment.convergence import (
-    Termination,
+    TerminationReason,
     exponent_of_numerical_precision,
     is_diverging,
+    most_are_lost,
     weights_are_steady,
 )
-from orip.adjustment.equations import Equations, Layout, Linearised, Problem, State
+from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
+from orip.adjustment.final_weights import Restoration, improve
 from orip.adjustment.normals import SolvedNormals, solve_normals
-from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
 from orip.arrays import FloatArray
 
-_GIVING_BACK_ENP = 2.0
-"""Corrections this far below their deviations change no standard residual enough to matter for giving weight back."""
-
-
-_LOOKS = 3
-"""Times that points are taken to where more of their observations fit."""
+_IMPROVABLE_ENP = 2.0
+"""ENP from which corrections no longer change which observations may regain full weight."""
 
 _SAME_PLACE_ENP = 3.0
-"""Corrections a thousandth of their deviations: they change partials by far less than rounding of what is printed."""
-
-_LEAST_LEFT = 0.5
-"""Part of the observations; where fewer can still be computed, what is left is not the block."""
+"""ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the
+standard deviations, and change partials by less than the rounding of printed figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +46,7 @@ class IterationSettings:
     max_standard_residual : float
         Above it the Danish method reduces a weight.
     start_down_weight : int or None
-        First iteration that may have reduced weights; None: none has.
+        First iteration in which it may; None: all weights are 1.
     max_lost_digits : float
     """
 
@@ -60,7 +58,7 @@ class IterationSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class PassRecord:
+class IterationRecord:
     """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed.
@@ -76,224 +74,270 @@ class PassRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Adjusted(Generic[State]):
-    """Where the iterations ended.
+class Adjustment(Generic[StateT]):
+    """The end of the iterations.
 
     Parameters
     ----------
-    linearised : Linearised
-        The final state and its observation equations.
+    state : state of the problem
+    equations : Equations
+        At that state.
     weight_factors : array (n,)
         Those of the final state; 0 for observations that take no part.
     normals : SolvedNormals
-        Factored with the final weights at the final state, or, like the rows of its equations, where the last
-        iteration began, if it changed next to nothing.
-    passes : tuple of PassRecord
-    termination : Termination
+        Factored with the final weights. They and the rows of the equations belong to the final state, or to the one
+        before the last iteration where that one changed next to nothing.
+    iterations : tuple of IterationRecord
+    reason : TerminationReason
     """
 
-    linearised: Linearised[State]
+    state: StateT
+    equations: Equations
     weight_factors: FloatArray
     normals: SolvedNormals
-    passes: tuple[PassRecord, ...]
-    termination: Termination
+    iterations: tuple[IterationRecord, ...]
+    reason: TerminationReason
+
+
+@dataclass(frozen=True, slots=True)
+class _IterationState(Generic[StateT]):
+    """All that one iteration hands to the next.
+
+    Parameters
+    ----------
+    current : Linearised
+        The state with its observation equations.
+    weighing : Weighing
+    control : StepControl
+    acceleration : Acceleration
+    restoration : Restoration
+    last : int
+        Number of the last iteration allowed.
+    full_weight : int or None
+        The observation to which the next iteration restores full weight.
+    records : tuple of IterationRecord
+        Of the iterations so far.
+    """
+
+    current: Linearised[StateT]
+    weighing: Weighing
+    control: StepControl
+    acceleration: Acceleration
+    restoration: Restoration
+    last: int
+    full_weight: int | None = None
+    records: tuple[IterationRecord, ...] = ()
+
+
+class _Step(NamedTuple, Generic[StateT]):
+    """A step that was taken: its normal equations, where it began and ended, and what it leaves to the next one."""
+
+    normals: SolvedNormals
+    before: Equations
+    moved: Linearised[StateT]
+    limited: bool
+    control: StepControl
+    acceleration: Acceleration
 
 
 def adjust(
-    problem: Problem[State],
-    start: State,
+    problem: Problem[StateT],
+    start: StateT,
     settings: IterationSettings,
-    on_pass: Callable[[PassRecord], None],
+    on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
-) -> Adjusted[State]:
-    """Iterate from a starting state to the least-squares solution (Gauss-Newton, damped where that would lead away).
+) -> Adjustment[StateT]:
+    """Iterate from a starting state to the least-squares solution.
 
     Parameters
     ----------
     problem : Problem
-    start : State
+    start : state of the problem
     settings : IterationSettings
-    on_pass : callable
-        Called with each finished pass.
+    on_iteration : callable
+        Called with the record of each iteration.
     stop_asked : callable
-        Asked after each pass; True ends the iterations with the state in hand.
+        Asked after each iteration; True ends the iterations with the current state.
 
     Returns
     -------
-    Adjusted
+    Adjustment
     """
-    layout = problem.layout
-    current = Linearised(start, problem.linearise(start))
-    passes: list[PassRecord] = []
-    second_look = _SecondLook(problem, settings)
-    again: list[int] = []
-    acceleration, control = Acceleration(layout), StepControl(layout)
-    last = settings.max_iterations
-    weighing = Weighing(settings.max_standard_residual, settings.start_down_weight)
+    now = _initial(problem, start, settings)
     while True:
-        iteration = len(passes) + 1
-        weights = weighing.factors(current.equations, iteration)
-        weights[again] = 1.0
-        before = current.equations
-        normals, current, limited = _moved(problem, current, weights, settings, acceleration, control)
-        passes.append(_record(iteration, current.equations, weights, normals, layout, limited))
-        on_pass(passes[-1])
-        weighing.after(iteration, passes[-1].enp)
-        next_weights = weighing.factors(current.equations, iteration + 1)
+        weights = _weights(now)
+        step = _controlled_step(problem, now, weights, settings)
+        now = _after(now, step, weights, problem.layout)
+        on_iteration(now.records[-1])
+        next_weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
         steady = weights_are_steady(weights, next_weights)
-        # equations of constants are shifted after each iteration: their corrections follow from more than the state
-        if not steady or (current.equations.active & current.equations.exact).any():
-            acceleration.forget()
-        ended = _termination(passes, settings, weighing, steady, stop_asked(), control)
-        again = []
-        if ended in (None, Termination.CONVERGED) and steady and passes[-1].enp >= _GIVING_BACK_ENP:
-            found = second_look.at(current, next_weights, normals)
-            if found is not None:
-                current, again = found
-                last = iteration + settings.max_iterations
-                acceleration.forget()
-                ended = None
-        if ended is not None or len(passes) >= last:
+        if not steady or _has_exact_constraints(now.current.equations):
+            now = replace(now, acceleration=Acceleration())
+        reason = _termination_reason(now, settings, steady=steady, stop_asked=stop_asked())
+        if reason in (None, TerminationReason.CONVERGED) and steady and now.records[-1].enp >= _IMPROVABLE_ENP:
+            now, improved = _improved(problem, now, next_weights, step.normals, settings)
+            reason = None if improved else reason
+        if reason is None and len(now.records) >= now.last:
+            reason = TerminationReason.MAX_ITERATIONS
+        if reason is not None:
             break
-        # those of the next iteration need the room
-        del normals
-    final = np.where(current.equations.active, weighing.factors(current.equations, len(passes)), 0.0)
-    if passes[-1].enp >= _SAME_PLACE_ENP and np.array_equal(np.where(before.active, weights, 0.0), final):
-        current = Linearised(current.state, replace(current.equations, rows=before.rows))
-    else:
-        # both at once would take too much room
-        del normals, before
-        normals = solve_normals(current.equations, final, layout, settings.max_lost_digits)
-    return Adjusted(current, final, normals, tuple(passes), ended or Termination.MAX_ITERATIONS)
+        # the normal equations of the next iteration need their memory
+        del step
+    final = _final_weights(now)
+    equations, normals = now.current.equations, None
+    if now.records[-1].enp >= _SAME_PLACE_ENP and np.array_equal(_effective(step.before, weights), final):
+        equations, normals = replace(equations, rows=step.before.rows), step.normals
+    del step
+    if normals is None:
+        normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
+    return Adjustment(now.current.state, equations, final, normals, now.records, reason)
 
 
-class _SecondLook(Generic[State]):
-    """What is reconsidered once the weights are steady, so that the end state depends less on the start.
-
-    First points that have gone with the wrong ones of their observations, some times; then observations that would fit
-    with their full weight, one after the other, each of them once.
-    """
-
-    def __init__(self, problem: Problem[State], settings: IterationSettings) -> None:
-        self._problem, self._settings = problem, settings
-        self._given_back: set[int] = set()
-        self._looks = 0
-
-    def at(
-        self, current: Linearised[State], weights: FloatArray, normals: SolvedNormals
-    ) -> tuple[Linearised[State], list[int]] | None:
-        """Return where the iterations go on, and the observations that have full weight there; None if all is well."""
-        if self._settings.start_down_weight is None:
-            return None
-        if self._looks < _LOOKS:
-            self._looks += 1
-            limit = self._settings.max_standard_residual
-            state = self._problem.reconsidered(current.state, current.equations, limit)
-            if state is not None:
-                return Linearised(state, self._problem.linearise(state)), []
-        again = _to_give_back(current.equations, weights, normals, self._settings, self._given_back)
-        self._given_back.update(again)
-        return (current, again) if again else None
+def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> _IterationState[StateT]:
+    return _IterationState(
+        _linearised(problem, start),
+        Weighing(settings.max_standard_residual, settings.start_down_weight),
+        StepControl(problem.layout.unknowns),
+        Acceleration(),
+        Restoration(),
+        settings.max_iterations,
+    )
 
 
-def _to_give_back(
-    equations: Equations,
-    weights: FloatArray,
-    normals: SolvedNormals,
-    settings: IterationSettings,
-    given_back: set[int],
-) -> list[int]:
-    """Return the down-weighted observation that would fit best with its full weight, if it would fit at all.
-
-    The weight falls at once from 1 to 0.37, so that iterations can end with an observation on either side; this makes
-    the end state the same from different starts. With full weight a standard residual u becomes u / (1 + (1 - wf) h).
-    Each observation is given back once.
-    """
-    reduced = np.flatnonzero(equations.active & (weights < 1.0))
-    reduced = np.array([row for row in reduced if int(row) not in given_back], dtype=np.int64)
-    if not len(reduced):
-        return []
-    leverage = cofactors(equations, normals).leverage[reduced]
-    with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
-    best = int(with_full_weight.argmin())
-    return [int(reduced[best])] if with_full_weight[best] <= settings.max_standard_residual else []
-
-
-def _moved(
-    problem: Problem[State],
-    current: Linearised[State],
-    weights: FloatArray,
-    settings: IterationSettings,
-    acceleration: Acceleration,
-    control: StepControl,
-) -> tuple[SolvedNormals, Linearised[State], bool]:
-    """Return the normal equations of an iteration, where it led to, and whether its step is not the full one."""
-    while True:
-        damping = control.damping
-        normals = solve_normals(current.equations, weights, problem.layout, settings.max_lost_digits, damping)
-        if damping:
-            acceleration.forget()
-        step = acceleration.step(normals)
-        factor = problem.step_factor(step)
-        moved = _at(problem, problem.update(current.state, factor * step))
-        if not damping and control.accepts(current.equations, moved.equations, weights, normals, full=True):
-            acceleration.applied(factor * step)
-            control.weaken()
-            return normals, moved, factor < 1.0
-        acceleration.forget()
-        if not damping and control.is_far(normals):
-            moved = _at(problem, problem.with_points_anew(moved.state))
-        moved = with_blocks_fitted(problem, moved, current.equations, weights)
-        if control.accepts(current.equations, moved.equations, weights, normals, full=False):
-            control.weaken()
-            return normals, moved, True
-        control.strengthen()
-        del normals, moved
-
-
-def _at(problem: Problem[State], state: State) -> Linearised[State]:
+def _linearised(problem: Problem[StateT], state: StateT) -> Linearised[StateT]:
     return Linearised(state, problem.linearise(state))
 
 
-def _record(
-    iteration: int,
-    equations: Equations,
-    weights: FloatArray,
-    normals: SolvedNormals,
-    layout: Layout,
-    step_limited: bool,
-) -> PassRecord:
-    effective = layout.unknowns - int(np.count_nonzero(normals.removed))
-    enp = exponent_of_numerical_precision(normals.reduced_square_sum, effective)
+def _weights(now: _IterationState[StateT]) -> FloatArray:
+    """Return the weight factors (n,) of the next iteration."""
+    weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
+    if now.full_weight is not None:
+        weights[now.full_weight] = 1.0
+    return weights
+
+
+def _controlled_step(
+    problem: Problem[StateT], now: _IterationState[StateT], weights: FloatArray, settings: IterationSettings
+) -> _Step[StateT]:
+    """Solve and move; while that fails, fit the blocks by themselves, then damp the correction more and more."""
+    before, control = now.current.equations, now.control
+    while True:
+        normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
+        control = control.judging(before, weights, normals)
+        accelerated = (Acceleration() if control.damping else now.acceleration).step(normals, problem.layout)
+        factor = problem.step_factor(accelerated.step)
+        step = factor * accelerated.step
+        moved = _linearised(problem, problem.update(now.current.state, step))
+        if not control.damping:
+            if control.accepts_correction(before, moved.equations, weights, normals):
+                history = accelerated.history.applied(step)
+                return _Step(normals, before, moved, factor < 1.0, control.relaxed(), history)
+            control = control.refused()
+            if control.is_far(normals):
+                moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
+        moved = with_blocks_fitted(problem, moved, before, weights)
+        if control.accepts_fitted(before, moved.equations, weights, normals):
+            return _Step(normals, before, moved, True, control.relaxed(), Acceleration())
+        control = control.refused().strengthened()
+        # the next attempt needs their memory
+        del normals, moved
+
+
+def _after(
+    now: _IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout
+) -> _IterationState[StateT]:
+    """Return what an iteration leaves to the next."""
+    record = _record(len(now.records) + 1, step, weights, layout)
+    return replace(
+        now,
+        current=step.moved,
+        weighing=now.weighing.after(record.iteration, record.enp),
+        control=step.control,
+        acceleration=step.acceleration,
+        full_weight=None,
+        records=(*now.records, record),
+    )
+
+
+def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: Layout) -> IterationRecord:
+    equations, normals = step.moved.equations, step.normals
+    singular = int(np.count_nonzero(normals.removed))
+    effective = layout.unknowns - singular
     full = equations.active & (weights >= 1.0)
-    down_weighted = int(np.count_nonzero(equations.active & (weights < 1.0)))
-    # while iterating a down-weighted observation counts as not redundant; the final figure knows each one's share
+    # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
     redundancy = max(int(np.count_nonzero(full)) - effective, 0)
     square_sum = float(np.sum(equations.residual[full & ~equations.exact] ** 2))
-    sigma0 = float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0
-    singular = int(np.count_nonzero(normals.removed))
-    active = int(np.count_nonzero(equations.active))
-    return PassRecord(iteration, enp, sigma0, down_weighted, singular, step_limited, active)
+    return IterationRecord(
+        iteration=iteration,
+        enp=exponent_of_numerical_precision(normals.reduced_square_sum, effective),
+        sigma0=float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0,
+        down_weighted=int(np.count_nonzero(equations.active & (weights < 1.0))),
+        singular=singular,
+        step_limited=step.limited,
+        active=int(np.count_nonzero(equations.active)),
+    )
 
 
-def _termination(
-    passes: list[PassRecord],
-    settings: IterationSettings,
-    weighing: Weighing,
-    steady: bool,
-    stop_asked: bool,
-    control: StepControl,
-) -> Termination | None:
-    last = passes[-1]
-    if last.active < _LEAST_LEFT * passes[0].active:
-        return Termination.DIVERGED
-    final = steady and weighing.had_begun(last.iteration)
-    if last.enp >= settings.enp_stop and final and not last.step_limited:
-        return Termination.CONVERGED
+def _termination_reason(
+    now: _IterationState[StateT], settings: IterationSettings, *, steady: bool, stop_asked: bool
+) -> TerminationReason | None:
+    """Return why the iterations end with the last one; None: they go on, if another iteration is allowed."""
+    if most_are_lost(now.records[-1].active, now.records[0].active):
+        return TerminationReason.DIVERGED
+    if steady and _has_converged(now, settings):
+        return TerminationReason.CONVERGED
     if stop_asked:
-        return Termination.STOPPED
-    # where reduced weights begin, or damping ends, corrections grow once, and that is no divergence
-    enps = [record.enp for record in passes[weighing.began_after :]]
-    if is_diverging(enps[-1 - control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]]):
-        return Termination.DIVERGED
+        return TerminationReason.STOPPED
+    if _has_diverged(now):
+        return TerminationReason.DIVERGED
     return None
+
+
+def _has_converged(now: _IterationState[StateT], settings: IterationSettings) -> bool:
+    """Return whether a full correction with the final weight function was small enough."""
+    last = now.records[-1]
+    return last.enp >= settings.enp_stop and now.weighing.is_final_in(last.iteration) and not last.step_limited
+
+
+def _has_diverged(now: _IterationState[StateT]) -> bool:
+    # where the Danish method begins, or damping ends, corrections grow once, and that is no divergence
+    enps = [record.enp for record in now.records[now.weighing.iterations_before :]]
+    return is_diverging(enps[-1 - now.control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]])
+
+
+def _has_exact_constraints(equations: Equations) -> bool:
+    """Return whether equations are shifted after each iteration: corrections then depend on more than the state."""
+    return bool((equations.active & equations.exact).any())
+
+
+def _improved(
+    problem: Problem[StateT],
+    now: _IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    settings: IterationSettings,
+) -> tuple[_IterationState[StateT], bool]:
+    """Return where to go on from a solution with steady weights, and whether that is another place or weight."""
+    if settings.start_down_weight is None:
+        return now, False
+    limit = settings.max_standard_residual
+    improvement, restoration = improve(problem, now.current, weights, normals, limit, now.restoration)
+    now = replace(now, restoration=restoration)
+    if improvement is None:
+        return now, False
+    return replace(
+        now,
+        current=improvement.linearised,
+        full_weight=improvement.full_weight,
+        acceleration=Acceleration(),
+        last=len(now.records) + settings.max_iterations,
+    ), True
+
+
+def _final_weights(now: _IterationState[StateT]) -> FloatArray:
+    """Return the weight factors (n,) at the final state."""
+    return _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
+
+
+def _effective(equations: Equations, weights: FloatArray) -> FloatArray:
+    return np.where(equations.active, weights, 0.0)

@@ -1,97 +1,113 @@
 """Step control: a correction that would raise the weighted square sum by far is damped.
 
-Near the solution, where corrections are below their standard deviations, and wherever the full correction leads on,
-nothing is damped and nothing is spent: the iterations are those of Gauss and Newton. Damping multiplies the diagonal of
-the normal equations, points included, by 1 + damping (Marquardt 1963). It changes the way to the minimum, and not the
-minimum: iterations do not end with a damped correction.
+Near the solution, where corrections are below their standard deviations, and wherever the full correction succeeds,
+nothing is damped: the iterations are those of Gauss and Newton. Damping multiplies the diagonal of the normal
+equations, points included, by 1 + damping (Marquardt 1963). It changes the way to the minimum, and not the minimum:
+iterations do not end with a damped correction. See docs/decisions/012.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.adjustment.block_fit import judged_residuals
 from orip.adjustment.convergence import exponent_of_numerical_precision
-from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
-_WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
-"""Times the least mean square so far: a step along a curved valley may raise it for a while; less is allowed to one
-after which observations can no longer be computed."""
 
+_WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
+"""Multiple of the smallest mean square so far that is accepted after a full correction: along a curved valley it may
+rise for some iterations. Less is accepted if observations can no longer be computed."""
 
 _LEAST_SHARE = 0.1
-"""Of the predicted decrease that a full correction has to bring whose blocks had to be placed; a damped one will bring
-more."""
+"""Part of the predicted decrease that a full correction must bring after its blocks were fitted."""
 
 
+@dataclass(frozen=True, slots=True)
 class StepControl:
-    """How strongly corrections are damped, from one iteration to the next.
+    """How strongly corrections are damped.
 
     Parameters
     ----------
-    layout : Layout
-
-    Attributes
-    ----------
+    unknowns : int
     damping : float
         Of the next correction; 0: none.
     undamped : int
-        Iterations since a correction was last refused.
+        Iterations since a correction was last refused; -1: in this one.
+    least_mean_square : float
+        Smallest weighted mean square of the residuals among the iterations that were judged.
     """
 
-    def __init__(self, layout: Layout) -> None:
-        self._unknowns = layout.unknowns
-        self._least = np.inf
-        self.damping = 0.0
-        self.undamped = 0
+    unknowns: int
+    damping: float = 0.0
+    undamped: int = 0
+    least_mean_square: float = np.inf
 
-    def accepts(
-        self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals, *, full: bool
+    def judging(self, before: Equations, weights: FloatArray, normals: SolvedNormals) -> StepControl:
+        """Return the control that judges an attempt from a linearisation: it knows the mean square there."""
+        if not self._judges(before, normals):
+            return self
+        here = _mean_square(before, weights, before.residual)
+        return replace(self, least_mean_square=min(self.least_mean_square, here))
+
+    def accepts_correction(
+        self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals
     ) -> bool:
-        """Return whether a step is taken; one that is not the full correction alone must lower the mean square.
-
-        Parameters
-        ----------
-        before, after : Equations
-        weights : array (n,)
-            Weight factors of the iteration.
-        normals : SolvedNormals
-        """
-        near = self._enp(normals) >= _NEAR_ENP
-        # constants are met at any price: their equations say nothing of the square sum
-        if (near and not self.damping) or self.damping >= _MOST or (before.active & before.exact).any():
+        """Return whether a full correction is accepted; it may raise the mean square for a while."""
+        if not self._judges(before, normals):
             return True
-        taken = np.where(before.active, weights, 0.0)
-        total = max(float(taken.sum()), 1.0)
-        here = float(taken @ before.residual**2) / total
-        self._least = min(self._least, here)
+        here = _mean_square(before, weights, before.residual)
         lost = (before.active & ~after.active).any()
-        worse = _WORSE_WITH_LOSS if lost else _WORSE
+        allowed = max((_WORSE_WITH_LOSS if lost else _WORSE) * self.least_mean_square, here)
+        return _mean_square(before, weights, judged_residuals(before, after)) <= allowed
+
+    def accepts_fitted(self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals) -> bool:
+        """Return whether a correction after which blocks were fitted is accepted; it must lower the mean square."""
+        if not self._judges(before, normals):
+            return True
         share = 0.0 if self.damping else _LEAST_SHARE
-        allowed = max(worse * self._least, here) if full else here - share * normals.reduced_square_sum / total
-        leads_on = float(taken @ judged_residuals(before, after) ** 2) / total <= allowed
-        if not leads_on:
-            self.undamped = -1
-        return leads_on
+        required = share * normals.reduced_square_sum / _total_weight(before, weights)
+        allowed = _mean_square(before, weights, before.residual) - required
+        return _mean_square(before, weights, judged_residuals(before, after)) <= allowed
 
     def is_far(self, normals: SolvedNormals) -> bool:
         """Return whether a correction is so large that points may be anywhere."""
         return self._enp(normals) < _FAR_ENP
 
-    def _enp(self, normals: SolvedNormals) -> float:
-        return exponent_of_numerical_precision(normals.reduced_square_sum, self._unknowns)
+    def refused(self) -> StepControl:
+        """Return the control after an attempt was refused."""
+        return replace(self, undamped=-1)
 
-    def weaken(self) -> None:
-        """Damp the next correction less than this one, or not at all."""
-        self.undamped += 1
+    def relaxed(self) -> StepControl:
+        """Return the control after a step was taken: the next correction is damped less, or not at all."""
         weaker = self.damping / _STEP
-        self.damping = weaker if weaker >= _LEAST else 0.0
+        return replace(self, undamped=self.undamped + 1, damping=weaker if weaker >= _LEAST else 0.0)
 
-    def strengthen(self) -> None:
-        """Damp the next attempt more."""
-        self.damping = _STEP * self.damping if self.damping else _FIRST
+    def strengthened(self) -> StepControl:
+        """Return the control that damps the next attempt more."""
+        return replace(self, damping=_STEP * self.damping if self.damping else _FIRST)
+
+    def _judges(self, before: Equations, normals: SolvedNormals) -> bool:
+        near = self._enp(normals) >= _NEAR_ENP
+        # exact constraints must be met whatever the square sum: their equations say nothing of it
+        return not ((near and not self.damping) or self.damping >= _MOST or (before.active & before.exact).any())
+
+    def _enp(self, normals: SolvedNormals) -> float:
+        return exponent_of_numerical_precision(normals.reduced_square_sum, self.unknowns)
+
+
+def _total_weight(before: Equations, weights: FloatArray) -> float:
+    return max(float(np.where(before.active, weights, 0.0).sum()), 1.0)
+
+
+def _mean_square(before: Equations, weights: FloatArray, residual: FloatArray) -> float:
+    """Return the weighted mean square of residuals (n,) of what could be computed before the step."""
+    taken = np.where(before.active, weights, 0.0)
+    return float(taken @ residual**2) / _total_weight(before, weights)

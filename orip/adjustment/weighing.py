@@ -1,64 +1,66 @@
-"""Which weights an iteration has: while the state is still far off, only what sticks out of all others loses weight."""
+"""Which weight function an iteration uses: a scaled one far from the solution, then that of the Danish method.
+
+See docs/decisions/006.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.weights import danish_weights, settling_weights
+from orip.adjustment.weights import danish_weights, scaled_weights
 from orip.arrays import FloatArray
 
 _SETTLED_ENP = 1.0
-"""Corrections a tenth of their deviations: residuals are now those of the observations, and no longer of the start."""
+"""Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
 
 _LONGEST_SETTLING = 10
-"""Iterations after which weights are reduced in any case: where blunders change sides, the state may never settle."""
+"""Iterations after which the Danish method begins in any case: with many blunders ENP may never reach that limit."""
 
 
+@dataclass(frozen=True, slots=True)
 class Weighing:
-    """The weights of an adjustment's iterations, from the first to the last.
+    """The phase of weighting that the iterations are in.
 
     Parameters
     ----------
     limit : float
         Standard residual above which the Danish method reduces a weight.
     start : int or None
-        First iteration that may have reduced weights; None: they are never reduced.
-
-    Attributes
-    ----------
-    settled : bool
-        The state is no longer far off.
-    settled_after : int
-        Iterations that this took.
+        First iteration in which the Danish method may reduce weights; None: all weights are 1.
+    settled_after : int or None
+        Iterations until the residuals no longer depended on the starting values; None: they still do.
     """
 
-    def __init__(self, limit: float, start: int | None) -> None:
-        self._limit, self._start = limit, start
-        self.settled = start is None
-        self.settled_after = 0
+    limit: float
+    start: int | None
+    settled_after: int | None = None
 
     def factors(self, equations: Equations, iteration: int) -> FloatArray:
-        """Return the weight factors (n,) for an iteration; what must be met exactly has always 1."""
+        """Return the weight factors (n,) for an iteration; exact constraints always have 1."""
         factors = np.ones(len(equations.residual))
-        if self._start is None:
+        if self.start is None:
             return factors
         judged = equations.active & ~equations.exact
         size = np.abs(equations.residual[judged])
-        begun = self.settled and iteration >= self._start
-        factors[judged] = danish_weights(size, self._limit) if begun else settling_weights(size, self._limit)
+        danish = self.settled_after is not None and iteration >= self.start
+        factors[judged] = danish_weights(size, self.limit) if danish else scaled_weights(size, self.limit)
         return factors
 
-    def after(self, iteration: int, enp: float) -> None:
-        """Take note of how far off the state still was in an iteration."""
-        if not self.settled and (enp >= _SETTLED_ENP or iteration >= _LONGEST_SETTLING):
-            self.settled, self.settled_after = True, iteration
+    def after(self, iteration: int, enp: float) -> Weighing:
+        """Return the phase that follows an iteration."""
+        settles = self.settled_after is None and (enp >= _SETTLED_ENP or iteration >= _LONGEST_SETTLING)
+        return replace(self, settled_after=iteration) if settles else self
 
-    def had_begun(self, iteration: int) -> bool:
-        """Return whether the weights of an iteration were those that remain: all 1, or the reduced ones."""
-        return self._start is None or (self.settled and iteration > self.began_after)
+    def is_final_in(self, iteration: int) -> bool:
+        """Return whether an iteration had the weight function that the solution has: all 1, or the Danish method."""
+        return self.start is None or (self.settled_after is not None and iteration > self.iterations_before)
 
     @property
-    def began_after(self) -> int:
-        """Return the iterations before weights were reduced; 0 as long as they are not."""
-        return max(self.settled_after, self._start - 1) if self._start is not None and self.settled else 0
+    def iterations_before(self) -> int:
+        """Return the number of iterations before the Danish method began; 0 as long as it has not."""
+        if self.start is None or self.settled_after is None:
+            return 0
+        return max(self.settled_after, self.start - 1)

@@ -1,4 +1,4 @@
-"""The Danish method: weights that fall with the standard residual, decided anew after each iteration.
+"""The Danish method: weights that fall with the standard residual, computed again after each iteration.
 
 Krarup, Juhl and Kubik (1980) gave the principle. The function used here, exp(-u / c) above the limit c, is this
 program's choice among those found under that name: it does not diverge where the steeper ones do.
@@ -11,7 +11,7 @@ import numpy as np
 from orip.arrays import FloatArray
 
 LEAST_WEIGHT = 1e-10
-"""Next to nothing, and yet enough to determine what only down-weighted observations determine."""
+"""Smallest weight: unknowns that only down-weighted observations determine remain determined."""
 
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal residual."""
@@ -38,12 +38,13 @@ def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     return np.where(standard_residuals <= limit, 1.0, reduced)
 
 
-def settling_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
-    """Return weight factors while corrections are still large, and residuals hold what they will take away.
+def scaled_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
+    """Return weight factors for iterations far from the solution, in which most residuals are large.
 
-    The limit L is as many times higher as most residuals are larger than their a-priori errors: only what sticks out of
-    the others loses weight, so that blunders do not lead the first iterations astray. It falls with (L / u)² alone,
-    since what seems to be blunders may be a whole photo that is not in its place yet, and must not come loose.
+    They are (L / u)² above a limit L that is scaled by the median of the standard residuals u: only observations that
+    stand out from the others lose weight, so that blunders do not spoil the first iterations. They fall more slowly
+    than the Danish weights, since large residuals may come from a photo whose orientation is still wrong, which must
+    stay tied to the block.
 
     Parameters
     ----------

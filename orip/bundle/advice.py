@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from orip.bundle.calibration import ParameterTest
+from orip.records.observation_kinds import CONTROL_POINT
 from orip.records.solution import Blunder, Diagnosis
 
 
@@ -14,7 +15,7 @@ def blunder_advice(blunders: Sequence[Blunder], ground_unit: str) -> Iterator[Di
     for _, members in groupby(blunders, key=lambda each: each.order):
         found = list(members)
         sizes = ", ".join(f"{each.component} {each.size:+.4g} ± {each.sd:.2g}" for each in found)
-        if found[0].kind == "control":
+        if found[0].kind == CONTROL_POINT.name:
             where = f"control point {found[0].point}"
             text = f"{where} contradicts the photos; its coordinates are off by {sizes} {ground_unit}"
             remedy = "check the coordinates, and whether the feature measured in the photos is the one surveyed"

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
-from orip.bundle.name_warnings import name_warnings
-from orip.bundle.same_photo import photos_under_two_names
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
@@ -59,11 +57,10 @@ class Ingredients:
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A block with what its making gave rise to; with complaints there is no block."""
+    """A block, or the complaints that keep it from being one."""
 
     block: Block | None
     complaints: tuple[Complaint, ...]
-    warnings: tuple[ProjectWarning, ...]
 
 
 def gather(ingredients: Ingredients) -> Assembled:
@@ -87,19 +84,14 @@ def gather(ingredients: Ingredients) -> Assembled:
         )
     complaints += _set_complaints(keys, ingredients)
     if complaints:
-        return Assembled(None, tuple(complaints), ())
+        return Assembled(None, tuple(complaints))
     try:
         block = _block_in_project(keys, ingredients)
     except InputError as error:
-        return Assembled(None, error.complaints, ())
+        return Assembled(None, error.complaints)
     if complaints := frame_complaints(block, ingredients.preliminary):
-        return Assembled(None, tuple(complaints), ())
-    warnings = (
-        *photos_under_two_names(block),
-        *name_warnings(block, ingredients.control, ingredients.preliminary),
-        *block.ground.warnings,
-    )
-    return Assembled(photos_in_frame(block), (), warnings)
+        return Assembled(None, tuple(complaints))
+    return Assembled(photos_in_frame(block), ())
 
 
 def with_starting_values(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:

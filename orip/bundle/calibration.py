@@ -22,6 +22,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 from orip.records.solution import Diagnosis
 
 ALPHA = 0.05
@@ -86,13 +87,13 @@ def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
         return
     columns = unknowns[unknowns != CONSTANT]
     cofactor = solved.cofactors.reduced.diagonal()[columns]
-    from_photos = solved.adjusted.normals.scale[columns] ** 2 - 1.0 / _a_priori_errors(solved) ** 2
+    from_photos = solved.normals.scale[columns] ** 2 - 1.0 / _a_priori_errors(solved) ** 2
     unexplained = 1.0 / np.maximum(from_photos * cofactor, 1.0)
     spoiling = _share_of_trace(solved, columns, cofactor) > MOST_OF_TRACE
     limit = float(np.sqrt(fdtri(1, solved.variance.redundancy, 1.0 - ALPHA)))
     for index, (row, place) in enumerate(places):
         camera = solved.block.cameras[row]
-        value = solved.adjusted.linearised.state.additional[row, place]
+        value = solved.state.additional[row, place]
         statistic = float(abs(value) / np.sqrt(cofactor[index]) / solved.deviation_scale)
         verdict: Verdict = "significant" if statistic > limit else "not significant"
         if 1.0 - unexplained[index] > MOST_CORRELATION or spoiling[index]:
@@ -102,7 +103,7 @@ def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
 
 
 def _a_priori_errors(solved: SolvedBlock) -> FloatArray:
-    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == "additional")
+    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == ADDITIONAL_PARAMETER)
     return rows.error
 
 
@@ -110,7 +111,7 @@ def _share_of_trace(solved: SolvedBlock, columns: NDArray[np.int64], cofactor: F
     """Return the part (k,) of the trace of the points' cofactors that each parameter brings (trace test)."""
     unit = np.zeros((solved.problem.layout.size, len(columns)))
     unit[columns, np.arange(len(columns))] = 1.0
-    spread = solved.adjusted.normals.solve(unit)[solved.problem.layout.reduced :]
+    spread = solved.normals.solve(unit)[solved.problem.layout.reduced :]
     trace = float(np.einsum("bii->", solved.cofactors.blocks))
     return np.asarray(np.sum(spread**2, axis=0) / cofactor / trace) if trace > 0.0 else np.zeros(len(columns))
 
@@ -120,8 +121,8 @@ def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: N
     unknowns = columns[places]
     cofactor = solved.cofactors.reduced[np.ix_(unknowns, unknowns)]
     row = [each.name for each in solved.block.cameras].index(camera.name)
-    values = solved.adjusted.linearised.state.cameras[row, places]
-    normals = solved.adjusted.normals
+    values = solved.state.cameras[row, places]
+    normals = solved.normals
     lost = max(digits_lost(solved, int(each)) for each in unknowns)
     limit = float(np.sqrt(fdtri(len(unknowns), solved.variance.redundancy, 1.0 - ALPHA)))
     if normals.removed[unknowns].any() or lost > MOST_LOST_DIGITS:
@@ -137,7 +138,7 @@ def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: N
 
 def digits_lost(solved: SolvedBlock, column: int) -> float:
     """Return log10(N_jj Q_jj), with 1 / (N_jj Q_jj) = 1 - multiple correlation squared with all other unknowns."""
-    normals = solved.adjusted.normals
+    normals = solved.normals
     if normals.removed[column]:
         return float(normals.lost_digits[column])
     product = normals.scale[column] ** 2 * solved.cofactors.reduced[column, column]
@@ -211,7 +212,7 @@ def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> P
 
 def _without(solved: SolvedBlock, test: ParameterTest) -> Block:
     """Return the block with parameters constant at zero, starting from the adjusted values."""
-    state, block = solved.adjusted.linearised.state, solved.block
+    state, block = solved.state, solved.block
     cameras = []
     for camera, values in zip(block.cameras, state.cameras.tolist(), strict=True):
         gone = test.parameters if camera.name == test.camera else ()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -20,8 +20,10 @@ from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Diagnosis
+from orip.wording import agreeing, counted, joined
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
@@ -66,16 +68,16 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
         return
     where = f"bundle {solved.block.definition.name}"
     count = _control_count(solved.block)
-    because = f"{count or 'no'} control point{'' if count == 1 else 's'}"
+    because = f"{count or 'no'} {agreeing(count, 'control point')}"
     turns = int(np.linalg.matrix_rank(movements[3:6], tol=1e-6))
     parts = []
     if (shifts := free - turns - int(_scale_is_free(movements))) > 0:
-        parts.append(f"{shifts} shift{'s' * (shifts > 1)}")
+        parts.append(counted(shifts, "shift"))
     if turns:
-        parts.append(f"{turns} rotation{'s' * (turns > 1)}")
+        parts.append(counted(turns, "rotation"))
     if _scale_is_free(movements):
         parts.append("scale")
-    listed = " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else parts[0]
+    listed = joined(parts)
     if listed == "scale":
         yield Diagnosis("datum", where, "scale is free", "add a distance or a second control point")
     else:
@@ -88,13 +90,13 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
 
     Photo points do not determine any: they only see how photos and points lie to one another.
     """
-    problem, state = solved.problem, solved.adjusted.linearised.state
-    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != "photo")
+    problem, state = solved.problem, solved.state
+    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
     rows = [each.rows for each in problem.observations]
-    is_photo = np.concatenate([np.full(len(each.used), each.kind == "photo") for each in rows])
-    active = solved.adjusted.linearised.equations.active[~is_photo]
+    is_photo = np.concatenate([np.full(len(each.used), each.kind == PHOTO_POINT) for each in rows])
+    active = solved.equations.active[~is_photo]
     design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
 
@@ -110,7 +112,7 @@ def _control_count(block: Block) -> int:
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name every unknown that was removed, record by record, with the cause that can be seen."""
     names = solved.problem.unknowns.names
-    normals = solved.adjusted.normals
+    normals = solved.normals
     columns = [int(column) for column in np.flatnonzero(normals.removed) if names[column] is not None]
 
     def record(column: int) -> tuple[str, str]:
@@ -129,9 +131,9 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo that iterations which did not converge would move farthest, in its standard deviations."""
-    if solved.adjusted.termination not in (Termination.MAX_ITERATIONS, Termination.DIVERGED):
+    if solved.reason not in (TerminationReason.MAX_ITERATIONS, TerminationReason.DIVERGED):
         return
-    correction, cofactor, scale = solved.adjusted.normals.correction, solved.cofactors.reduced, solved.deviation_scale
+    correction, cofactor, scale = solved.normals.correction, solved.cofactors.reduced, solved.deviation_scale
     moves: list[tuple[float, str, str]] = []
     for photo, columns in zip(solved.block.photos, solved.problem.unknowns.photos, strict=True):
         sizes = [
@@ -167,9 +169,7 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
             return f"it has {points} points, {_POINTS_FOR_A_PHOTO} are needed", "measure more points in this photo"
         count = _control_count(block)
         if count < _POINTS_FOR_A_PHOTO:
-            cause = (
-                f"only {_IN_WORDS[count]} control point{'' if count == 1 else 's'}" if count else "no control points"
-            )
+            cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"
         return "its points do not fix it", "measure points that are spread over the photo, in depth too"
     if group == "THEODOLITE":
@@ -238,7 +238,7 @@ def _photos(count: int) -> str:
 def _strong_pairs(
     solved: SolvedBlock, kinds: Sequence[str], columns: Sequence[int]
 ) -> Iterator[tuple[str, str, float]]:
-    removed, cofactor = solved.adjusted.normals.removed, solved.cofactors.reduced
+    removed, cofactor = solved.normals.removed, solved.cofactors.reduced
     used = [
         (kind, column)
         for kind, column in zip(kinds, columns, strict=True)
@@ -253,11 +253,10 @@ def _strong_pairs(
 
 def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the photo points that the solution puts behind their camera."""
-    linearised = solved.adjusted.linearised
     start = 0
     for observations in solved.problem.observations:
         rows = observations.rows
-        active = linearised.equations.active[start : start + len(rows.used)]
+        active = solved.equations.active[start : start + len(rows.used)]
         start += len(rows.used)
         if not isinstance(observations, PhotoPointObservations):
             continue
@@ -267,7 +266,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
             continue
         some = observations.of(idle)
         rows = some.rows
-        behind = rows.used & ~some.linearise_with_partials(linearised.state).computable
+        behind = rows.used & ~some.linearise_with_partials(solved.state).computable
         for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
             yield Diagnosis(
                 "behind",
@@ -279,7 +278,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     where = f"bundle {solved.block.definition.name}"
-    sigma0, active = solved.variance.sigma0, solved.adjusted.linearised.equations.active
+    sigma0, active = solved.variance.sigma0, solved.equations.active
     if np.isfinite(sigma0) and sigma0 > _SIGMA0_TOO_LARGE:
         text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors promise"
         remedy = (
@@ -289,7 +288,7 @@ def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     if solved.variance.redundancy <= 0:
         text = "there is no redundancy: nothing checks the observations, and sigma0 cannot be computed"
         yield Diagnosis("no-redundancy", where, text, "measure more points or add control")
-    if np.mean(solved.adjusted.weight_factors[active] < 1.0) > 0.5:
+    if np.mean(solved.weight_factors[active] < 1.0) > 0.5:
         text = (
             "more than half of the observations are down-weighted: the adjustment is diverging, or starts too far off"
         )

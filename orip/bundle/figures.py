@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orip.arrays import FloatArray
+from orip.records.observation_kinds import CONTROL_POINT
 from orip.records.solution import Solution
 
 
@@ -62,7 +63,7 @@ def _control_residuals(solution: Solution, components: str) -> FloatArray:
     residuals = solution.residuals
     chosen = np.array(
         [
-            kind == "control" and component in components
+            kind == CONTROL_POINT.name and component in components
             for kind, component in zip(residuals.kind, residuals.component, strict=True)
         ],
         dtype=np.bool_,

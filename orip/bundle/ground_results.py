@@ -39,7 +39,7 @@ class AdjustedPoints(NamedTuple):
 
 def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
     """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
-    local = solved.adjusted.linearised.state.points
+    local = solved.state.points
     sd = _place_deviations(solved, solved.problem.unknowns.points, local)
     index = solved.block.point_index()
     for element in solved.block.constant_elements:
@@ -50,7 +50,7 @@ def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
 
 def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
     """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
-    state, ground = solved.adjusted.linearised.state, solved.block.ground
+    state, ground = solved.state, solved.block.ground
     centres = ground.to_project(state.centres)
     axes = ground.axes_at(centres)
     angles = angles_from_rotation(axes @ state.rotations)
@@ -78,7 +78,7 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
     diagonal = np.concatenate([solved.cofactors.reduced.diagonal(), blocks])
     deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
-    deviation[solved.adjusted.normals.removed] = UNDETERMINED
+    deviation[solved.normals.removed] = UNDETERMINED
     padded = np.append(deviation, np.nan)
     return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
 
@@ -88,7 +88,7 @@ def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> 
     rotation = solved.problem.unknowns.photos[photo, 3:]
     cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
     variance = np.diag(shown @ cofactor @ shown.T)
-    removed = solved.adjusted.normals.removed[rotation]
+    removed = solved.normals.removed[rotation]
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
@@ -111,7 +111,7 @@ def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray)
     variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
     deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
     unknown = columns != CONSTANT
-    removed = unknown & solved.adjusted.normals.removed[columns]
+    removed = unknown & solved.normals.removed[columns]
     deviation[removed @ ground.dependence.T] = UNDETERMINED
     deviation[~(unknown @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)

@@ -1,11 +1,11 @@
-"""The ways of adjusting a block: as it is, freed of blunders, freed of needless camera parameters, or of both."""
+"""A block adjusted by a method: with Danish weights or data snooping, and with camera parameters pruned or not."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from orip.adjustment.iteration import PassRecord
+from orip.adjustment.iteration import IterationRecord
 from orip.bundle.advice import blunder_advice, pruning_advice
 from orip.bundle.calibration import prune
 from orip.bundle.diagnosis import diagnose
@@ -13,17 +13,17 @@ from orip.bundle.results import iteration_pass, solution_of
 from orip.bundle.snooping import SnoopingSettings, snoop, without_blunders
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
-from orip.records.solution import Blunder, Diagnosis, Solution
+from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How to adjust.
+    """How a block is adjusted.
 
     Parameters
     ----------
     snooping : SnoopingSettings or None
-        Search blunders and leave them out, instead of reducing weights.
+        Find blunders by data snooping and leave them out; None: reduce weights by the Danish method.
     prune : bool
         Hold camera parameters at zero that are not significant or not determinable.
     """
@@ -36,29 +36,38 @@ def adjust_block(
     block: Block,
     method: Method,
     ground_unit: str,
-    on_pass: Callable[[PassRecord], None],
+    on_iteration: Callable[[IterationPass], None],
     stop_asked: Callable[[], bool],
 ) -> Solution:
-    """Adjust a block by a method and return its solution, diagnosed.
+    """Adjust a block by a method; return its solution with diagnosis.
 
     Parameters
     ----------
     block : Block
+        With starting values; its definition holds the settings.
     method : Method
     ground_unit : str
-        For the wording of diagnoses.
-    on_pass, stop_asked : callables
-        See `orip.bundle.solve.solve_block`; passes are numbered through.
+        The project's.
+    on_iteration : callable
+        Called after each iteration; those of successive adjustments are numbered consecutively.
+    stop_asked : callable
+        Asked after each iteration; True ends the adjustment with the current state.
 
     Returns
     -------
     Solution
-    """
-    passes: list[PassRecord] = []
+        In the user's names and units; project, user, inputs, warnings, interior and run are for the caller to fill in.
 
-    def numbered(record: PassRecord) -> None:
-        passes.append(replace(record, iteration=len(passes) + 1))
-        on_pass(passes[-1])
+    Raises
+    ------
+    NotSolvableError
+        When there are no unknowns, or the iterations diverged to numbers that are not finite.
+    """
+    iterations: list[IterationPass] = []
+
+    def numbered(record: IterationRecord) -> None:
+        iterations.append(replace(iteration_pass(record), iteration=len(iterations) + 1))
+        on_iteration(iterations[-1])
 
     advice: list[Diagnosis] = []
     solved, blunders = _solved(block, method, numbered, stop_asked)
@@ -68,21 +77,22 @@ def adjust_block(
         solved = pruned.solved
         advice += pruning_advice(pruned.removed)
     solution = solution_of(solved)
-    # the last adjustment may have converged, but the search for blunders or parameters has not come to its end
+    # the last adjustment may have converged, but the search for blunders or parameters was not finished
     cut_short = method != Method() and stop_asked()
     return replace(
         solution,
         status="stopped" if cut_short else solution.status,
-        iterations=tuple(iteration_pass(record) for record in passes),
+        ground_unit=ground_unit,
+        iterations=tuple(iterations),
         blunders=blunders,
         diagnosis=(*advice, *diagnose(solved)),
     )
 
 
 def _solved(
-    block: Block, method: Method, on_pass: Callable[[PassRecord], None], stop_asked: Callable[[], bool]
+    block: Block, method: Method, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]
 ) -> tuple[SolvedBlock, tuple[Blunder, ...]]:
     if method.snooping is None:
-        return solve_block(block, on_pass, stop_asked), ()
-    snooped = snoop(block, method.snooping, on_pass, stop_asked)
+        return solve_block(block, on_iteration, stop_asked), ()
+    snooped = snoop(block, method.snooping, on_iteration, stop_asked)
     return snooped.solved, snooped.blunders

@@ -82,7 +82,7 @@ class BlockProblem:
             values = observations.linearise_with_partials(state)
             error = observations.rows.error
             data.append((values.partials / error[:, None])[keep])
-            residual.append((values.residual + state.memory.get(observations.rows.kind, 0.0)) / error)
+            residual.append((values.residual + state.memory.get(observations.rows.kind.name, 0.0)) / error)
             exact.append(np.full(len(error), observations.exact))
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
@@ -114,10 +114,12 @@ class BlockProblem:
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
         moved = state.moved(correction, self.unknowns)
-        memory = {each.rows.kind: kept for each in self.observations if (kept := each.remembered(moved)) is not None}
+        memory = {
+            each.rows.kind.name: kept for each in self.observations if (kept := each.remembered(moved)) is not None
+        }
         return replace(moved, memory=memory)
 
-    def reconsidered(self, state: State, equations: Equations, limit: float) -> State | None:
+    def improve_consensus(self, state: State, equations: Equations, limit: float) -> State | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
         first = 0
         correction = np.zeros(self.layout.size)
@@ -128,7 +130,7 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
-    def with_points_anew(self, state: State) -> State:
+    def with_blocks_recomputed(self, state: State) -> State:
         """Return the state with its points where the rays of the photos meet."""
         return with_intersected_points(self.block, state, self.unknowns)
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orip.adjustment.convergence import Termination
-from orip.adjustment.iteration import PassRecord
+from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.iteration import IterationRecord
 from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
@@ -34,10 +34,10 @@ _TESTABLE = 1e-6
 
 
 def solution_of(solved: SolvedBlock) -> Solution:
-    """Return the solution in the user's names; project, user, inputs and run are for the caller to fill in."""
-    block, state = solved.block, solved.adjusted.linearised.state
-    variance, passes = solved.variance, solved.adjusted.passes
-    equations = solved.adjusted.linearised.equations
+    """Return the solution in the user's names, without what belongs to the project it is of."""
+    block, state = solved.block, solved.state
+    variance = solved.variance
+    equations = solved.equations
     points = Estimates(block.point_names, *adjusted_points(solved))
     photos = adjusted_photos(solved)
     return Solution(
@@ -53,8 +53,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
         redundancy_used=variance.redundancy_used,
         observations=int(np.count_nonzero(equations.active)),
         unknowns=solved.problem.layout.unknowns + solved.problem.defect,
-        enp=passes[-1].enp,
-        iterations=tuple(iteration_pass(record) for record in passes),
+        enp=solved.iterations[-1].enp,
+        iterations=tuple(iteration_pass(record) for record in solved.iterations),
         cameras=Estimates(
             tuple(camera.name for camera in block.cameras),
             state.cameras,
@@ -76,21 +76,21 @@ def solution_of(solved: SolvedBlock) -> Solution:
     )
 
 
-def iteration_pass(record: PassRecord) -> IterationPass:
-    """Return a pass as it is printed and kept."""
+def iteration_pass(record: IterationRecord) -> IterationPass:
+    """Return an iteration as it is printed and stored."""
     return IterationPass(
         record.iteration, record.enp, record.sigma0, record.down_weighted, record.singular, record.step_limited
     )
 
 
 def _status(solved: SolvedBlock) -> Status:
-    termination = solved.adjusted.termination
-    if termination is Termination.STOPPED:
+    termination = solved.reason
+    if termination is TerminationReason.STOPPED:
         return "stopped"
-    if termination is not Termination.CONVERGED:
+    if termination is not TerminationReason.CONVERGED:
         return "not_converged"
-    active = solved.adjusted.linearised.equations.active
-    share = float(np.mean(solved.adjusted.weight_factors[active] < 1.0))
+    active = solved.equations.active
+    share = float(np.mean(solved.weight_factors[active] < 1.0))
     variance = solved.variance
     if share > _DOUBTFUL_SHARE or variance.sigma0_all > _DOUBTFUL_RATIO * variance.sigma0:
         return "doubtful"
@@ -110,17 +110,17 @@ def _point_kinds(block: Block) -> tuple[PointKind, ...]:
 
 def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
-    state, equations = solved.adjusted.linearised.state, solved.adjusted.linearised.equations
+    state, equations = solved.state, solved.equations
     error = np.concatenate([each.error for each in rows])
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
-    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind, 0.0), len(each.photo)) for each in rows])
+    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind.name, 0.0), len(each.photo)) for each in rows])
     residual = equations.residual * error - added
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
     standard = np.abs(residual) / error
     return Residuals(
-        kind=tuple(each.kind for each in rows for _ in each.photo),
+        kind=tuple(each.kind.name for each in rows for _ in each.photo),
         photo=_chained([each.photo for each in rows]),
         point=_chained([each.point for each in rows]),
         component=_chained([each.component for each in rows]),
@@ -128,7 +128,7 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         residual=residual,
         a_priori=error,
         standard_residual=standard,
-        weight_factor=solved.adjusted.weight_factors * taking_part,
+        weight_factor=solved.weight_factors * taking_part,
         redundancy_number=numbers,
         w=standard / (solved.deviation_scale * np.sqrt(testable)),
     )
@@ -140,7 +140,7 @@ def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
 def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
     sd = deviations(solved, solved.problem.unknowns.additional)
-    values = solved.adjusted.linearised.state.additional
+    values = solved.state.additional
     return tuple(
         AdditionalEstimate(camera.name, name, float(values[row, place]), float(sd[row, place]))
         for row, camera in enumerate(solved.block.cameras)
@@ -149,7 +149,7 @@ def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
 
 
 def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:
-    normals = solved.adjusted.normals
+    normals = solved.normals
     names = solved.problem.unknowns.names
     found = []
     for column in np.flatnonzero(normals.removed):
@@ -162,7 +162,7 @@ def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:
 def _camera_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
     """Return the correlations of the unknowns of each camera."""
     found = []
-    removed = solved.adjusted.normals.removed
+    removed = solved.normals.removed
     for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
         kinds = [
             (kind, column) for kind, column in zip(CAMERA_PARAMETERS, columns, strict=True)

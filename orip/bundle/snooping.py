@@ -13,8 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from orip.adjustment.convergence import Termination
-from orip.adjustment.iteration import PassRecord
+from orip.adjustment.iteration import IterationRecord
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray
 from orip.bundle.kinds.control_point import ControlPointObservations
@@ -25,6 +24,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.control import ControlPoint
+from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT
 from orip.records.solution import Blunder
 
 _NEAR_THE_WORST = 0.5
@@ -84,7 +84,7 @@ class Snooped:
 def snoop(
     block: Block,
     settings: SnoopingSettings,
-    on_pass: Callable[[PassRecord], None],
+    on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
 ) -> Snooped:
     """Adjust a block and leave out its blunders.
@@ -93,7 +93,7 @@ def snoop(
     ----------
     block : Block
     settings : SnoopingSettings
-    on_pass, stop_asked : callables
+    on_iteration, stop_asked : callables
         See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
 
     Returns
@@ -101,7 +101,7 @@ def snoop(
     Snooped
     """
     with stage("searching blunders"):
-        search = _Search(block, settings, on_pass, stop_asked)
+        search = _Search(block, settings, on_iteration, stop_asked)
         search.leave_out()
         search.take_back()
     return Snooped(search.solved, tuple(search.blunders()))
@@ -111,11 +111,11 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
     photos = [photo.name for photo in block.photos]
     place = block.point_index()
-    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == "photo"}
+    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == PHOTO_POINT.name}
     points = block.photo_points
     keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
     used = points.used & np.array(keep, dtype=bool)[:, None]
-    contradicting = {each.point for each in blunders if each.kind == "control"}
+    contradicting = {each.point for each in blunders if each.kind == CONTROL_POINT.name}
     control = tuple(_disregarded(each) if each.name in contradicting else each for each in block.control_points)
     return replace(block, photo_points=replace(points, used=used), control_points=control)
 
@@ -132,30 +132,30 @@ class _Search:
         self,
         block: Block,
         settings: SnoopingSettings,
-        on_pass: Callable[[PassRecord], None],
+        on_iteration: Callable[[IterationRecord], None],
         stop_asked: Callable[[], bool],
     ) -> None:
         self.settings = settings
         self.stop_asked = stop_asked
-        self.on_pass = on_pass
+        self.on_iteration = on_iteration
         robust = replace(iteration_settings(block.definition), start_down_weight=2)
         block = _without_weights(block)
         self.iterations = iteration_settings(block.definition)
         problem = pose_problem(block)
         self.units = _units(problem.observations)
         self.left_out: dict[int, _Finding] = {}
-        self.solved = solve_problem(block, problem, starting_state(block), self.iterations, on_pass, stop_asked)
+        self.solved = solve_problem(problem, starting_state(block), self.iterations, on_iteration, stop_asked)
         if not self._converged and not stop_asked():
-            self.solved = solve_problem(block, problem, starting_state(block), robust, on_pass, stop_asked)
+            self.solved = solve_problem(problem, starting_state(block), robust, on_iteration, stop_asked)
             self._leave_out_down_weighted()
 
     @property
     def _converged(self) -> bool:
-        return self.solved.adjusted.termination is Termination.CONVERGED
+        return self.solved.converged
 
     def _leave_out_down_weighted(self) -> None:
         """Leave out what the Danish method gave less weight: blunders so large that nothing converges with them."""
-        weight = self.solved.adjusted.weight_factors
+        weight = self.solved.weight_factors
         for index in self._in_use():
             if (weight[list(self.units[index].rows)] < 1.0).any():
                 self.left_out[index] = self._score(index, left_out=True)
@@ -193,10 +193,12 @@ class _Search:
         point = [name for each in rows for name in each.point]
         component = [name for each in rows for name in each.component]
         error = np.concatenate([each.error for each in rows])
-        residual = self.solved.adjusted.linearised.equations.residual
+        residual = self.solved.equations.residual
         for order, finding in enumerate(self.left_out.values(), start=1):
             unit = self.units[finding.unit]
-            shown = unit.rows if unit.kind == "control" else (max(unit.rows, key=lambda row: abs(residual[row])),)
+            shown = (
+                unit.rows if unit.kind == CONTROL_POINT.name else (max(unit.rows, key=lambda row: abs(residual[row])),)
+            )
             for row in shown:
                 yield Blunder(
                     order, unit.kind, photo[row], point[row], component[row],
@@ -213,16 +215,15 @@ class _Search:
             excluded[list(self.units[unit].rows)] = True
         before = self.solved
         self.solved = solve_problem(
-            before.block,
             replace(before.problem, excluded=excluded),
-            before.adjusted.linearised.state,
+            before.state,
             self.iterations,
-            self.on_pass,
+            self.on_iteration,
             self.stop_asked,
         )
 
     def _residual(self) -> FloatArray:
-        return self.solved.adjusted.linearised.equations.residual
+        return self.solved.equations.residual
 
     def _leverage(self) -> FloatArray:
         return self.solved.cofactors.leverage
@@ -242,7 +243,7 @@ class _Search:
         test, rows = self._test(), list(self.units[unit].rows)
         residual, leverage = self._residual()[rows], self._leverage()[rows]
         sign = 1.0 if left_out else -1.0
-        if self.units[unit].kind == "control":
+        if self.units[unit].kind == CONTROL_POINT.name:
             cofactor = np.eye(len(rows)) + sign * self._cofactor_of_control(unit)
             if left_out:
                 quantity = float(residual @ np.linalg.solve(cofactor, residual)) / test.sigma0**2
@@ -259,7 +260,7 @@ class _Search:
     def _cofactor_of_control(self, unit: int) -> FloatArray:
         """Return the cofactor (k, k) of the adjusted coordinates of a control point, in units of their errors."""
         # the rows of the design matrix have the partials by the point's coordinates, divided by the errors
-        design = self.solved.adjusted.linearised.equations.design[list(self.units[unit].rows)]
+        design = self.solved.equations.design[list(self.units[unit].rows)]
         columns = np.unique(design.indices)
         partials = design[:, columns].toarray()
         return np.asarray(partials @ self.solved.cofactors_of(columns) @ partials.T)
@@ -272,7 +273,7 @@ class _Search:
             return []
         failing.sort(key=lambda score: score.statistic / score.limit, reverse=True)
         worst = failing[0]
-        if self.units[worst.unit].kind == "control":
+        if self.units[worst.unit].kind == CONTROL_POINT.name:
             return [worst]
         chosen: list[_Finding] = []
         photos: set[int] = set()
@@ -280,7 +281,7 @@ class _Search:
         for score in failing:
             unit = self.units[score.unit]
             near = score.statistic / score.limit >= _NEAR_THE_WORST * worst.statistic / worst.limit
-            if near and unit.kind == "photo" and unit.photo not in photos and unit.point not in points:
+            if near and unit.kind == PHOTO_POINT.name and unit.photo not in photos and unit.point not in points:
                 chosen.append(score)
             # the first of a photo or point stands for it, whether it was taken or not
             photos.add(unit.photo)
@@ -288,7 +289,7 @@ class _Search:
         return chosen
 
     def _in_use(self) -> list[int]:
-        active = self.solved.adjusted.linearised.equations.active
+        active = self.solved.equations.active
         return [
             index
             for index, unit in enumerate(self.units)
@@ -313,10 +314,10 @@ def _units(observations: tuple[Observations, ...]) -> list[_Unit]:
                 pair = [2 * index + place for place in range(2) if rows.used[2 * index + place]]
                 if pair:
                     place = tuple(start + row for row in pair)
-                    units.append(_Unit("photo", place, int(each.photo[index]), int(each.point[index])))
+                    units.append(_Unit(PHOTO_POINT.name, place, int(each.photo[index]), int(each.point[index])))
         elif isinstance(each, ControlPointObservations):
             for point in np.unique(each.point[rows.used]):
                 mine = np.flatnonzero((each.point == point) & rows.used)
-                units.append(_Unit("control", tuple(start + int(row) for row in mine), -1, int(point)))
+                units.append(_Unit(CONTROL_POINT.name, tuple(start + int(row) for row in mine), -1, int(point)))
         start += len(rows.photo)
     return units

@@ -1,4 +1,4 @@
-"""Solving a block: the iterations and the precision of what they find."""
+"""A block adjusted once: the iterations and the precision of their result."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.adjustment.iteration import Adjusted, IterationSettings, PassRecord, adjust
+from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.equations import Equations
+from orip.adjustment.iteration import Adjustment, IterationRecord, IterationSettings, adjust
+from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import State
 from orip.errors import NotSolvableError
@@ -24,20 +27,50 @@ _LARGE = 2000
 
 @dataclass(frozen=True, slots=True)
 class SolvedBlock:
-    """A block with its adjustment and the precision of everything in it."""
+    """A block after an adjustment: the final state, its equations and the precision of all unknowns.
 
-    block: Block
+    Parameters
+    ----------
+    problem : BlockProblem
+    state : State
+    equations : Equations
+        At that state.
+    weight_factors : array (n,)
+        Those of the final state; 0 for observations that take no part.
+    normals : SolvedNormals
+    iterations : tuple of IterationRecord
+    reason : TerminationReason
+        Why the iterations ended.
+    cofactors : Cofactors
+    variance : VarianceOfUnitWeight
+    """
+
     problem: BlockProblem
-    adjusted: Adjusted[State]
+    state: State
+    equations: Equations
+    weight_factors: FloatArray
+    normals: SolvedNormals
+    iterations: tuple[IterationRecord, ...]
+    reason: TerminationReason
     cofactors: Cofactors
     variance: VarianceOfUnitWeight
 
     @property
+    def block(self) -> Block:
+        """Return the block that was adjusted."""
+        return self.problem.block
+
+    @property
+    def converged(self) -> bool:
+        """Return whether the iterations converged."""
+        return self.reason is TerminationReason.CONVERGED
+
+    @property
     def deviation_scale(self) -> float:
-        """Return what the root of a cofactor is multiplied with: sigma0, or 1 without redundancy."""
+        """Return the factor from the root of a cofactor to a standard deviation: sigma0, or 1 without redundancy."""
         return self.variance.sigma0 if np.isfinite(self.variance.sigma0) else 1.0
 
-    def cofactors_of(self, columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    def cofactors_of(self, columns: IntArray) -> FloatArray:
         """Return the cofactor matrix (k, k) of unknowns that are all in the reduced system or all of one point."""
         m = self.problem.layout.reduced
         if (columns < m).all():
@@ -47,7 +80,7 @@ class SolvedBlock:
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
-    """Return the settings of the iterations; down-weighting that starts at the last iteration is off."""
+    """Return the settings of the iterations: a bundle's, with down-weighting off where it begins at the last one."""
     off = definition.start_down_weight >= definition.max_iterations
     return IterationSettings(
         definition.enp_stop,
@@ -58,13 +91,15 @@ def iteration_settings(definition: BundleDefinition) -> IterationSettings:
     )
 
 
-def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked: Callable[[], bool]) -> SolvedBlock:
+def solve_block(
+    block: Block, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]
+) -> SolvedBlock:
     """Adjust a block.
 
     Parameters
     ----------
     block : Block
-    on_pass : callable
+    on_iteration : callable
         Called after each iteration.
     stop_asked : callable
         Asked after each iteration; True stops there.
@@ -76,33 +111,32 @@ def solve_block(block: Block, on_pass: Callable[[PassRecord], None], stop_asked:
     Raises
     ------
     NotSolvableError
-        When there are no unknowns or no observations, or the numbers have run away.
+        When there are no unknowns, or the iterations diverged to numbers that are not finite.
     """
     problem = pose_problem(block)
     if not problem.layout.unknowns:
-        message = "nothing is unknown: every camera, photo and point is constant; there is nothing to adjust"
+        message = "every camera, photo and point is constant: there is nothing to adjust"
         raise NotSolvableError(message)
     settings = iteration_settings(block.definition)
-    return solve_problem(block, problem, starting_state(block), settings, on_pass, stop_asked)
+    return solve_problem(problem, starting_state(block), settings, on_iteration, stop_asked)
 
 
 def solve_problem(
-    block: Block,
     problem: BlockProblem,
     start: State,
     settings: IterationSettings,
-    on_pass: Callable[[PassRecord], None],
+    on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
     with threads_that_pay(problem):
         with stage("adjusting"):
-            adjusted = adjust(problem, start, settings, on_pass, stop_asked)
-        return _solved(block, problem, adjusted)
+            adjustment = adjust(problem, start, settings, on_iteration, stop_asked)
+        return _with_precision(problem, adjustment)
 
 
 def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
-    """Return a context in which only large full matrices have more than one thread: with others they only wait."""
+    """Return a context in which BLAS has one thread, but for large full matrices: others gain nothing by more."""
     from threadpoolctl import threadpool_limits
 
     layout = problem.layout
@@ -110,20 +144,22 @@ def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
     return nullcontext() if full else threadpool_limits(1, user_api="blas")
 
 
-def _solved(block: Block, problem: BlockProblem, adjusted: Adjusted[State]) -> SolvedBlock:
-    """Return an adjusted block with its precision."""
-    equations = adjusted.linearised.equations
-    if not np.isfinite(adjusted.passes[-1].enp) or not np.isfinite(equations.residual).all():
+def _with_precision(problem: BlockProblem, found: Adjustment[State]) -> SolvedBlock:
+    """Return the adjusted block with the precision of all unknowns."""
+    equations, normals = found.equations, found.normals
+    if not np.isfinite(found.iterations[-1].enp) or not np.isfinite(equations.residual).all():
         message = (
-            "the adjustment ran away to numbers that are not finite; check the preliminary values, "
-            "the control and the a-priori errors"
+            "the adjustment diverged to numbers that are not finite; check the preliminary values, the control and "
+            "the a-priori errors"
         )
         raise NotSolvableError(message)
     with stage("precision"):
-        found = cofactors(equations, adjusted.normals)
+        precision = cofactors(equations, normals)
         if problem.datum is not None:
-            state = adjusted.linearised.state
-            found = problem.datum.transformed_cofactors(found, adjusted.normals, state, problem.unknowns)
-    effective = problem.layout.unknowns - int(np.count_nonzero(adjusted.normals.removed))
-    variance = variance_of_unit_weight(equations, adjusted.weight_factors, found.leverage, effective)
-    return SolvedBlock(block, problem, adjusted, found, variance)
+            precision = problem.datum.transformed_cofactors(precision, normals, found.state, problem.unknowns)
+    effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
+    variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
+    return SolvedBlock(
+        problem, found.state, equations, found.weight_factors, normals, found.iterations, found.reason, precision,
+        variance,
+    )  # fmt: skip

@@ -11,6 +11,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 from orip.errors import InputError
+from orip.wording import agreeing
 
 if TYPE_CHECKING:
     import pyproj
@@ -81,7 +82,7 @@ def _refusal(group: TransformerGroup, shown: str, heights: str) -> str:
         for grid in missing
     ]
     names = ", ".join(grid.short_name for grid in missing)
-    what = f"grid {names} is" if len(missing) == 1 else f"grids {names} are"
+    what = f"{agreeing(len(missing), 'grid')} {names} {agreeing(len(missing), 'is', 'are')}"
     return (
         f"{start} the {what} not installed, and PROJ would silently leave heights unchanged. "
         f"To install, {' and '.join(steps)}. {WITHOUT_HEIGHTS}"

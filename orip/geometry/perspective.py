@@ -1,14 +1,35 @@
-"""The perspective: from a ground point to the ideal photo coordinates, before any distortion."""
+"""The perspective: from a ground point to the ideal photo coordinates, before any distortion.
+
+U = R^T (X - X0) is the point in the photo's axes; the camera looks along its negative z axis:
+
+    x, y = -C U1 / U3, -C U2 / U3
+
+What takes plain numbers as well as arrays serves the real-time loop, where arrays of one point would be far slower.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
-from orip.geometry.rotation import cross_matrix
+from orip.arrays import BoolArray, FloatArray, Number
+from orip.geometry.rotation import cross_matrix, rotated_back
+
+IN_FRONT = 1e-6
+"""Smallest part that the depth of a point has of its distance from the projection centre."""
+
+
+def is_in_front(u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
+    """Tell whether a point with the coordinates U in the photo's axes is in front of the camera."""
+    found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > IN_FRONT**2 * (u1 * u1 + u2 * u2 + u3 * u3))
+    return found
+
+
+def ideal_coordinates(principal_distance: float | Number, u1: Number, u2: Number, u3: Number) -> tuple[Number, Number]:
+    """Return the ideal photo coordinates of a point with the coordinates U in the photo's axes."""
+    scale = -principal_distance / u3
+    return scale * u1, scale * u2
 
 
 class Perspective(NamedTuple):
@@ -31,9 +52,9 @@ class Perspective(NamedTuple):
     by_point: FloatArray
     by_rotation: FloatArray
     by_principal_distance: FloatArray
-    in_front: NDArray[np.bool_]
+    in_front: BoolArray
 
-    def of(self, rows: NDArray[np.bool_]) -> Perspective:
+    def of(self, rows: BoolArray) -> Perspective:
         """Return the rows of some points."""
         return Perspective(
             self.xy[rows],
@@ -47,7 +68,7 @@ class Perspective(NamedTuple):
 def perspective_with_partials(
     offset: FloatArray, rotation: FloatArray, principal_distance_mm: FloatArray
 ) -> Perspective:
-    """Project ground points: U = R^T (X - X0), (x, y) = -C (U1, U2) / U3.
+    """Return the ideal photo coordinates of ground points.
 
     Parameters
     ----------
@@ -63,20 +84,17 @@ def perspective_with_partials(
 
     Notes
     -----
-    The camera looks along its negative z axis. With R replaced by Exp([d]x) R the photo-axes vector changes by
+    With R replaced by Exp([d]x) R the photo-axes vector changes by
     dU = R^T [X - X0]x d (Kraus, Photogrammetry vol. 1, differential form of the collinearity equations).
     """
-    to_photo = np.swapaxes(rotation, -1, -2)
-    u = (to_photo @ offset[:, :, None])[:, :, 0]
-    depth = u[:, 2]
-    in_front = depth < -1e-6 * np.linalg.norm(u, axis=1)
-    depth = np.where(in_front, depth, -1.0)
-    direction = -u[:, :2] / depth[:, None]
-    xy = principal_distance_mm[:, None] * direction
+    u1, u2, u3 = rotated_back(tuple(rotation.reshape(-1, 9).T), *offset.T)
+    in_front = np.asarray(is_in_front(u1, u2, u3))
+    depth = np.where(in_front, u3, -1.0)
+    xy = np.stack(ideal_coordinates(principal_distance_mm, u1, u2, depth), axis=1)
+    direction = np.stack(ideal_coordinates(1.0, u1, u2, depth), axis=1)
 
-    scale = -principal_distance_mm / depth
-    by_u = np.zeros((len(u), 2, 3))
-    by_u[:, 0, 0] = by_u[:, 1, 1] = scale
+    by_u = np.zeros((len(xy), 2, 3))
+    by_u[:, 0, 0] = by_u[:, 1, 1] = -principal_distance_mm / depth
     by_u[:, :, 2] = -xy / depth[:, None]
-    by_point = by_u @ to_photo
+    by_point = by_u @ np.swapaxes(rotation, -1, -2)
     return Perspective(xy, by_point, by_point @ cross_matrix(offset), direction, in_front)

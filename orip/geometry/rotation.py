@@ -6,12 +6,37 @@ Nothing here has a singular case except the angles themselves, which are only a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, Number
 
 _GIMBAL_LOCK = 1e-9
 """Below this cosine of phi omega and kappa turn about the same axis, and kappa is written as zero."""
+
+
+def rotated(
+    rotation: Sequence[float] | Sequence[Number], x: Number, y: Number, z: Number
+) -> tuple[Number, Number, Number]:
+    """Return R (x, y, z): photo axes to ground axes.
+
+    Parameters
+    ----------
+    rotation : 9 floats, or arrays (n,)
+        R row by row.
+    x, y, z : floats, or arrays (n,)
+    """
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation
+    return r11 * x + r12 * y + r13 * z, r21 * x + r22 * y + r23 * z, r31 * x + r32 * y + r33 * z
+
+
+def rotated_back(
+    rotation: Sequence[float] | Sequence[Number], x: Number, y: Number, z: Number
+) -> tuple[Number, Number, Number]:
+    """Return R^T (x, y, z): ground axes to photo axes; parameters as of `rotated`."""
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation
+    return r11 * x + r21 * y + r31 * z, r12 * x + r22 * y + r32 * z, r13 * x + r23 * y + r33 * z
 
 
 def rotation_from_angles(angles: FloatArray) -> FloatArray:
@@ -131,3 +156,9 @@ def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
     one, zero = np.ones_like(so), np.zeros_like(so)
     rows = [[one, so * tp, -co * tp], [zero, co, so], [zero, -so / cp, co / cp]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the angles (...), radians, of the rotations that take rotation matrices (..., 3, 3) to other ones."""
+    trace = np.einsum("...ij,...ij->...", one, other)
+    return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))

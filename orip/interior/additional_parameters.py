@@ -119,6 +119,18 @@ def additional_with_partials(
     return Additional(np.einsum("nck,nk->nc", by_values, values), np.stack([by_x, by_y], axis=2), by_values)
 
 
+def basis_by_powers(set_name: AdditionalSet, base_mm: float) -> FloatArray:
+    """Return the factors (m, m) of (t / b)^i, i = 0 .. m - 1, in each polynomial of a set (columns) for a base b (mm).
+
+    The polynomials are of degree m - 1 at most, so that m places determine them.
+    """
+    parameter_set = PARAMETER_SETS[set_name]
+    size = parameter_set.factors.shape[2]
+    nodes = np.linspace(-1.0, 1.0, size)
+    at_nodes = parameter_set.basis(base_mm * nodes, np.full(size, base_mm)).value
+    return np.asarray(np.linalg.solve(np.vander(nodes, increasing=True), at_nodes), dtype=np.float64)
+
+
 def base_of_frame(frame_x: float, frame_y: float) -> float:
     """Return the base b for a frame of this size, in its unit: 0.4 of the shorter side.
 

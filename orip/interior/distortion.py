@@ -7,103 +7,122 @@ Coordinates are millimetres reduced to the principal point; r is their radius:
 
 With the argument "ideal" the measured coordinates are the ideal ones plus (dx, dy); with "measured" the ideal ones are
 the measured ones, first freed of the affinity, minus (dx, dy) without its B terms.
+
+The formulas take one point as plain numbers, or n points as arrays (n,): a plate processor moves its measuring mark
+thousands of times a second, and arrays of one point would be far slower. Coefficients are 8 numbers, or 8 arrays (n,):
+A1, A3, A5, A7, P1, P2, B1, B2.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray, Number
 
-DISTORTION_PARAMETERS = ("A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
+Mapped = tuple[Number, Number, Number, Number, Number, Number]
+"""x and y that a point is mapped to, and their partials: x by x, x by y, y by x and y by y.
+
+A plain tuple: making a named one takes as long as a tenth of the formulas.
+"""
+
 _NEWTON_STEPS = 20
-_NEWTON_TOLERANCE_MM = 1e-12
+_STEP_ENOUGH_MM = 1e-12
 _FOUND_MM = 1e-9
 """A thousandth of a thousandth of what can be measured; rounding may keep Newton's steps above their tolerance."""
 
 
-class Distorted(NamedTuple):
-    """A value (n, 2) in mm with its partials by the coordinates (n, 2, 2) and by the 8 coefficients (n, 2, 8)."""
-
-    value: FloatArray
-    by_xy: FloatArray
-    by_coefficients: FloatArray
-
-
-def distortion_with_partials(xy: FloatArray, coefficients: FloatArray) -> Distorted:
-    """Return (dx, dy) at the coordinates.
-
-    Parameters
-    ----------
-    xy : array (n, 2)
-        Reduced to the principal point, mm.
-    coefficients : array (n, 8) or (8,)
-        In the order of `DISTORTION_PARAMETERS`.
-
-    Returns
-    -------
-    Distorted
-    """
-    a1, a3, a5, a7, p1, p2, b1, b2 = np.broadcast_to(coefficients, (len(xy), 8)).T
-    x, y = xy.T
-    s = x * x + y * y
-    radial = a1 + s * (a3 + s * (a5 + s * a7))
-    radial_by_s = a3 + s * (2.0 * a5 + s * 3.0 * a7)
-    dx = x * radial + p1 * (s + 2.0 * x * x) + 2.0 * p2 * x * y + b1 * x + b2 * y
-    dy = y * radial + p2 * (s + 2.0 * y * y) + 2.0 * p1 * x * y
-
-    by_xy = np.empty((len(xy), 2, 2))
-    by_xy[:, 0, 0] = radial + 2.0 * x * x * radial_by_s + 6.0 * p1 * x + 2.0 * p2 * y + b1
-    by_xy[:, 0, 1] = 2.0 * x * y * radial_by_s + 2.0 * p1 * y + 2.0 * p2 * x + b2
-    by_xy[:, 1, 0] = 2.0 * x * y * radial_by_s + 2.0 * p2 * x + 2.0 * p1 * y
-    by_xy[:, 1, 1] = radial + 2.0 * y * y * radial_by_s + 6.0 * p2 * y + 2.0 * p1 * x
-
-    by_coefficients = np.zeros((len(xy), 2, 8))
-    by_coefficients[:, :, 0] = xy
-    for power in (1, 2, 3):
-        by_coefficients[:, :, power] = xy * (s**power)[:, None]
-    by_coefficients[:, 0, 4] = s + 2.0 * x * x
-    by_coefficients[:, 1, 4] = by_coefficients[:, 0, 5] = 2.0 * x * y
-    by_coefficients[:, 1, 5] = s + 2.0 * y * y
-    by_coefficients[:, 0, 6] = x
-    by_coefficients[:, 0, 7] = y
-    return Distorted(np.stack([dx, dy], axis=1), by_xy, by_coefficients)
+def distorted_with_partials(coefficients: Sequence[float] | Sequence[Number], x: Number, y: Number) -> Mapped[Number]:
+    """Return measured coordinates of ideal ones, for a polynomial at "ideal" coordinates."""
+    b1, b2 = coefficients[6:]
+    dx, dy, xx, xy, yx, yy = lens_distortion_with_partials(coefficients, x, y)
+    return x + dx + b1 * x + b2 * y, y + dy, 1.0 + xx + b1, xy + b2, yx, 1.0 + yy
 
 
-def correction_with_partials(xy: FloatArray, coefficients: FloatArray) -> Distorted:
-    """Return the corrected coordinates of measured ones, for a polynomial given at "measured" coordinates.
+def corrected_with_partials(coefficients: Sequence[float] | Sequence[Number], x: Number, y: Number) -> Mapped[Number]:
+    """Return ideal coordinates of measured ones, for a polynomial at "measured" coordinates.
 
     The affinity comes first: x' = x - B1 x - B2 y, y' = y; then (x', y') minus (dx, dy)(x', y') without the B terms.
+    """
+    b1, b2 = coefficients[6:]
+    freed = x - b1 * x - b2 * y
+    dx, dy, xx, xy, yx, yy = lens_distortion_with_partials(coefficients, freed, y)
+    by_freed, along = 1.0 - xx, 1.0 - b1
+    return freed - dx, y - dy, by_freed * along, -by_freed * b2 - xy, -yx * along, 1.0 - yy + yx * b2
+
+
+def lens_distortion_with_partials(
+    coefficients: Sequence[float] | Sequence[Number], x: Number, y: Number
+) -> Mapped[Number]:
+    """Return dx and dy without the affinity."""
+    a1, a3, a5, a7, p1, p2 = coefficients[:6]
+    x2, y2, product = x * x, y * y, 2.0 * x * y
+    s = x2 + y2
+    radial = a1 + s * (a3 + s * (a5 + s * a7))
+    by_s = a3 + s * (2.0 * a5 + s * (3.0 * a7))
+    cross = product * by_s + 2.0 * (p1 * y + p2 * x)
+    return (
+        x * radial + p1 * (s + 2.0 * x2) + p2 * product,
+        y * radial + p2 * (s + 2.0 * y2) + p1 * product,
+        radial + 2.0 * x2 * by_s + 6.0 * p1 * x + 2.0 * p2 * y,
+        cross,
+        cross,
+        radial + 2.0 * y2 * by_s + 6.0 * p2 * y + 2.0 * p1 * x,
+    )
+
+
+def distorted_by_coefficients(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the partials (n, 2, 8) of `distorted_with_partials` by the coefficients, in which it is linear."""
+    s, product = x * x + y * y, 2.0 * x * y
+    partials = np.zeros((len(x), 2, 8))
+    partials[:, 0, 0], partials[:, 1, 0] = x, y
+    for power in (1, 2, 3):
+        partials[:, :, power] = partials[:, :, power - 1] * s[:, None]
+    partials[:, 0, 4], partials[:, 1, 4] = s + 2.0 * x * x, product
+    partials[:, 0, 5], partials[:, 1, 5] = product, s + 2.0 * y * y
+    partials[:, 0, 6], partials[:, 0, 7] = x, y
+    return partials
+
+
+def corrected_by_coefficients(
+    coefficients: Sequence[float] | Sequence[FloatArray], x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Return the partials (n, 2, 8) of `corrected_with_partials` by the coefficients."""
+    freed = x - coefficients[6] * x - coefficients[7] * y
+    _, _, xx, _, yx, _ = lens_distortion_with_partials(coefficients, freed, y)
+    partials = -distorted_by_coefficients(freed, y)
+    # what the affinity takes off x changes the argument of the polynomial as well
+    by_freed = np.stack([1.0 - xx, -yx], axis=1)
+    partials[:, :, 6], partials[:, :, 7] = -by_freed * x[:, None], -by_freed * y[:, None]
+    return partials
+
+
+def inverse(
+    function: Callable[[Number, Number], Mapped[Number]], u: Number, v: Number
+) -> tuple[Number, Number, bool | BoolArray]:
+    """Return x and y that a function maps to u and v, by Newton's method, and whether they were found.
+
+    A point at which the function mirrors the plane is not found: it has folded over before. Arrays may overflow where
+    there is nothing to find; callers silence numpy.
 
     Parameters
     ----------
-    xy : array (n, 2)
-        Measured coordinates reduced to the principal point, mm.
-    coefficients : array (n, 8) or (8,)
-
-    Returns
-    -------
-    Distorted
-        Value: the corrected coordinates.
+    function : callable
+        Maps a point to a place not far from it.
+    u, v : floats, or arrays (n,)
+        mm.
     """
-    coefficients = np.broadcast_to(coefficients, (len(xy), 8))
-    b1, b2 = coefficients[:, 6], coefficients[:, 7]
-    freed = xy.copy()
-    freed[:, 0] -= b1 * xy[:, 0] + b2 * xy[:, 1]
-    without_affinity = coefficients.copy()
-    without_affinity[:, 6:] = 0.0
-    polynomial = distortion_with_partials(freed, without_affinity)
-
-    by_freed = np.eye(2) - polynomial.by_xy
-    by_xy = by_freed.copy()
-    by_xy[:, :, 0] = by_freed[:, :, 0] * (1.0 - b1)[:, None]
-    by_xy[:, :, 1] = by_freed[:, :, 1] - by_freed[:, :, 0] * b2[:, None]
-    by_coefficients = -polynomial.by_coefficients
-    by_coefficients[:, :, 6] = -by_freed[:, :, 0] * xy[:, 0, None]
-    by_coefficients[:, :, 7] = -by_freed[:, :, 0] * xy[:, 1, None]
-    return Distorted(freed - polynomial.value, by_xy, by_coefficients)
+    x, y = u, v
+    for _ in range(_NEWTON_STEPS):
+        fu, fv, xx, xy, yx, yy = function(x, y)
+        # a floor keeps plain numbers from dividing by zero; such a step finds nothing
+        du, dv, determinant = fu - u, fv - v, xx * yy - xy * yx + 1e-300
+        misfit = abs(du) + abs(dv)
+        if not _any_above(misfit, _STEP_ENOUGH_MM):
+            break
+        x, y = x - (yy * du - xy * dv) / determinant, y - (xx * dv - yx * du) / determinant
+    return x, y, (misfit < _FOUND_MM) & (determinant > 0.0)
 
 
 def remove_distortion(xy: FloatArray, coefficients: FloatArray) -> FloatArray:
@@ -114,35 +133,23 @@ def remove_distortion(xy: FloatArray, coefficients: FloatArray) -> FloatArray:
     xy : array (n, 2)
         Measured coordinates reduced to the principal point, mm.
     coefficients : array (n, 8) or (8,)
+        A1, A3, A5, A7, P1, P2, B1, B2.
 
     Returns
     -------
     array (n, 2)
         NaN where there is none: the polynomial is not monotone up to there.
     """
-    ideal = xy.copy()
-    misfit, by_ideal = np.zeros_like(xy), np.broadcast_to(np.eye(2), (len(xy), 2, 2))
-    # a point that runs away must not stop the others, nor warn
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for _ in range(_NEWTON_STEPS):
-            distorted = distortion_with_partials(ideal, coefficients)
-            misfit, by_ideal = ideal + distorted.value - xy, np.eye(2) + distorted.by_xy
-            if not (np.abs(misfit) >= _NEWTON_TOLERANCE_MM).any():
-                break
-            ideal = ideal - _solve_2x2(by_ideal, misfit)
-        found = np.abs(misfit).max(axis=1, initial=0.0) < _FOUND_MM
-        # beyond the maximum of the polynomial, or mirrored at the centre, an image would be shown twice
-        found &= (_determinant(by_ideal) > 0.0) & (np.sum(ideal * xy, axis=1) >= 0.0)
+    of_points = tuple(np.broadcast_to(coefficients, (len(xy), 8)).T)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # one point may run away
+        x, y, found = inverse(lambda x, y: distorted_with_partials(of_points, x, y), *np.ascontiguousarray(xy.T))
+        ideal = np.stack([x, y], axis=1)
+        # an image mirrored at the centre would be shown twice
+        found &= np.sum(ideal * xy, axis=1) >= 0.0
     ideal[~found] = np.nan
     return ideal
 
 
-def _determinant(matrix: FloatArray) -> FloatArray:
-    return np.asarray(matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0])
-
-
-def _solve_2x2(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    determinant = _determinant(matrix)
-    x = (matrix[:, 1, 1] * right[:, 0] - matrix[:, 0, 1] * right[:, 1]) / determinant
-    y = (matrix[:, 0, 0] * right[:, 1] - matrix[:, 1, 0] * right[:, 0]) / determinant
-    return np.stack([x, y], axis=1)
+def _any_above(values: float | FloatArray, limit: float) -> bool:
+    """Tell whether any value is above; NaN is not, so that a point that has run away does not delay the others."""
+    return values > limit if isinstance(values, float) else bool(np.any(values > limit))

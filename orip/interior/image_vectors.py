@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.interior.distortion import correction_with_partials, remove_distortion
+from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
 
 
@@ -19,12 +19,13 @@ def image_vectors(block: Block) -> FloatArray:
     """
     points = block.photo_points
     camera = block.photo_camera[points.photo]
-    parameters = np.array([each.parameters for each in block.cameras])
+    parameters = np.array([record.parameters for record in block.cameras])
     distorting = parameters[:, 3:].any(axis=1)
-    at_measured = np.array([each.distortion_at == "measured" for each in block.cameras])
+    at_measured = np.array([record.distortion_at == "measured" for record in block.cameras])
     vectors = np.column_stack([points.xy - parameters[camera, 1:3], -parameters[camera, 0]])
     rows = np.flatnonzero((distorting & at_measured)[camera])
-    vectors[rows, :2] = correction_with_partials(vectors[rows, :2], parameters[camera[rows], 3:]).value
+    corrected = corrected_with_partials(tuple(parameters[camera[rows], 3:].T), vectors[rows, 0], vectors[rows, 1])
+    vectors[rows, :2] = np.stack(corrected[:2], axis=1)
     rows = np.flatnonzero((distorting & ~at_measured)[camera])
     vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:])
     return vectors

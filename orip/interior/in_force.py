@@ -7,12 +7,9 @@ from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.camera_sense import camera_warnings
 from orip.interior.definitions import Definitions
-from orip.interior.mark_names import misnamed_marks
 from orip.interior.measured import Measured
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
-from orip.interior.outside_frame import points_outside_frames
 from orip.interior.pixels import pixel_size
 from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
@@ -35,6 +32,7 @@ class Interior:
     complaints : tuple of Complaint
         Orientations that are not valid.
     warnings : tuple of ProjectWarning
+        Mirror images, and marks without redundancy.
     """
 
     adjustments: tuple[MarkAdjustment, ...]
@@ -74,14 +72,7 @@ def interior_orientation(definitions: Definitions, measured: Measured) -> Interi
                 continue
             to_photo[key] = oriented.transformation
             adjustments.append(oriented.adjustment)
-    outside = (
-        warning
-        for observations in measured.observations.values()
-        for warning in points_outside_frames(definitions, observations, to_photo)
-    )
-    of_marks = (warning for each in adjustments for warning in _warnings(each))
-    of_cameras = (warning for camera in definitions.cameras.values() for warning in camera_warnings(camera))
-    warnings = tuple(dict.fromkeys((*of_cameras, *misnamed_marks(adjustments), *of_marks, *outside)))
+    warnings = tuple(warning for adjustment in adjustments for warning in _warnings(adjustment))
     pixel_sizes = _pixel_sizes(definitions, to_template, to_photo)
     return Interior(tuple(adjustments), to_template, to_photo, pixel_sizes, tuple(complaints), warnings)
 

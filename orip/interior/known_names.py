@@ -6,16 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 from orip.records.names import record_key
-
-_MOST_NAMES = 20
-"""So many names are listed; a project may have thousands of photos, a reseau hundreds of crosses."""
-
-
-def listed_names(names: Iterable[str]) -> str:
-    """Return names for a message, the first twenty of them and how many more there are."""
-    known = list(names)
-    listed = ", ".join(known[:_MOST_NAMES]) or "none"
-    return f"{listed} and {len(known) - _MOST_NAMES} more" if len(known) > _MOST_NAMES else listed
+from orip.wording import listed_names
 
 
 def unknown_record(what: str, name: str, known: Iterable[str]) -> str:

@@ -17,7 +17,6 @@ from orip.geometry.plane import (
     TransformationKind,
     fit_plane_transformation,
 )
-from orip.interior.known_names import listed_names
 from orip.interior.pixels import sensor_transformation
 from orip.records.camera import Camera, Mark
 from orip.records.interior import MarkAdjustment
@@ -25,6 +24,7 @@ from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOr
 from orip.records.photo import Stage
 from orip.records.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
+from orip.wording import listed_names
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""

@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
-from orip.multimodel.camera_model import Number
+from orip.arrays import FloatArray, Number
+from orip.geometry.rotation import rotated, rotated_back
 from orip.multimodel.photo_loop import PhotoLoop
 from orip.records.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
-from orip.records.photo import Stage
 
 _PARALLEL = 1e-10
 """Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
@@ -86,10 +85,6 @@ class ModelLoop:
         """Return whether the left photo is not on the upper stage, which the left eyepiece shows."""
         return self.photos[0].stage != "UPPER"
 
-    def on_stage(self, stage: Stage) -> PhotoLoop:
-        """Return the photo that is on a stage."""
-        return self.photos[0] if self.photos[0].stage == stage else self.photos[1]
-
     def object_place(self, upper: tuple[float, float], lower: tuple[float, float]) -> ObjectPlace:
         """Return the place that a pair of plate positions shows."""
         at_left, at_right = (lower, upper) if self.swapped else (upper, lower)
@@ -125,16 +120,11 @@ class ModelLoop:
     def model_of_object(self, x: Number, y: Number, z: Number) -> tuple[Number, Number, Number]:
         """Return model coordinates of ground coordinates."""
         x0, y0, z0 = self.photos[0].centre
-        return self._model_direction(x - x0, y - y0, z - z0)
+        return rotated_back(self.axes, x - x0, y - y0, z - z0)
 
     def object_direction(self, x: Number, y: Number, z: Number) -> tuple[Number, Number, Number]:
         """Return along the ground axes what is given along the model axes."""
-        e11, e12, e13, e21, e22, e23, e31, e32, e33 = self.axes
-        return e11 * x + e12 * y + e13 * z, e21 * x + e22 * y + e23 * z, e31 * x + e32 * y + e33 * z
-
-    def _model_direction(self, x: Number, y: Number, z: Number) -> tuple[Number, Number, Number]:
-        e11, e12, e13, e21, e22, e23, e31, e32, e33 = self.axes
-        return e11 * x + e21 * y + e31 * z, e12 * x + e22 * y + e32 * z, e13 * x + e23 * y + e33 * z
+        return rotated(self.axes, x, y, z)
 
     def _meeting(
         self, left: tuple[Number, ...], right: tuple[Number, ...]
@@ -161,7 +151,7 @@ class ModelLoop:
 
     def _y_parallax(self, left: tuple[Number, ...], right: tuple[Number, ...]) -> Number:
         c = 0.5 * (self.photos[0].camera.principal_distance + self.photos[1].camera.principal_distance)
-        (_, y1, z1), (_, y2, z2) = self._model_direction(*left), self._model_direction(*right)
+        (_, y1, z1), (_, y2, z2) = rotated_back(self.axes, *left), rotated_back(self.axes, *right)
         # a ray in the plane of the base has no such image; the floor keeps plain numbers from dividing by zero
         return -c * (y1 / (z1 - 1e-300) - y2 / (z2 - 1e-300))
 

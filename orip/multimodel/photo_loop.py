@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isnan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
-from orip.multimodel.camera_model import IN_FRONT, CameraModel, Number
+from orip.arrays import BoolArray, FloatArray, Number
+from orip.geometry.perspective import ideal_coordinates, is_in_front
+from orip.geometry.rotation import rotated, rotated_back
+from orip.multimodel.camera_model import CameraModel
 from orip.records.drive_table import DriveCode, DrivePhoto, StageLimits
 from orip.records.photo import Stage
 
@@ -39,7 +41,7 @@ class PlatePlaces(NamedTuple):
 
     plate: FloatArray
     code: NDArray[np.int64]
-    inside: NDArray[np.bool_]
+    inside: BoolArray
     ratio: FloatArray
 
 
@@ -89,10 +91,9 @@ class PhotoLoop:
     def plate_place(self, x: float, y: float, z: float) -> PlatePlace:
         """Return where a point of the object is shown."""
         u1, u2, u3 = self._photo_axes(x, y, z)
-        if not self._is_in_front(u1, u2, u3):
+        if not is_in_front(u1, u2, u3):
             return PlatePlace((np.nan, np.nan), DriveCode.BEHIND_CAMERA, False, np.nan)
-        scale = -self.camera.principal_distance / u3
-        xf, yf = self.camera.measured(scale * u1, scale * u2)
+        xf, yf = self.camera.image.measured(*ideal_coordinates(self.camera.principal_distance, u1, u2, u3))
         xp, yp = self.plate_of_photo(xf, yf)
         if isnan(xp) or isnan(yp):
             return PlatePlace((xp, yp), DriveCode.NOT_INVERTIBLE, False, np.nan)
@@ -105,9 +106,9 @@ class PhotoLoop:
         """Return where points (n, 3) of the object are shown."""
         with np.errstate(all="ignore"):  # what is not shown may have any value; the codes tell
             u1, u2, u3 = self._photo_axes(*np.ascontiguousarray(xyz.T))
-            in_front, near = self._is_in_front(u1, u2, u3), self._is_near(u1, u2, u3)
-            scale = -self.camera.principal_distance / np.where(in_front, u3, np.nan)
-            xf, yf = self.camera.measured(scale * u1, scale * u2)
+            in_front, near = is_in_front(u1, u2, u3), self._is_near(u1, u2, u3)
+            depth = np.where(in_front, u3, np.nan)
+            xf, yf = self.camera.image.measured(*ideal_coordinates(self.camera.principal_distance, u1, u2, depth))
             xp, yp = self.plate_of_photo(xf, yf)
             ratio = self.frame_ratio(xf, yf)
         code = np.where(self.is_on_stage(xp, yp), DriveCode.NONE, DriveCode.OUTSIDE_STAGE)
@@ -116,13 +117,13 @@ class PhotoLoop:
         inside = (code == DriveCode.NONE) & (ratio <= 1.0) & near
         return PlatePlaces(np.stack([xp, yp], axis=1), code, inside, ratio)
 
-    def may_be_inside(self, x: Number, y: Number, z: Number) -> bool | NDArray[np.bool_]:
+    def may_be_inside(self, x: Number, y: Number, z: Number) -> bool | BoolArray:
         """Tell whether a point of the object may be within the frame; where not, that is sure, and soon found."""
         return self._is_near(*self._photo_axes(x, y, z))
 
     def ray(self, xp: float, yp: float) -> tuple[float, float, float] | None:
         """Return the direction of the ray of a plate position; None where the camera model has no inverse."""
-        x, y = self.camera.ideal(*self.photo_of_plate(xp, yp))
+        x, y = self.camera.image.ideal(*self.photo_of_plate(xp, yp))
         if isnan(x) or isnan(y):
             return None
         return self._object_axes(x, y)
@@ -130,7 +131,7 @@ class PhotoLoop:
     def rays(self, plate: FloatArray) -> Rays:
         """Return the rays of plate positions (n, 2)."""
         with np.errstate(all="ignore"):  # NaN positions give NaN rays, and their code
-            x, y = self.camera.ideal(*self.photo_of_plate(*np.ascontiguousarray(plate.T)))
+            x, y = self.camera.image.ideal(*self.photo_of_plate(*np.ascontiguousarray(plate.T)))
             direction = np.stack(self._object_axes(x, y), axis=1)
         return Rays(direction, np.where(np.isnan(direction).any(axis=1), DriveCode.NOT_INVERTIBLE, DriveCode.NONE))
 
@@ -142,7 +143,7 @@ class PhotoLoop:
         """Return photo coordinates (mm) of plate coordinates."""
         return _transformed(self.inverse, xp, yp)
 
-    def is_on_stage(self, xp: Number, yp: Number) -> bool | NDArray[np.bool_]:
+    def is_on_stage(self, xp: Number, yp: Number) -> bool | BoolArray:
         """Tell whether the stage can be driven to a position; never to NaN."""
         limits = self.limits
         return (limits.x_min <= xp) & (xp <= limits.x_max) & (limits.y_min <= yp) & (yp <= limits.y_max)
@@ -156,25 +157,17 @@ class PhotoLoop:
         return np.maximum(of_x, of_y)
 
     def _photo_axes(self, x: Number, y: Number, z: Number) -> tuple[Number, Number, Number]:
-        """Return U, the place of a point of the object in the photo's axes."""
+        """Return the coordinates U of a point of the object in the photo's axes."""
         x0, y0, z0 = self.centre
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self.rotation
-        x, y, z = x - x0, y - y0, z - z0
-        return r11 * x + r21 * y + r31 * z, r12 * x + r22 * y + r32 * z, r13 * x + r23 * y + r33 * z
+        return rotated_back(self.rotation, x - x0, y - y0, z - z0)
 
     def _object_axes(self, x: Number, y: Number) -> tuple[Number, Number, Number]:
         """Return the direction R (x, y, −C) of ideal coordinates in the object system."""
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self.rotation
-        c = self.camera.principal_distance
-        return r11 * x + r12 * y - r13 * c, r21 * x + r22 * y - r23 * c, r31 * x + r32 * y - r33 * c
+        return rotated(self.rotation, x, y, 0.0 * x - self.camera.principal_distance)
 
-    def _is_near(self, u1: Number, u2: Number, u3: Number) -> bool | NDArray[np.bool_]:
-        near: bool | NDArray[np.bool_] = (u3 < 0.0) & (u1 * u1 + u2 * u2 <= self.camera.bound_square * u3 * u3)
+    def _is_near(self, u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
+        near: bool | BoolArray = (u3 < 0.0) & (u1 * u1 + u2 * u2 <= self.camera.bound_square * u3 * u3)
         return near
-
-    @staticmethod
-    def _is_in_front(u1: Number, u2: Number, u3: Number) -> Any:
-        return (u3 < 0.0) & (u3 * u3 > IN_FRONT**2 * (u1 * u1 + u2 * u2 + u3 * u3))
 
 
 def photo_loop(photo: DrivePhoto, camera: CameraModel, limits: StageLimits) -> PhotoLoop:

@@ -132,7 +132,7 @@ def _is_one_to_one(camera: DriveCamera) -> bool:
     model = camera_model(camera)
     side = np.linspace(-0.5, 0.5, _GRID)
     x, y = (grid.ravel() for grid in np.meshgrid(side * camera.frame[0], side * camera.frame[1]))
-    return model.is_one_to_one(x - model.x0, y - model.y0)
+    return model.is_one_to_one(x - model.image.x0, y - model.image.y0)
 
 
 def _photo_faults(photo: DrivePhoto, cameras: set[str], stages: dict[str, Stage]) -> Iterator[DriveFault]:

@@ -11,6 +11,7 @@ from orip.geometry.similarity import Similarity
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 from orip.records.control import ControlDistance
+from orip.wording import counted
 
 
 def with_arbitrary_datum(
@@ -37,7 +38,7 @@ def with_arbitrary_datum(
     ratios = _ratios(grown, rays, distances)
     if ratios:
         scale = float(np.median(ratios))
-        size = f"its scale comes from {len(ratios)} distance{'' if len(ratios) == 1 else 's'}"
+        size = f"its scale comes from {counted(len(ratios), 'distance')}"
     else:
         scale = 1.0 / _usual_base(grown.centres[grown.oriented])
         size = "its scale is arbitrary: the mean distance between neighbouring photos is 1"

@@ -85,7 +85,7 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
         if outcome is not None:
             lengths = lengths_of_residuals(measured, outcome)
             misfit = _misfit(measured.rays, outcome.grown, lengths)
-            if (rank := (outcome.is_settled, -misfit)) > best_rank:
+            if (rank := (outcome.is_final, -misfit)) > best_rank:
                 best, best_rank = outcome, rank
             if _is_complete(measured, outcome):
                 misplaced = np.flatnonzero(misplaced_photos(measured.rays, outcome.grown, lengths))
@@ -125,7 +125,7 @@ def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:
 def _is_complete(measured: MeasuredBlock, outcome: Outcome) -> bool:
     """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
     control_suffices = measured.known_coordinates >= _LEAST_COORDINATES
-    return (outcome.is_settled or not control_suffices) and bool(outcome.grown.oriented.all())
+    return (outcome.is_final or not control_suffices) and bool(outcome.grown.oriented.all())
 
 
 def _is_enough(ends: list[_End]) -> bool:

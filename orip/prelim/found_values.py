@@ -35,11 +35,11 @@ def found_values(
     """
     route = by_models or (best.route if best is not None else Route(()))
     grown = best.grown if best is not None else empty_growing_block(measured.rays)
-    findings: tuple[str, ...] = ()
-    if best is not None:
+    findings: tuple[str, ...] = best.findings if best is not None else ()
+    if best is not None and not findings and best.reading is None:
         # a photo that could not be oriented says itself what is missing
         weak = _weak_connections(measured) if name_weak_connections and grown.oriented.all() else ()
-        findings = best.findings or (*_doubtful_photos(measured, best), *weak)
+        findings = (*_doubtful_photos(measured, best), *weak)
     on_ground = best is not None and best.on_ground
     return PreliminaryValues(
         route.relative,
@@ -51,6 +51,7 @@ def found_values(
         _points(measured, grown) if on_ground else NO_POINTS,
         findings,
         tuple(_cameras(measured, grown)) if on_ground else (),
+        best.reading if best is not None else None,
     )
 
 

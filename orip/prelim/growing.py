@@ -26,6 +26,7 @@ from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.wording import counted
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: eight reveal one or two blunders; four give only a check."""
@@ -350,10 +351,10 @@ class BlockGrower:
 
 def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
     """Return a system with the photos of a partial block that was connected."""
-    points = len(joined.step.points)
+    points = counted(len(joined.step.points), "known point")
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
         if not current.oriented[photo]:
-            how = f"{block.how[photo]}; connected by {points} known point{'' if points == 1 else 's'}"
+            how = f"{block.how[photo]}; connected by {points}"
             current = current.with_photo(int(photo), rotation, centre, how)
     return current
 

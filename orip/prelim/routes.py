@@ -20,6 +20,7 @@ from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
 from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.records.project import StereoModel
+from orip.wording import counted
 
 POINTS_FOR_A_PAIR = 5
 
@@ -95,7 +96,7 @@ def _how_by_models(
 
 
 def _common(step: SimilarityStep) -> str:
-    points = f"{len(step.points)} point{'' if len(step.points) == 1 else 's'}"
+    points = counted(len(step.points), "point")
     return f"{points} and photo {step.common_photo}" if step.common_photo else points
 
 

@@ -9,14 +9,15 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.prelim.arbitrary_datum import with_arbitrary_datum
 from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.handedness import handedness
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.routes import Route
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
+from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
-from orip.records.preliminary import NotOriented, SimilarityStep
+from orip.records.preliminary import ControlReading, NotOriented, SimilarityStep
+from orip.wording import counted, first_names
 
 _TO_THE_END = 1e-9
 """Relative gain in the weighted square sum below which a block no longer changes its shape."""
@@ -41,7 +42,9 @@ class Outcome:
     reason : str
         Why it is not on the ground.
     findings : tuple of str
-        What is probably wrong with the control, or in what system the block is without any.
+        In what system the block is without control.
+    reading : ControlReading or None
+        How the control would have to be read to fit; the block is not taken to the ground then.
     """
 
     route: Route
@@ -50,11 +53,12 @@ class Outcome:
     absolute: SimilarityStep | None
     reason: str
     findings: tuple[str, ...] = ()
+    reading: ControlReading | None = None
 
     @property
-    def is_settled(self) -> bool:
-        """Return whether it is on the ground, or known why the control cannot be used."""
-        return self.on_ground or bool(self.findings)
+    def is_final(self) -> bool:
+        """Return whether the block is on the ground, or it is known what is wrong with the control."""
+        return self.on_ground or self.reading is not None
 
 
 def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
@@ -73,7 +77,7 @@ def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
     outcome = _absolute(measured, route, first)
     if outcome.on_ground:
         return _grown_further(measured, outcome, others)
-    if others and not outcome.findings:
+    if others and not outcome.is_final:
         return replace(outcome, reason=f"{outcome.reason}; {_parts(measured, route)}")
     return outcome
 
@@ -86,9 +90,9 @@ def lengths_of_residuals(measured: MeasuredBlock, outcome: Outcome) -> FloatArra
 
 def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Outcome:
     """Take a block to the ground, unless another reading of the control would fit it better."""
-    findings = handedness(grown.partial_block(), measured.rays, measured.control, measured.centres)
-    if findings:
-        return Outcome(route, grown, False, None, findings[0], findings)
+    reading = other_reading(grown.partial_block(), measured.rays, measured.control, measured.centres)
+    if reading is not None:
+        return Outcome(route, grown, False, None, "its control fits only in another reading", reading=reading)
     found = _joined_to_ground(measured, grown)
     if not isinstance(found, Joined):
         grown = _with_all_control(measured, grown)
@@ -149,9 +153,8 @@ def _parts(measured: MeasuredBlock, route: Route) -> str:
     parts = []
     for system in route.systems:
         names = [measured.rays.photos[photo] for photo in np.flatnonzero(system.oriented)]
-        listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
         seen = int(np.count_nonzero(system.known & control))
-        parts.append(f"photos {listed} ({seen} full control point{'' if seen == 1 else 's'})")
+        parts.append(f"photos {first_names(names, _NAMED)} ({counted(seen, 'full control point')})")
     return (
         f"the block falls into {len(parts)} parts with too few common points to connect them, and the control is "
         f"spread over them: {'; '.join(parts)}"

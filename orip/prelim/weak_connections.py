@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.prelim.image_rays import ImageRays
+from orip.wording import agreeing, counted, first_names
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -77,12 +78,9 @@ def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolAr
 
 
 def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
-    names = ", ".join(rays.photos[photo] for photo in members[:_NAMED])
-    more = f" and {len(members) - _NAMED} more" if len(members) > _NAMED else ""
-    photos = "photo" if len(members) == 1 else "photos"
-    points = "1 point" if shared == 1 else f"{shared} points"
-    are = "is" if len(members) == 1 else "are"
+    photos = f"{agreeing(len(members), 'photo')} {first_names([rays.photos[photo] for photo in members], _NAMED)}"
+    are = agreeing(len(members), "is", "are")
     return (
-        f"{photos} {names}{more} {are} connected with the others only by photo {rays.photos[joint]} and {points}, "
+        f"{photos} {are} connected with the others only by photo {rays.photos[joint]} and {counted(shared, 'point')}, "
         "which alone determine the scale there: measure more common points, or control"
     )

@@ -2,33 +2,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from types import MappingProxyType
+from typing import Annotated, Final, Literal
+
+from orip.records.fields import Field, Part
 
 CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
 
+CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "C": "mm",
+        "DX": "mm",
+        "DY": "mm",
+        "A1": "",
+        "A3": "mm^-2",
+        "A5": "mm^-4",
+        "A7": "mm^-6",
+        "P1": "mm^-1",
+        "P2": "mm^-1",
+        "B1": "",
+        "B2": "",
+    }
+)
+"""Unit of each camera parameter; empty for a pure number."""
+
 DistortionArgument = Literal["ideal", "measured"]
 AdditionalSet = Literal["EBNER", "GRUEN"]
+
+
+ISP_PARAMETERS = ("R0", "A1", "A2", "A3")
+"""Parameters of the distortion in the form of the ISP regulations."""
+
+_DISTORTION_UNITS = ("", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm", "1/mm", "", "")
+
+_PARAMETER_KEYS = (
+    Part(key="c", above=0, required=True, units=("mm",), heading="C (mm)", example="8.595"),
+    Part(key="principal_point", size=2, units=("mm",), heading="DX, DY (mm)", example="[-0.1905, 0.9305]"),
+    Part(
+        key="distortion",
+        size=8,
+        names=CAMERA_PARAMETERS[3:],
+        units=_DISTORTION_UNITS,
+        heading="Distortion",
+        example="{ A1 = 0.0, A3 = 1.0e-4 }",
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
     """A fiducial mark, reseau cross, photo corner or tick mark with its given coordinates (mm)."""
 
-    name: str
-    x: float
-    y: float
+    name: Annotated[str, Field(example='"1"')]
+    x: Annotated[float, Field(example="-12.0", units=("mm",))]
+    y: Annotated[float, Field(example="18.0", units=("mm",))]
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
     """A digital frame: pixels and its size in millimetres; pixel coordinates count from the upper left outer corner."""
 
-    columns: int
-    rows: int
-    width: float
-    height: float
+    columns: Annotated[int, Field(above=0, example="1280", units=("pixels",))]
+    rows: Annotated[int, Field(above=0, example="1024", units=("pixels",))]
+    width: Annotated[float, Field(above=0, example="8.245", units=("mm",))]
+    height: Annotated[float, Field(above=0, example="6.6", units=("mm",))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +99,32 @@ class Camera:
         Additional parameters as weighted unknowns.
     """
 
-    name: str
-    parameters: tuple[float, ...]
-    distortion_at: DistortionArgument = "ideal"
-    distortion_isp: tuple[float, float, float, float] | None = None
-    distortion_curve: tuple[tuple[float, float], ...] | None = None
-    frame: tuple[float, float] | None = None
-    fiducials: tuple[Mark, ...] = ()
-    sensor: Sensor | None = None
-    unknown: tuple[str, ...] = ()
-    additional_set: AdditionalSet | None = None
+    name: Annotated[str, Field(example='"OLYMPUS"')]
+    parameters: Annotated[tuple[float, ...], Field(elements=CAMERA_PARAMETERS, parts=_PARAMETER_KEYS)]
+    distortion_at: Annotated[DistortionArgument, Field(example='"ideal"', key_after="distortion_curve")] = "ideal"
+    distortion_isp: Annotated[
+        tuple[float, float, float, float] | None,
+        Field(
+            names=ISP_PARAMETERS,
+            units=("mm", "1/mm^2", "1/mm^4", "1/mm^6"),
+            example="{ R0 = 10.0, A1 = 1.0e-4 }",
+            column="isp",
+            elements=ISP_PARAMETERS,
+        ),
+    ] = None
+    distortion_curve: Annotated[
+        tuple[tuple[float, float], ...] | None, Field(units=("mm",), example="[[0.0, 0.0], [5.0, 0.002]]")
+    ] = None
+    frame: Annotated[
+        tuple[float, float] | None, Field(above=0, units=("mm",), example="[24.0, 36.0]", elements=("x", "y"))
+    ] = None
+    fiducials: Annotated[
+        tuple[Mark, ...], Field(heading="Fiducials", example='[{ name = "1", x = -12.0, y = 18.0 }]')
+    ] = ()
+    sensor: Annotated[Sensor | None, Field(example="{ columns = 1280, rows = 1024, width = 8.245, height = 6.6 }")] = (
+        None
+    )
+    unknown: Annotated[tuple[str, ...], Field(heading="Unknown", example='["C", "DX", "DY"]')] = ()
+    additional_set: Annotated[
+        AdditionalSet | None, Field(key="set", example='"EBNER"', column_after="distortion_at")
+    ] = None

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 RESERVED_NAMES = frozenset({"-", "="})
 COMMENT_MARKS = ("!", "#")
-_MOST_COUNTED = 3
 
 
 def name_fault(name: str) -> str | None:
@@ -46,12 +45,3 @@ def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     for name in dict.fromkeys(names):
         groups[name.upper().lstrip("0")].append(name)
     return [tuple(group) for group in groups.values() if len(group) > 1]
-
-
-def counted_names(what: str, names: Sequence[str]) -> str:
-    """Return names for a message, three of them at most: ``photo 101``, ``photos 101, 102 and 103``."""
-    if len(names) == 1:
-        return f"{what} {names[0]}"
-    shown, more = names[:_MOST_COUNTED], len(names) - _MOST_COUNTED
-    last = f"{more} more" if more > 0 else shown[-1]
-    return f"{what}s {', '.join(shown if more > 0 else shown[:-1])} and {last}"

@@ -247,6 +247,39 @@ class CameraStart:
 
 
 @dataclass(frozen=True, slots=True)
+class ControlReading:
+    """A reading of the control in which it fits a block far better than as given, or equally well.
+
+    Parameters
+    ----------
+    reading : str
+        "longitude, latitude": X and Y are these, in degrees; "latitude, longitude": Y and X are; "mirror image": block
+        and control are mirror images of each other; "unit of Z": Z is in another unit than X and Y; "from below": the
+        control fits a mirror image equally well, and as given the cameras are below it.
+    points : int
+        Control points that were compared.
+    misfit, misfit_as_given : float
+        Typical residuals in this reading and as given, ground units.
+    z_factor : float
+        What Z has to be multiplied by.
+    changes : tuple of str
+        Of a mirror image: the changes that bring the projection centres to their known positions; "exchanged": X and Y
+        exchanged; "X", "Y", "Z": the opposite sign; "photos": the photos are mirrored, not the control.
+    side : float
+        Of a mirror image: 1 where the photos look down or stand upright, -1 where they look up or stand on their head,
+        0 where neither can be said.
+    """
+
+    reading: Literal["longitude, latitude", "latitude, longitude", "mirror image", "unit of Z", "from below"]
+    points: int
+    misfit: float
+    misfit_as_given: float
+    z_factor: float = 1.0
+    changes: tuple[str, ...] = ()
+    side: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class PreliminaryValues:
     """What the chain found for a block, step by step.
 
@@ -260,9 +293,11 @@ class PreliminaryValues:
     photos : tuple of PhotoStart
     points : PointStarts
     findings : tuple of str
-        What the user should know of the block as a whole: reflected or swapped control, units, blunders; in sentences.
+        What the user should know of the block as a whole, in sentences.
     cameras : tuple of CameraStart
         Unknown cameras, as the orientations of the photos ask for.
+    reading : ControlReading or None
+        The reading of the control that the block would fit; it has not been taken to the ground then.
     """
 
     relative: tuple[RelativeOrientation, ...]
@@ -274,3 +309,4 @@ class PreliminaryValues:
     points: PointStarts
     findings: tuple[str, ...]
     cameras: tuple[CameraStart, ...] = ()
+    reading: ControlReading | None = None

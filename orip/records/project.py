@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from orip.records.camera import Camera
+from orip.records.fields import Field
 from orip.records.photo import Photo, Template, Temtick
 
 
@@ -13,7 +15,7 @@ from orip.records.photo import Photo, Template, Temtick
 class Precision:
     """An a-priori error of photo coordinates: millimetres, or pixels of a sensor or scan."""
 
-    value: float
+    value: Annotated[float, Field(above=0)]
     unit: Literal["mm", "px"] = "mm"
 
 
@@ -21,11 +23,11 @@ class Precision:
 class StereoModel:
     """Two photos seen stereoscopically, and the model's place in the block (1, 1 is upper left)."""
 
-    name: str
-    left: str
-    right: str
-    row: int
-    column: int
+    name: Annotated[str, Field(names_record=True, example='"M1"')]
+    left: Annotated[str, Field(names_record=True, heading="Left", example='"P101"')]
+    right: Annotated[str, Field(names_record=True, heading="Right", example='"P102"')]
+    row: Annotated[int, Field(least=1, heading="Row", example="1")]
+    column: Annotated[int, Field(least=1, heading="Column", example="1")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +55,29 @@ class BundleDefinition:
     models : tuple of StereoModel
     """
 
-    name: str
-    measurement_precision: Precision = Precision(0.005)
-    enp_stop: float = 4.0
-    max_iterations: int = 20
-    start_down_weight: int = 2
-    max_standard_residual: float = 5.0
-    max_lost_digits: float = 12.0
-    datum: Literal["control", "free"] = "control"
-    datum_points: tuple[str, ...] = ()
-    models: tuple[StereoModel, ...] = ()
+    name: Annotated[str, Field(example='"MAIN"')]
+    measurement_precision: Annotated[Precision, Field(heading="Precision", units=("mm",), example="0.005")] = Precision(
+        0.005
+    )
+    enp_stop: Annotated[float, Field(above=0, example="4")] = 4.0
+    max_iterations: Annotated[int, Field(above=0, example="20")] = 20
+    start_down_weight: Annotated[int, Field(above=1, example="2")] = 2
+    max_standard_residual: Annotated[float, Field(above=0, example="5")] = 5.0
+    max_lost_digits: Annotated[float, Field(above=0, example="12")] = 12.0
+    datum: Annotated[Literal["control", "free"], Field(heading="Datum", example='"control"')] = "control"
+    datum_points: Annotated[tuple[str, ...], Field(example='["1001", "1002"]')] = ()
+    models: Annotated[tuple[StereoModel, ...], Field(key="model", own_records=True, heading="Models")] = ()
+
+
+RECORD_TYPES: Mapping[str, type] = {
+    "camera": Camera,
+    "temtick": Temtick,
+    "template": Template,
+    "photo": Photo,
+    "bundle": BundleDefinition,
+    "model": StereoModel,
+}
+"""The dataclass of each kind of record; the models of a bundle are part of it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orip.wording import agreeing
+
 MISSING = "–"
 CONSTANT = "constant"
 SINGULAR = "not determined"
@@ -78,5 +80,5 @@ def probability(p: float) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return ``1 photo`` or ``3 photos``."""
-    return f"{number:,} {noun}{'' if number == 1 else 's'}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+    """Return ``1 photo`` or ``3 000 photos``."""
+    return f"{number:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") + f" {agreeing(number, noun)}"

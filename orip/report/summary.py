@@ -15,6 +15,7 @@ from orip.report.numbers import counted, parameter
 from orip.report.precision import Spread, spreads
 from orip.report.trouble import SUSPICIOUS_SHARE, suspects, weak_spots
 from orip.report.trust import Level, check_point_finding, global_test, headline, sigma0_finding
+from orip.wording import agreeing
 
 MOST_LINES = 16
 """With the names of the files that are written it makes twenty."""
@@ -154,8 +155,8 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
         )
         return
     level: Level = "bad" if solution.status == "doubtful" else "caution"
-    do = "does" if len(found) == 1 else "do"
-    title = f"{counted(len(found), 'observation')} {do} not fit; check names, measure again, or disregard"
+    do_not_fit = f"{counted(len(found), 'observation')} {agreeing(len(found), 'does', 'do')} not fit"
+    title = f"{do_not_fit}; check names, measure again, or disregard"
     yield SummaryLine("misfit", f"{title}:", level)
     for name, sizes in list(found.items())[:most]:
         yield SummaryLine("", f"{name}: probably off by {', '.join(map(_kept, sizes))}")

@@ -11,6 +11,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.records.solution import Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table
+from orip.wording import first_names
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
@@ -142,8 +143,7 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
     ):
         names = _with_rays(solution, number)
         if names:
-            more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-            yield Spot(counted(len(names), "point"), what, remedy, f"{', '.join(names[:_NAMED])}{more}")
+            yield Spot(counted(len(names), "point"), what, remedy, first_names(names, _NAMED))
 
 
 def _with_rays(solution: Solution, number: int) -> list[str]:

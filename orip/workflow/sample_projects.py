@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from orip.errors import UsageError
@@ -61,12 +60,19 @@ def sample_texts(name: str) -> dict[str, str]:
     """
     if name not in SAMPLES:
         width = max(map(len, SAMPLES))
-        known = "".join(f"\n  {each:{width}}  {text}" for each, text in SAMPLES.items())
+        known = "".join(f"\n  {sample:{width}}  {text}" for sample, text in SAMPLES.items())
         message = f"no sample project is called {name!r}; write one of these:{known}"
         raise UsageError(message)
-    given = [path for path in (files("orip") / "sample_projects" / name).iterdir() if _is_given(path.name)]
+    given = [path for path in (_samples() / name).iterdir() if _is_given(path.name)]
     given.sort(key=lambda path: (path.name == PROJECT_FILE, path.name))
     return {path.name: path.read_bytes().decode("utf-8") for path in given}
+
+
+def _samples() -> Path:
+    """Return the folder of the sample projects: inside an installed package, beside it in a clone."""
+    package = Path(__file__).parents[1]
+    installed = package / "sample_projects"
+    return installed if installed.is_dir() else package.parent / "sample_projects"
 
 
 def _is_given(name: str) -> bool:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Layout
-from orip.adjustment.iteration import Adjusted, IterationSettings, adjust
+from orip.adjustment.iteration import Adjustment, IterationSettings, adjust
 from orip.adjustment.sparse_rows import SparseRows
 
 OFF = None
@@ -98,14 +98,14 @@ class CurvedProblem:
     def update(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
         return state + correction
 
-    def with_points_anew(self, state: np.ndarray) -> np.ndarray:
+    def with_blocks_recomputed(self, state: np.ndarray) -> np.ndarray:
         return state
 
     def with_blocks_moved(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
         del correction
         return state
 
-    def reconsidered(self, state: np.ndarray, equations: Equations, limit: float) -> None:
+    def improve_consensus(self, state: np.ndarray, equations: Equations, limit: float) -> None:
         del state, equations, limit
 
     def step_factor(self, correction: np.ndarray) -> float:
@@ -123,9 +123,9 @@ def settings(
     return IterationSettings(enp_stop, max_iterations, limit, start, 12.0)
 
 
-def adjusted(problem: CurvedProblem, start: np.ndarray, chosen: IterationSettings) -> Adjusted:
+def adjusted(problem: CurvedProblem, start: np.ndarray, chosen: IterationSettings) -> Adjustment:
     return adjust(problem, np.asarray(start, dtype=float), chosen, lambda _: None, lambda: False)
 
 
-def converged(found: Adjusted) -> bool:
-    return found.termination is Termination.CONVERGED
+def converged(found: Adjustment) -> bool:
+    return found.reason is TerminationReason.CONVERGED

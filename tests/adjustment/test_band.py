@@ -151,6 +151,7 @@ def test_the_full_matrix_names_the_same_columns_as_not_determined(pairs):
     assert np.allclose(found.inverse().diagonal()[kept], wanted, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_many_columns_that_are_not_determined_stay_a_band():
     group, touched, matrix = chain(groups=400)
     random = np.random.default_rng(6)

@@ -33,7 +33,7 @@ def test_enp_of_an_iteration_is_that_of_the_drop_of_the_square_sum():
     found = adjusted(linear_problem(design, observed), np.ones(4), settings())
     solution = np.linalg.lstsq(design, observed, rcond=None)[0]
     drop = np.sum((design @ np.ones(4) - observed) ** 2) - np.sum((design @ solution - observed) ** 2)
-    assert found.passes[0].enp == pytest.approx(-0.5 * np.log10(drop / 4))
+    assert found.iterations[0].enp == pytest.approx(-0.5 * np.log10(drop / 4))
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,7 @@ def test_a_group_that_nothing_checks_cannot_be_tested():
     assert np.isnan(known.group_statistic(np.array([1.0, 1.0]), np.ones((2, 2))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a_posteriori", [False, True])
 def test_clean_residuals_exceed_the_limits_as_often_as_alpha_says(a_posteriori):
     random = np.random.default_rng(71)

@@ -24,12 +24,12 @@ def test_where_full_corrections_lead_on_none_is_damped(start):
     problem, state = arctangent(start)
     found = adjusted(problem, state, settings())
     assert converged(found)
-    assert not any(record.step_limited for record in found.passes)
+    assert not any(record.step_limited for record in found.iterations)
     # Newton's iteration for arctan(x) = 0, x - (1 + x²) arctan(x)
     x = start
-    for _ in found.passes:
+    for _ in found.iterations:
         x -= (1.0 + x * x) * np.arctan(x)
-    assert found.linearised.state[0] == pytest.approx(x, abs=1e-12)
+    assert found.state[0] == pytest.approx(x, abs=1e-12)
 
 
 @pytest.mark.parametrize("start", [-4.0, -5.0])
@@ -38,9 +38,9 @@ def test_where_they_run_away_they_are_damped_and_the_minimum_is_found(start):
     problem = CurvedProblem(lambda x: 1e4 * np.exp(x), lambda x: 1e4 * np.exp(x)[:, None], np.full(1, 1e4), unknowns=1)
     found = adjusted(problem, np.array([start]), settings())
     assert converged(found)
-    assert found.passes[0].step_limited
-    assert found.linearised.state[0] == pytest.approx(0.0, abs=1e-8)
-    assert not found.passes[-1].step_limited
+    assert found.iterations[0].step_limited
+    assert found.state[0] == pytest.approx(0.0, abs=1e-8)
+    assert not found.iterations[-1].step_limited
 
 
 def test_damping_multiplies_the_whole_diagonal():
@@ -58,31 +58,45 @@ def test_damping_multiplies_the_whole_diagonal():
     assert np.allclose(found.correction, wanted, rtol=1e-12)
 
 
-def test_observations_that_go_out_of_sight_are_no_gain():
+def control_at(problem, before, normals, damping=0.0):
+    """Return the control that judges an attempt from `before`."""
+    return StepControl(problem.layout.unknowns, damping).judging(before, np.ones(1), normals)
+
+
+def test_losing_observations_is_no_improvement():
     problem, state = arctangent(1.0)
     before = problem.linearise(state)
-    control = StepControl(problem.layout)
     normals = solve_normals(before, np.ones(1), problem.layout, 12.0)
     after = problem.linearise(state * 10.0)
     after.active[:] = False
-    assert control.accepts(before, problem.linearise(state * 0.5), np.ones(1), normals, full=True)
-    control = StepControl(problem.layout)
+    control = control_at(problem, before, normals)
+    assert control.accepts_correction(before, problem.linearise(state * 0.5), np.ones(1), normals)
     worse = equations_of(np.ones((1, 1)), before.residual * 0.1)
-    assert control.accepts(worse, worse, np.ones(1), normals, full=True)
-    assert not control.accepts(before, after, np.ones(1), normals, full=True)
-    assert control.accepts(worse, before, np.ones(1), normals, full=True)
-    assert not control.accepts(worse, before, np.ones(1), normals, full=False)
+    control = control_at(problem, worse, normals)
+    assert control.accepts_correction(worse, worse, np.ones(1), normals)
+    control = control.judging(before, np.ones(1), normals)
+    assert not control.accepts_correction(before, after, np.ones(1), normals)
+    assert control.accepts_correction(worse, before, np.ones(1), normals)
+    assert not control.accepts_fitted(worse, before, np.ones(1), normals)
 
 
-def test_a_full_correction_that_needed_help_must_bring_a_tenth_of_what_was_predicted():
+def test_a_full_correction_after_which_blocks_were_fitted_must_bring_a_tenth_of_the_predicted_decrease():
     problem, state = arctangent(1.0)
     before = problem.linearise(state)
-    control = StepControl(problem.layout)
     # one observation, one unknown: the whole square sum is predicted to go
     normals = solve_normals(before, np.ones(1), problem.layout, 12.0)
+    control = control_at(problem, before, normals)
     little, enough = (equations_of(np.ones((1, 1)), before.residual * np.sqrt(left)) for left in (0.91, 0.89))
-    assert not control.accepts(before, little, np.ones(1), normals, full=False)
-    assert control.accepts(before, enough, np.ones(1), normals, full=False)
-    assert control.accepts(before, little, np.ones(1), normals, full=True)
-    control.strengthen()
-    assert control.accepts(before, little, np.ones(1), normals, full=False)
+    assert not control.accepts_fitted(before, little, np.ones(1), normals)
+    assert control.accepts_fitted(before, enough, np.ones(1), normals)
+    assert control.accepts_correction(before, little, np.ones(1), normals)
+    assert control.strengthened().accepts_fitted(before, little, np.ones(1), normals)
+
+
+def test_iterations_count_as_undamped_from_the_one_after_a_refusal():
+    control = StepControl(1).refused().strengthened()
+    assert control.damping > 0.0
+    taken = control.relaxed()
+    assert taken.undamped == 0
+    assert taken.damping < control.damping
+    assert taken.relaxed().undamped == 1

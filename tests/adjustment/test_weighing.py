@@ -20,14 +20,14 @@ def test_weights_are_reduced_once_the_state_is_settled_and_the_start_is_reached(
     weighing = Weighing(5.0, 3)
     found = equations([FAR] * 9 + [BLUNDER])
     assert (weighing.factors(found, 1) == 1.0).all()
-    weighing.after(1, 1.5)
+    weighing = weighing.after(1, 1.5)
     # settled, but iteration 2 is before the start
     assert (weighing.factors(found, 2) == 1.0).all()
-    assert not weighing.had_begun(2)
-    weighing.after(2, 1.0)
+    assert not weighing.is_final_in(2)
+    weighing = weighing.after(2, 1.0)
     assert weighing.factors(found, 3)[-1] == pytest.approx(np.exp(-BLUNDER / 5.0))
-    assert weighing.had_begun(3)
-    assert weighing.began_after == 2
+    assert weighing.is_final_in(3)
+    assert weighing.iterations_before == 2
 
 
 def test_weights_wait_for_a_settled_state():
@@ -35,17 +35,16 @@ def test_weights_wait_for_a_settled_state():
     found = equations([FAR] * 9 + [BLUNDER])
     for iteration in range(1, 5):
         assert (weighing.factors(found, iteration) == 1.0).all()
-        weighing.after(iteration, -1.0)
-    weighing.after(5, 1.0)
+        weighing = weighing.after(iteration, -1.0)
+    weighing = weighing.after(5, 1.0)
     assert weighing.factors(found, 6)[-1] < 1e-6
-    assert weighing.began_after == 5
+    assert weighing.iterations_before == 5
 
 
 def test_a_state_that_never_settles_is_not_waited_for():
     weighing = Weighing(5.0, 2)
     for iteration in range(1, 11):
-        weighing.after(iteration, 0.9)
-    assert weighing.settled
+        weighing = weighing.after(iteration, 0.9)
     assert weighing.settled_after == 10
 
 
@@ -56,8 +55,8 @@ def test_what_sticks_out_of_the_others_loses_weight_from_the_first_iteration_on(
 def test_without_a_start_nothing_is_reduced():
     weighing = Weighing(5.0, None)
     assert (weighing.factors(equations([0.5, BLUNDER]), 7) == 1.0).all()
-    assert weighing.had_begun(1)
-    assert weighing.began_after == 0
+    assert weighing.is_final_in(1)
+    assert weighing.iterations_before == 0
 
 
 def test_what_must_be_met_exactly_keeps_its_weight():

@@ -28,7 +28,7 @@ pytestmark = needs_chromium
 
 OPTIONS = "--disable-gpu --window-size=1280,800"
 GROUND = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
-SAMPLE = Path(__file__).parents[2] / "orip" / "sample_projects" / "small_frame_block"
+SAMPLE = Path(__file__).parents[2] / "sample_projects" / "small_frame_block"
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,14 @@ def with_photo_points(block: Block, keep: np.ndarray) -> Block:
     )
 
 
+def with_error(block: Block, photo_point: int, component: int, size: float) -> Block:
+    """Return the block with an error in one photo coordinate, `size` times its a-priori error."""
+    points = block.photo_points
+    xy = points.xy.copy()
+    xy[photo_point, component] += size * points.error[photo_point, component]
+    return replace(block, photo_points=replace(points, xy=xy))
+
+
 def with_rays(made: SyntheticBlock, least: int) -> SyntheticBlock:
     """Return the block without the points that have fewer rays."""
     block = made.block

@@ -54,7 +54,7 @@ def test_a_point_at_the_wrong_ray_goes_back(made, rays):
     truth = state_at_the_truth(made, block)
     wrong = pulled(problem, truth, block, point)
     assert np.linalg.norm(wrong.points[point] - made.points[point]) > 1e-3
-    found = problem.reconsidered(wrong, problem.linearise(wrong), LIMIT)
+    found = problem.improve_consensus(wrong, problem.linearise(wrong), LIMIT)
     # two rays of 5 um at 4 m and C 50 mm meet within some 0.4 mm; the blunder had moved the point by millimetres
     assert np.linalg.norm(found.points[point] - made.points[point]) < 1.5e-3
     others = np.arange(len(made.points)) != point
@@ -66,11 +66,11 @@ def test_a_point_that_most_rays_hold_stays(made):
     block, _ = with_a_wrong_ray(made, 5, np.array([0.3, -0.4]))
     problem = pose_problem(block)
     truth = state_at_the_truth(made, block)
-    assert problem.reconsidered(truth, problem.linearise(truth), LIMIT) is None
+    assert problem.improve_consensus(truth, problem.linearise(truth), LIMIT) is None
 
 
 def test_two_rays_say_nothing(made):
     block, point = with_a_wrong_ray(made, 2, np.array([0.3, -0.4]))
     problem = pose_problem(block)
     wrong = pulled(problem, state_at_the_truth(made, block), block, point)
-    assert problem.reconsidered(wrong, problem.linearise(wrong), LIMIT) is None
+    assert problem.improve_consensus(wrong, problem.linearise(wrong), LIMIT) is None

@@ -62,7 +62,7 @@ def test_corrections_of_datum_points_hold_the_inner_constraints(scene, names):
 
 def generator(found):
     """Return the seven movements of all unknowns (m + 3 b, 7), from moving the whole block a little."""
-    unknowns, state = found.problem.unknowns, found.adjusted.linearised.state
+    unknowns, state = found.problem.unknowns, found.state
     centre = state.points.mean(axis=0)
     result = np.zeros((unknowns.layout.size, 7))
     for movement in range(7):
@@ -85,7 +85,7 @@ def moved(xyz, centre, step):
 
 def dense_free_cofactors(block, found, movements=slice(None)):
     """Return the inverse of the normal matrix bordered by the inner constraints on the datum points."""
-    equations = found.adjusted.linearised.equations
+    equations = found.equations
     design = equations.design.toarray()[equations.active]
     free = generator(found)[:, movements]
     inner = np.zeros_like(free)
@@ -149,7 +149,7 @@ def least_constrained(block, state):
 def test_residuals_and_redundancy_numbers_do_not_depend_on_the_datum(scene, names):
     block = free(scene, names)
     network = solved(block)
-    other = solution(least_constrained(block, network.adjusted.linearised.state))
+    other = solution(least_constrained(block, network.state))
     found = solution(block)
     photo = rows(found, "photo")
     assert np.allclose(found.residuals.redundancy_number[photo], other.residuals.redundancy_number[photo], atol=1e-6)

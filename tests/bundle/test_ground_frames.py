@@ -25,6 +25,8 @@ from orip.records.control import Control, ControlDirection, ControlDistance, Con
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Solution
 
+pytestmark = pytest.mark.slow
+
 EXACT = 1e-5
 """Metres and degrees: what rounding and the end of the iterations leave, with two digits to spare to a millimetre."""
 

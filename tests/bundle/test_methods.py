@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from bundle.aerial_block import aerial_block
-from bundle.solving import noisy
-from bundle.test_snooping import with_error
+from bundle.solving import noisy, with_error
 
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.snooping import SnoopingSettings

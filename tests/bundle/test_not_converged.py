@@ -6,7 +6,7 @@ import numpy as np
 from bundle.solving import noisy, redefined, solved, started_off
 from support.synthetic_block import synthetic_block
 
-from orip.adjustment.convergence import Termination
+from orip.adjustment.convergence import TerminationReason
 from orip.bundle.diagnosis import diagnose
 
 MADE = synthetic_block("convergent", "not converged", noise_mm=0.0)
@@ -16,11 +16,11 @@ def test_the_photo_that_is_farthest_from_its_end_is_named():
     block = started_off(MADE, noisy(MADE, 3), 3, 0.05)
     end = solved(redefined(block, max_iterations=30, start_down_weight=30))
     broken_off = solved(redefined(block, max_iterations=2, start_down_weight=2))
-    assert broken_off.adjusted.termination is Termination.MAX_ITERATIONS
+    assert broken_off.reason is TerminationReason.MAX_ITERATIONS
     (told,) = [each for each in diagnose(broken_off) if each.code == "not-converged"]
     columns = end.problem.unknowns.photos[:, :3]
     deviations = end.deviation_scale * np.sqrt(np.diag(end.cofactors.reduced)[columns])
-    here, there = broken_off.adjusted.linearised.state.centres, end.adjusted.linearised.state.centres
+    here, there = broken_off.state.centres, end.state.centres
     off = np.abs((here - there) / deviations).max(axis=1)
     assert off.max() > 0.1
     # corrections tell where the end is to first order; the axes of rotations are not compared

@@ -10,12 +10,7 @@ from workflow.small_projects import contents, first_project, replace_in, two_bun
 
 from orip.records.gate import GATE_FIGURES
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    assert orip(folder, "run").code == 0
-    return folder
+pytestmark = pytest.mark.usefixtures("adjusted")
 
 
 def gates_in_text(folder: Path, *gates: str) -> None:
@@ -58,7 +53,7 @@ def test_json(project: Path) -> None:
     }  # fmt: skip
     assert not second["pass"]
     assert (third["value"], third["pass"]) == (None, False)
-    assert "no figure is called so" in third["reason"]
+    assert "there is no figure of this name" in third["reason"]
     assert (fourth["value"], fourth["reason"]) == (None, "the solution has no such figure")
     assert orip(project, "check", "singular<=0", "--json").document["pass"] is True
 

@@ -23,11 +23,6 @@ OUTPUTS = [
 ]
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    return first_project(tmp_path / "first")
-
-
 def test_run_does_the_whole_project(project: Path) -> None:
     said = orip(project, "run")
     assert said.code == 0

@@ -10,14 +10,9 @@ from typing import Any
 
 import pytest
 from cli.command_line import orip
-from workflow.small_projects import contents, first_project, replace_in, two_bundles
+from workflow.small_projects import contents, replace_in, two_bundles
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    assert orip(folder, "run").code == 0
-    return folder
+pytestmark = pytest.mark.usefixtures("adjusted")
 
 
 def changed(project: Path, change: Callable[[Any], object]) -> str:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 from cli.command_line import orip
-from multimodel.test_driven_projects import sample
+from support.sample_projects import sample
 
 from orip.files.log.text import read_measurements
 

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 import pytest
 from cli.command_line import orip
 from link.served import OTHER_TABLE, TABLE, Raw, loaded_station, served
-from multimodel.test_driven_projects import add_models
 from support.aerial_block_in_crs import CRS, aerial_block
+from support.driven_projects import add_models
 from workflow.small_projects import first_project
 
 from orip.link import client as client_module

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from cli.command_line import orip
-from multimodel.test_driven_projects import add_models
+from support.driven_projects import add_models
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.workflow.drive.table import load_drive_table

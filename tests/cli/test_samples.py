@@ -15,7 +15,7 @@ from workflow.small_projects import REPOSITORY, contents
 
 from orip.workflow.sample_projects import SAMPLES
 
-FOLDER = REPOSITORY / "orip" / "sample_projects"
+FOLDER = REPOSITORY / "sample_projects"
 KILLED_ORIP = Path(__file__).parents[1] / "workflow" / "killed_orip.py"
 SMALLEST = "dcs260_calibration"
 

@@ -10,17 +10,11 @@ from pathlib import Path
 import pytest
 import typer
 from cli.command_line import orip
-from workflow.small_projects import first_project
 
 from orip.cli.main import app
 from orip.cli.options import SharedOptions
 
 COMMANDS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    return first_project(tmp_path / "first")
 
 
 @pytest.mark.parametrize(

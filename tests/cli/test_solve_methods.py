@@ -15,7 +15,7 @@ def calibration(tmp_path: Path) -> Path:
     folder = tmp_path / "dcs260"
     folder.mkdir()
     for name in ("orip.toml", "DCS260.PNT", "DCS260.MEA"):
-        shutil.copy(REPOSITORY / "orip" / "sample_projects" / "dcs260_calibration" / name, folder)
+        shutil.copy(REPOSITORY / "sample_projects" / "dcs260_calibration" / name, folder)
     return folder
 
 

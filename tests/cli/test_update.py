@@ -14,15 +14,10 @@ from orip.files.stores import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
 
 KINDS = ("cameras", "photos", "points")
-ZURICH = REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall"
-DCS260 = REPOSITORY / "orip" / "sample_projects" / "dcs260_calibration"
+ZURICH = REPOSITORY / "sample_projects" / "zurich_city_hall"
+DCS260 = REPOSITORY / "sample_projects" / "dcs260_calibration"
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    folder = first_project(tmp_path / "first")
-    assert orip(folder, "run").code == 0
-    return folder
+pytestmark = pytest.mark.usefixtures("adjusted")
 
 
 def sample(source: Path, folder: Path) -> Path:
@@ -267,7 +262,7 @@ def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.Monkey
     def full(_path: Path, _text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("orip.workflow.adjust.update.replace_text", full)
+    monkeypatch.setattr("orip.workflow.project.text_output.replace_text_in_pieces", full)
     refused(orip(project, "update", "points"), 1, "MAIN.PRE cannot be written: No space left on device; it is as it")
 
 

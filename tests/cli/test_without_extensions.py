@@ -8,23 +8,17 @@ import sys
 from pathlib import Path
 
 import pytest
+from workflow.small_projects import REPOSITORY
 
-WITHOUT = """
-import sys
-sys.modules.update({"orip.bundle.compiled._observation_loop": None, "orip.prelim._kernels": None})
-from orip.cli.main import main
-sys.argv[0] = "orip"
-main()
-"""
+PROGRAM = [sys.executable, str(REPOSITORY / "tests" / "kernels" / "without_extensions.py")]
 
 
 def test_a_project_without_orientations_is_solved(tmp_path: Path) -> None:
-    program = [sys.executable, "-c", WITHOUT]
-    subprocess.run([*program, "init", "--sample", "small_frame_block", tmp_path / "a"], check=True)
-    subprocess.run([*program, "-q", "-C", tmp_path / "a", "run", "--no-report"], check=True)
+    subprocess.run([*PROGRAM, "init", "--sample", "small_frame_block", tmp_path / "a"], check=True)
+    subprocess.run([*PROGRAM, "-q", "-C", tmp_path / "a", "run", "--no-report"], check=True)
     result = json.loads((tmp_path / "a" / "result.json").read_text(encoding="utf-8"))
     # as the sample's README says
     assert result["sigma0"] == pytest.approx(1.006, abs=0.0005)
-    status = [*program, "-C", tmp_path / "a", "-v", "status"]
+    status = [*PROGRAM, "-C", tmp_path / "a", "-v", "status"]
     said = subprocess.run(status, check=True, capture_output=True, text=True)
     assert "numpy" in (said.stdout + said.stderr).lower()

@@ -13,7 +13,8 @@ from command_tree import SHARED, commands, is_group, options_of
 from documentation.pages import pages, shown
 
 from orip.files.control.forms import FORMS
-from orip.files.project import tables as project_tables
+from orip.files.project.tables import TABLE_OF_KIND
+from orip.files.project.tables import keys_of as keys_of_table
 
 INLINE = re.compile(r"`(orip\b[^`]*)`")
 """May go over the end of a line."""
@@ -21,15 +22,6 @@ INLINE = re.compile(r"`(orip\b[^`]*)`")
 FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^(?:\$ |- run: |<!-- \$ )?(orip (?!is |\d).*?)(?: -->)?$")
 """A command that is a line of its own in a block."""
-
-RECORDS = {
-    "camera": project_tables.CameraTable,
-    "temtick": project_tables.TemtickTable,
-    "template": project_tables.TemplateTable,
-    "photo": project_tables.PhotoTable,
-    "bundle": project_tables.BundleTable,
-    "model": project_tables.ModelTable,
-}
 
 UNBUILT = {"import", "export"} - commands().keys()
 """Commands that README.md says are not there yet."""
@@ -84,7 +76,7 @@ def keys_of(name: str) -> list[str]:
     kind, _, rest = name.partition(" ")
     if kind == "control" and rest:
         return list(FORMS[rest.partition(" ")[0]].keys)  # type: ignore[index]
-    return project_tables.keys_of(RECORDS[kind]) if kind in RECORDS else []
+    return keys_of_table(TABLE_OF_KIND[kind]) if kind in TABLE_OF_KIND else []
 
 
 @pytest.mark.parametrize("page", pages(), ids=shown)

@@ -16,7 +16,7 @@ LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 
 
 def texts() -> list[Path]:
-    return [*pages(), *sorted((REPOSITORY / "orip" / "sample_projects").rglob("*.md"))]
+    return [*pages(), *sorted((REPOSITORY / "sample_projects").rglob("*.md"))]
 
 
 @pytest.mark.parametrize("page", texts(), ids=shown)

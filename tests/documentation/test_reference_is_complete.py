@@ -24,12 +24,12 @@ from orip.records.control import DistanceCode
 TABLES = {
     "[project]": project_tables.ProjectTable,
     "[check]": project_tables.CheckTable,
-    "[[camera]]": project_tables.CameraTable,
-    "[[temtick]]": project_tables.TemtickTable,
-    "[[template]]": project_tables.TemplateTable,
-    "[[photo]]": project_tables.PhotoTable,
-    "[[bundle]]": project_tables.BundleTable,
-    "[[bundle.model]]": project_tables.ModelTable,
+    "[[camera]]": project_tables.TABLE_OF_KIND["camera"],
+    "[[temtick]]": project_tables.TABLE_OF_KIND["temtick"],
+    "[[template]]": project_tables.TABLE_OF_KIND["template"],
+    "[[photo]]": project_tables.TABLE_OF_KIND["photo"],
+    "[[bundle]]": project_tables.TABLE_OF_KIND["bundle"],
+    "[[bundle.model]]": project_tables.TABLE_OF_KIND["model"],
 }
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from files.any_project import project_definitions
-from files.test_project_toml import FULL
+from files.full_project import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -7,7 +7,12 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from orip.geometry import essential as essential_module
 from orip.geometry.essential import essential_matrices, two_photos_of
+
+EPSILON = np.finfo(float).eps
+SUMMED = 100.0
+"""Rounding errors of some thousand products that make the ten equations, in units of the last digit."""
 
 
 def cross_of(base):
@@ -37,11 +42,47 @@ def constraint(found):
     return np.maximum(np.abs(np.linalg.det(found)), np.abs(cubic).max(axis=(1, 2)))
 
 
+def condition_of_solution(left, right, essential):
+    """Return how much larger the error of a solution is than those of the directions of the image vectors.
+
+    From the smallest singular value of the five equations by the five unknowns of an essential matrix, which are two
+    small rotations, one of each photo; of their six components one combination, the turn about the base, changes
+    nothing.
+    """
+    left, right = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (left, right))
+    turns = [cross_of(axis) for axis in np.eye(3)]
+    changes = np.array([*(turn @ essential for turn in turns), *(essential @ turn for turn in turns)]).reshape(6, 9)
+    unknowns = np.linalg.svd(changes)[2][:5]
+    equations = np.einsum("pi,pj->pij", left, right).reshape(5, 9)
+    return 1.0 / np.linalg.svd(equations @ unknowns.T, compute_uv=False)[-1]
+
+
+def condition_of_elimination(left, right):
+    """Return the condition of the system that takes the cubic monomials out of the ten equations.
+
+    It is large where one of the other nine solutions has hardly a share of the matrix whose factor is 1.
+    """
+    unit = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (left, right))
+    null_space = essential_module._null_space(*(vectors[None] for vectors in unit))
+    return np.linalg.cond(essential_module._cubic_equations(null_space)[0, :, :10])
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_truth_is_among_the_solutions(seed):
     left, right, essential = two_views(seed, 5)
-    # the eigenvalues of some samples are ill-conditioned: up to 1e-9 in 2000 of them
-    assert off(essential_matrices(left[None], right[None]), essential) < 1e-8
+    # rounding is magnified first by the elimination and then by the solution itself: 1e7 and 1e4 in sample 8
+    condition = condition_of_elimination(left, right) * condition_of_solution(left, right, essential)
+    assert off(essential_matrices(left[None], right[None]), essential) < SUMMED * EPSILON * condition
+
+
+def test_truth_is_nearly_always_met_to_the_last_digits():
+    """The limits above are those of the worst case; what kernels make of most samples is far within."""
+    errors = []
+    for seed in range(300):
+        left, right, essential = two_views(seed, 5)
+        errors.append(off(essential_matrices(left[None], right[None]), essential))
+    assert np.median(errors) < 1e-13
+    assert np.quantile(errors, 0.99) < 1e-10
 
 
 def test_solutions_of_many_samples_are_those_of_each():
@@ -63,6 +104,7 @@ def test_solutions_fulfil_the_constraints_and_contain_the_points():
     assert np.allclose(np.linalg.norm(np.concatenate(found), axis=(1, 2)), 1.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_all_real_solutions_are_found():
     left, right, _ = two_views(5, 5)
     left, right = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (left, right))

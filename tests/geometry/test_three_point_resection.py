@@ -62,6 +62,7 @@ def grunert_distances(cos_a, cos_b, cos_g, a2, b2, c2):
     return np.array(sorted(found)).reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_all_solutions_are_those_of_grunerts_quartic():
     generator = np.random.default_rng(1)
     counts = np.zeros(5, dtype=int)

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import pytest
 from cli.command_line import orip
 from link.served import loaded_station, served
-from multimodel.test_driven_projects import add_models
+from support.driven_projects import add_models
 from workflow.small_projects import contents, first_project
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from workflow.small_projects import REPOSITORY, replace_in
 
-SAMPLES = REPOSITORY / "orip" / "sample_projects"
+SAMPLES = REPOSITORY / "sample_projects"
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")
 
 CONTRADICTING = {"201", "202", "211", "212", "311", "312"}

@@ -9,7 +9,7 @@ import pytest
 from support.drive_tables import LENS, PLAIN_CAMERA, cameras
 
 from orip.interior.additional_parameters import additional_with_partials
-from orip.interior.distortion import correction_with_partials, distortion_with_partials
+from orip.interior.distortion import corrected_with_partials, distorted_with_partials
 from orip.multimodel.camera_model import camera_model
 from orip.records.drive_table import DriveCamera
 
@@ -29,22 +29,23 @@ def additional(camera, xy):
 @pytest.mark.parametrize("name", CAMERAS)
 def test_is_that_of_the_adjustment(name):
     camera = CAMERAS[name]
-    model, coefficients = camera_model(camera), np.array(camera.parameters[3:])
+    model, coefficients = camera_model(camera).image, camera.parameters[3:]
     principal_point = np.array(camera.parameters[1:3])
     if camera.distortion_at == "ideal":
         ideal = FRAME
-        expected = principal_point + ideal + distortion_with_partials(ideal, coefficients).value
+        expected = principal_point + np.stack(distorted_with_partials(coefficients, *ideal.T)[:2], axis=1)
         expected += additional(camera, principal_point + ideal)
         found = np.stack(model.measured(*ideal.T), axis=1)
     else:
-        expected = correction_with_partials(FRAME - principal_point, coefficients).value - additional(camera, FRAME)
+        expected = np.stack(corrected_with_partials(coefficients, *(FRAME - principal_point).T)[:2], axis=1)
+        expected -= additional(camera, FRAME)
         found = np.stack(model.ideal(*FRAME.T), axis=1)
     assert np.abs(found - expected).max() < EXACT
 
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_there_and_back(name):
-    model = camera_model(CAMERAS[name])
+    model = camera_model(CAMERAS[name]).image
     back = np.stack(model.measured(*model.ideal(*FRAME.T)), axis=1)
     forth = np.stack(model.ideal(*model.measured(*FRAME.T)), axis=1)
     # Newton's method ends at 1e-9 mm at the latest
@@ -54,7 +55,7 @@ def test_there_and_back(name):
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_numbers_are_as_arrays(name):
-    model = camera_model(CAMERAS[name])
+    model = camera_model(CAMERAS[name]).image
     for function in (model.ideal, model.measured):
         many = np.stack(function(*FRAME.T), axis=1)
         one = [function(x, y) for x, y in FRAME.tolist()]
@@ -66,7 +67,7 @@ def test_beyond_the_turning_point_nothing_is_shown(form):
     """R - R³/300 rises up to R = 10 mm; the other form is its mirror image."""
     a3 = -1.0 / 300.0 if form == "ideal" else 1.0 / 300.0
     camera = replace(PLAIN_CAMERA, parameters=(50.0, 0.0, 0.0, 0.0, a3, *(0.0,) * 6), distortion_at=form)
-    model = camera_model(camera)
+    model = camera_model(camera).image
     closed, inverse = (model.measured, model.ideal) if form == "ideal" else (model.ideal, model.measured)
     assert closed(9.99, 0.0)[0] == pytest.approx(9.99 - 9.99**3 / 300.0, abs=EXACT)
     assert np.isnan(closed(10.01, 0.0)).all()
@@ -79,11 +80,9 @@ def test_beyond_the_turning_point_nothing_is_shown(form):
 
 
 def test_a_cubic_that_never_falls_has_no_reach():
-    assert (
-        camera_model(DriveCamera("CAM", (50.0, 0.0, 0.0, 0.0, 1e-3, *(0.0,) * 6), (0.0, 0.0), "ideal")).reach_square
-        == np.inf
-    )
-    assert camera_model(PLAIN_CAMERA).reach_square == np.inf
+    rising = DriveCamera("CAM", (50.0, 0.0, 0.0, 0.0, 1e-3, *(0.0,) * 6), (0.0, 0.0), "ideal")
+    assert camera_model(rising).image.reach_square == np.inf
+    assert camera_model(PLAIN_CAMERA).image.reach_square == np.inf
 
 
 def test_no_frame_is_no_frame_line():

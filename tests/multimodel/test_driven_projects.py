@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.aerial_block_in_crs import CRS, aerial_block
 from support.drive_tables import loaded
+from support.driven_projects import ZURICH_MODELS, add_models, expected_positions, measured, residuals_of
+from support.sample_projects import SAMPLES, sample
+from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
-from workflow.small_projects import REPOSITORY, film_project
+from workflow.small_projects import film_project
 
 from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import change_model, drive_object
@@ -18,32 +18,7 @@ from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
 from orip.multimodel.table import object_ground
 from orip.records.solution import Solution
-from orip.workflow.drive.table import DriveTableOutcome, load_drive_table, write_drive_table
-
-ZURICH_MODELS = [
-    ("A", "st1", "st2", 1, 1),
-    ("B", "st4", "st5", 1, 2),
-    ("C", "st7", "st8", 1, 3),
-    ("D", "st15", "st16", 2, 1),
-]
-
-
-def models_text(models):
-    return "".join(
-        f'\n[[bundle.model]]\nname = "{name}"\nleft = "{left}"\nright = "{right}"\nrow = {row}\ncolumn = {column}\n'
-        for name, left, right, row, column in models
-    )
-
-
-def add_models(folder, models):
-    with (folder / "orip.toml").open("a", encoding="utf-8") as file:
-        file.write(models_text(models))
-    return folder
-
-
-def sample(folder, name):
-    ignored = shutil.ignore_patterns("*.OUT", "*.EXT", "*.EXO", "*.PHO", "*.TEM", "*.CAM", "*.TIK", "*.json", "*.csv")
-    return Path(shutil.copytree(REPOSITORY / "orip" / "sample_projects" / name, folder / name, ignore=ignored))
+from orip.workflow.drive.table import DriveTableOutcome, load_drive_table
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:
@@ -62,39 +37,6 @@ def cliff(tmp_path_factory):
     return folder, *driven_table(folder)
 
 
-def measured(path: Path) -> dict[tuple[str, str], np.ndarray]:
-    """Return what a log has as it was read off the instrument, by photo and point."""
-    found, photo = {}, None
-    for line in path.read_text(encoding="utf-8").splitlines():
-        words = line.split("!")[0].split()
-        if words and words[0] in ("TEMPLATE", "PHOTO", "POINTS"):
-            photo = words[2] if words[0] == "POINTS" else None
-        elif words and photo is not None:
-            found[photo, words[0]] = np.array([float(words[1]), float(words[2])])
-    return found
-
-
-def residuals_of(solution: Solution) -> dict[tuple[str, str], np.ndarray]:
-    """Return the residuals of photo points, mm in the photo."""
-    found: dict[tuple[str, str], list[float]] = {}
-    rows = solution.residuals
-    for kind, photo, point, residual in zip(rows.kind, rows.photo, rows.point, rows.residual, strict=True):
-        if kind == "photo":
-            found.setdefault((photo, point), []).append(float(residual))
-    return {key: np.array(each) for key, each in found.items()}
-
-
-def expected_positions(solution, table, log):
-    """Return measured plate coordinates plus residuals, taken to the plate by the factors of the table alone."""
-    residuals = residuals_of(solution)
-    factors = {photo.name: np.array(photo.affine).reshape(2, 3)[:, 1:] for photo in table.photos}
-    return {
-        (photo, point): xy + factors[photo.upper()] @ residuals[photo, point]
-        for (photo, point), xy in log.items()
-        if photo.upper() in factors and (photo, point) in residuals
-    }
-
-
 def check_photos(solution, table, expected, tolerance, xyz_of=lambda xyz: xyz):
     block, _ = loaded(table)
     rows = {name: row for row, name in enumerate(solution.points.names)}
@@ -107,7 +49,7 @@ def check_photos(solution, table, expected, tolerance, xyz_of=lambda xyz: xyz):
 
 def test_zurich_in_pixels(zurich):
     solution, outcome = zurich
-    log = measured(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
+    log = measured(SAMPLES / "zurich_city_hall" / "ZURICH.MEA")
     expected = expected_positions(solution, outcome.table, log)
     assert outcome.table.plate_unit == "px"
     assert len(expected) > 100
@@ -124,7 +66,7 @@ def test_zurich_from_model_to_model(zurich):
     """In every model every point that both photos show is driven to, and read back."""
     solution, outcome = zurich
     block, state = loaded(outcome.table)
-    log = measured(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / "ZURICH.MEA")
+    log = measured(SAMPLES / "zurich_city_hall" / "ZURICH.MEA")
     expected = expected_positions(solution, outcome.table, log)
     rows = {name: row for row, name in enumerate(solution.points.names)}
     state, _ = automatic(block, state, False)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from support.drive_tables import cameras as driven_cameras
-from support.drive_tables import parameter_set
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.additional_parameter import base_of_camera
@@ -27,9 +26,18 @@ from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
 from orip.geometry.similarity import Similarities, similarity_with_partials
+from orip.interior import additional_parameters, image_coordinates
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, default_error
-from orip.interior.distortion import correction_with_partials, distortion_with_partials
-from orip.multimodel import camera_model as driving
+from orip.interior.distortion import (
+    corrected_by_coefficients,
+    corrected_with_partials,
+    distorted_by_coefficients,
+    distorted_with_partials,
+    lens_distortion_with_partials,
+)
+from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
+from orip.interior.image_polynomial import deformation_with_partials, image_polynomial
+from orip.multimodel.camera_model import camera_model
 from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
@@ -74,7 +82,7 @@ class Case:
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_similarity(),
-        *_parallaxes(), *_kinds(), *_driving(),
+        *_image_residuals(), *_image_equation(), *_bases(), *_parallaxes(), *_kinds(),
     ]  # fmt: skip
 
 
@@ -171,37 +179,110 @@ def _similarity() -> Iterator[Case]:
 
 
 def _distortion() -> Iterator[Case]:
-    for function in (distortion_with_partials, correction_with_partials):
-        found = function(FRAME, SMALL_FORMAT)
+    coefficients = tuple(SMALL_FORMAT)
+    for function in (distorted_with_partials, corrected_with_partials, lens_distortion_with_partials):
+        yield _mapped_case(lambda x, y, function=function: function(coefficients, x, y), "coordinates", function)
+    x, y = FRAME.T
+    for by_coefficients, function, partials in (
+        (distorted_by_coefficients, distorted_with_partials, distorted_by_coefficients(x, y)),
+        (corrected_by_coefficients, corrected_with_partials, corrected_by_coefficients(coefficients, x, y)),
+    ):
         yield Case(
-            full_name(function), "coordinates", FRAME.ravel(),
-            lambda x, function=function: function(x.reshape(-1, 2), SMALL_FORMAT).value.ravel(),
-            _block_diagonal(found.by_xy),
+            full_name(by_coefficients), "coefficients", SMALL_FORMAT,
+            lambda k, function=function: np.stack(function(k, x, y)[:2], axis=1).ravel(), partials.reshape(-1, 8),
         )  # fmt: skip
+
+
+def _image_residuals() -> Iterator[Case]:
+    """Return cases by everything at once: ideal coordinates, principal point, coefficients and additional values."""
+    camera = np.concatenate([[0.12, -0.07], SMALL_FORMAT])
+    for at_measured in (False, True):
+        for additional in (None, *(_set_values(name) for name in PARAMETER_SETS)):
+            measured = FRAME + np.random.default_rng(2).normal(0.0, 0.01, FRAME.shape)
+            none = np.empty(0) if additional is None else additional.values
+
+            def residuals(x: np.ndarray, at_measured=at_measured, additional=additional, measured=measured):
+                ideal, rest = x[: FRAME.size].reshape(-1, 2), x[FRAME.size :]
+                cameras = np.broadcast_to(rest[:10], (len(ideal), 10))
+                values = None if additional is None else additional._replace(values=rest[10:])
+                return image_residuals_with_partials(ideal, measured, cameras, at_measured, values)
+
+            at = np.concatenate([FRAME.ravel(), camera, none])
+            found = residuals(at)
+            by_camera = np.concatenate(
+                [found.by_principal_point, found.by_coefficients, found.by_additional], axis=2
+            ).reshape(FRAME.size, -1)
+            yield Case(
+                full_name(image_residuals_with_partials),
+                f"{'measured' if at_measured else 'ideal'} {additional.name if additional else ''}", at,
+                lambda x, residuals=residuals: residuals(x).value.ravel(),
+                np.hstack([_block_diagonal(found.by_ideal), by_camera]),
+            )  # fmt: skip
+
+
+def _image_equation() -> Iterator[Case]:
+    for name, camera in driven_cameras().items():
+        yield _mapped_case(camera_model(camera).image.explicit_with_partials, name)
+    explicit = image_coordinates._explicit
+    for at_measured in (False, True):
+        for name in PARAMETER_SETS:
+            polynomial = image_polynomial(*_set_values(name))
+            yield _mapped_case(
+                lambda x, y, at_measured=at_measured, polynomial=polynomial: explicit(
+                    at_measured, tuple(SMALL_FORMAT), x, y, deformation_with_partials(polynomial, x, y)
+                ),
+                f"{'measured' if at_measured else 'ideal'} {name}", explicit,
+            )  # fmt: skip
+    for name in PARAMETER_SETS:
+        polynomial = image_polynomial(*_set_values(name))
+        yield _mapped_case(
+            lambda x, y, polynomial=polynomial: deformation_with_partials(polynomial, x, y), name,
+            deformation_with_partials,
+        )  # fmt: skip
+
+
+def _mapped_case(function: Callable[..., tuple], label: str, of: object = None) -> Case:
+    """Return the case of a function of x and y (n,) that returns two values and their partials xx, xy, yx, yy."""
+    places = 0.6 * FRAME
+    by_xy = np.stack(function(*places.T)[2:], axis=1).reshape(-1, 2, 2)
+    return Case(
+        full_name(of or function), label, places.ravel(),
+        lambda x: np.stack(function(*x.reshape(-1, 2).T)[:2], axis=1).ravel(), _block_diagonal(by_xy),
+    )  # fmt: skip
+
+
+def _set_values(name: str) -> SetValues:
+    """Return a set whose every parameter deforms the image by some ten micrometres."""
+    count, base = len(PARAMETER_SETS[name].parameter_names), 9.6
+    errors = np.array([default_error(name, index, base, 0.005) for index in range(count)])
+    return SetValues(name, base, errors * np.random.default_rng(6).normal(size=count))
+
+
+def _bases() -> Iterator[Case]:
+    at = np.linspace(-12.0, 12.0, 7)
+    bases = np.full(len(at), 9.6)
+    for basis in (additional_parameters._ebner_basis, additional_parameters._gruen_basis):
         yield Case(
-            full_name(function), "coefficients", SMALL_FORMAT,
-            lambda x, function=function: function(FRAME, x).value.ravel(), found.by_coefficients.reshape(-1, 8),
+            full_name(basis), "polynomials", at, lambda t, basis=basis: basis(t, bases).value.ravel(),
+            _block_diagonal(basis(at, bases).derivative[:, :, None]),
         )  # fmt: skip
 
 
 def _additional() -> Iterator[Case]:
-    base = 9.6
-    for name, parameters in PARAMETER_SETS.items():
-        count = len(parameters.parameter_names)
-        errors = np.array([default_error(name, index, base, 0.005) for index in range(count)])
-        values = errors * np.random.default_rng(6).normal(size=count)
+    for name in PARAMETER_SETS:
+        _, base, values = _set_values(name)
         found = additional_with_partials(name, FRAME, base, values)
         yield Case(
             full_name(additional_with_partials), f"{name} coordinates", FRAME.ravel(),
-            lambda x, name=name, values=values: additional_with_partials(
+            lambda x, name=name, base=base, values=values: additional_with_partials(
                 name, x.reshape(-1, 2), base, values
             ).value.ravel(),
             _block_diagonal(found.by_xy),
         )  # fmt: skip
         yield Case(
             full_name(additional_with_partials), f"{name} parameters", values,
-            lambda x, name=name: additional_with_partials(name, FRAME, base, x).value.ravel(),
-            found.by_values.reshape(-1, count),
+            lambda x, name=name, base=base: additional_with_partials(name, FRAME, base, x).value.ravel(),
+            found.by_values.reshape(-1, len(values)),
         )  # fmt: skip
 
 
@@ -376,7 +457,7 @@ def _kinds() -> Iterator[Case]:
             np.add.at(partials, (rows[free], columns[free]), found.partials[free])
             assert found.computable.all()
             yield Case(
-                method_of(observations), f"{observations.rows.kind}, {label}", np.zeros(size),
+                method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
                 lambda x, of=observations, state=state, unknowns=unknowns: of.linearise_with_partials(
                     state.moved(x, unknowns)
                 ).residual,
@@ -386,32 +467,4 @@ def _kinds() -> Iterator[Case]:
 
 def _move(block: Block, observations: Observations) -> float:
     """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
-    return 1e-3 if block.ground is PLAIN or observations.rows.kind == "photo" else 0.1
-
-
-# driving
-
-
-def _driving() -> Iterator[Case]:
-    for name, camera in driven_cameras().items():
-        model = driving.camera_model(camera)
-        function = model._corrected_with_partials if model.at_measured else model._distorted_with_partials
-        yield _driving_case(function, name)
-    distortion = driving._distortion_with_partials
-    yield _driving_case(lambda x, y: distortion(tuple(SMALL_FORMAT), x, y), "coordinates", distortion)
-    additional = driving._additional_with_partials
-    for name in PARAMETER_SETS:
-        polynomial = driving.image_polynomial(parameter_set(name))
-        yield _driving_case(
-            lambda x, y, polynomial=polynomial: additional(polynomial, x, y), f"{name} coordinates", additional
-        )
-
-
-def _driving_case(function: Callable[..., tuple], label: str, of: object = None) -> Case:
-    """Return the case of a function of x and y (n,) that returns two values and their partials xx, xy, yx, yy."""
-    places = 0.6 * FRAME
-    by_xy = np.stack(function(*places.T)[2:], axis=1).reshape(-1, 2, 2)
-    return Case(
-        full_name(of or function), label, places.ravel(),
-        lambda x: np.stack(function(*x.reshape(-1, 2).T)[:2], axis=1).ravel(), _block_diagonal(by_xy),
-    )  # fmt: skip
+    return 1e-3 if block.ground is PLAIN or observations.rows.kind.name == "photo" else 0.1

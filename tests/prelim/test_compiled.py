@@ -39,7 +39,8 @@ def test_intersection(without_loops) -> None:
     assert mine.weight_factors == pytest.approx(theirs.weight_factors, abs=1e-9)
     assert np.count_nonzero(theirs.weight_factors < 0.5) >= BLUNDERS // 2
     assert mine.angles == pytest.approx(theirs.angles, abs=1e-12)
-    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-12)
+    # no better than the weight factors that it is made with
+    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 4, 6, 40])
@@ -112,6 +113,8 @@ def test_five_points(without_loops, sample: int) -> None:
     pairs = common_pairs(rays, 1 + sample % 3)
     chosen = np.random.default_rng(sample).choice(len(pairs.error), 5, replace=False)
     mine, theirs = without_loops(lambda: solve(Pairs(*(each[chosen] for each in pairs))))
+    assert mine is not None
+    assert theirs is not None
     assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-7)
     assert mine.photos.rotation == pytest.approx(theirs.photos.rotation, abs=1e-7)
     assert mine.ambiguous == theirs.ambiguous

@@ -58,6 +58,7 @@ def test_without_anything_held_the_image_fits():
     assert found.s0 == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unknown", [(), (0, 1, 2, 3), (0, 3)])
 def test_without_blunders_it_is_scipys_least_squares(unknown):
     given, held = start(*block(photos=3, rows=1, points=60, noise_mm=0.005), known=6)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from reference.aerial_project import camera_text, control, marks
 from reference.comparison import assert_key_figures, assert_orientations
 from reference.published_data import ORIENTATION, data_set, read_report
 from reference.published_projects import Project
-from reference.test_published_aerial_block import camera_text, control, marks
 
 
 @pytest.fixture(scope="module")

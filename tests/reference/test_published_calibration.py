@@ -10,42 +10,13 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from reference.comparison import assert_camera, assert_key_figures, assert_orientations, orientation
-from reference.olympus_camera import PIXEL, PRECISION, UNKNOWN, as_reported, camera_text, constant_control
-from reference.published_data import ORIENTATION, Published, data_set, half_digit, read_report, records
-from reference.published_projects import Project, perturbed, result_of
+from reference.olympus_camera import PIXEL, UNKNOWN, as_reported, camera_text
+from reference.olympus_projects import calibration_project, stations
+from reference.published_data import data_set, half_digit, read_report, records
+from reference.published_projects import result_of
 
 ITERATED = 1e-4
 """Part of a standard deviation: the published iterations of this run ended 5e-5 away, those of the models nearer."""
-
-
-def stations(folder: Path) -> dict[str, dict[str, Published]]:
-    """Return the published orientations, printed with 18 digits.
-
-    Angles are in radians, whatever the file's heading says; all deviations have been multiplied by 180/pi.
-    """
-    found = {}
-    for fields in records(folder / "result" / "camera_stations.txt"):
-        numbers = [float(each) for each in fields[2:14]]
-        values = numbers[:3] + [math.degrees(angle) for angle in numbers[3:6]]
-        deviations = [math.radians(each) for each in numbers[6:9]] + numbers[9:]
-        found[fields[1]] = {
-            kind: Published(value, deviation)
-            for kind, value, deviation in zip(ORIENTATION, values, deviations, strict=True)
-        }
-    return found
-
-
-def project(camera: str) -> Project:
-    """Return the project: stations some centimetres and a degree wrong, points by intersection."""
-    folder = data_set("dbat-camcal-selfcal")
-    starts = {name: [each[kind].value for kind in ORIENTATION] for name, each in stations(folder).items()}
-    return Project(
-        camera,
-        perturbed(starts, length=0.03, angle=1.5, seed=1),
-        [(photo, point, x, y) for photo, point, x, y, _ in records(folder / "measurements" / "markpts.txt")],
-        constant_control(folder / "reference" / "camcal-fixed.txt"),
-        bundle=PRECISION,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def result(folder: Path) -> Any:
-    return result_of(project(camera_text(7.5)), folder)
+    return result_of(calibration_project(camera_text(7.5)), folder)
 
 
 def test_sigma0_redundancy_and_camera(result: Any) -> None:
@@ -122,7 +93,9 @@ def test_residuals(result: Any, folder: Path) -> None:
 def test_models_of_distortion(model: int, distortion_at: str, affinity: bool, tmp_path: Path) -> None:
     unknown = UNKNOWN if affinity else tuple(name for name in UNKNOWN if name != "B1")
     report = read_report(data_set("dbat-camcal-selfcal") / "models" / f"camcal-dbatreport-model{model}.txt")
-    result = result_of(project(camera_text(7.5, distortion_at=distortion_at, unknown=unknown)), tmp_path / "model")
+    result = result_of(
+        calibration_project(camera_text(7.5, distortion_at=distortion_at, unknown=unknown)), tmp_path / "model"
+    )
     assert_key_figures(result, report, digits=6)
     assert_camera(result, report)
     assert_orientations(result, report.photos)

@@ -16,19 +16,10 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 from reference.comparison import assert_camera, assert_key_figures, assert_orientations
-from reference.olympus_camera import PRECISION, camera_text, constant_control
+from reference.olympus_camera import PRECISION
+from reference.olympus_projects import defective_project, defects
 from reference.published_data import Export, data_set, half_digit, read_export, read_report
 from reference.published_projects import Project, perturbed, result_of
-
-
-def defects() -> Path:
-    return data_set("dbat-camcal-defects")
-
-
-def project(export: Export, *, enp_stop: float = 4.0) -> Project:
-    """Return the project of an export with constant control; it begins where the published adjustment begins."""
-    control = constant_control(defects() / "camcal-fixed.txt")
-    return Project(camera_text(7.3), export.stations, export.marks, control, bundle=PRECISION, enp_stop=enp_stop)
 
 
 def complete() -> Export:
@@ -38,7 +29,7 @@ def complete() -> Export:
 
 def without_datum(seed: int | None) -> Project:
     """Return the calibration without control, from the exported stations or from some that are wrong."""
-    found = replace(project(complete()), control={})
+    found = replace(defective_project(complete()), control={})
     return found if seed is None else replace(found, stations=perturbed(found.stations, 0.03, 1.5, seed))
 
 
@@ -125,7 +116,7 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     export = read_export(defects() / "camcal-pmexport-missing-obs.txt")
     unseen = named_parameters("camcal-dbatreport-missing-obs.txt")
     assert unseen == set(export.points) - {point for _, point, _, _ in export.marks}
-    block = project(export)
+    block = defective_project(export)
     if given == "preliminary":
         block = replace(block, preliminary=export.points)
         where = "preliminary point"
@@ -148,14 +139,14 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     assert result["observations"] == report.observations
     assert result["unknowns"] == report.unknowns - 6 == structural_rank("camcal-dbatreport-missing-obs.txt")
     assert adjusted_unknowns(result) == result["unknowns"]
-    assert_same_camera(result, result_of(project(export), tmp_path / "without"))
+    assert_same_camera(result, result_of(defective_project(export), tmp_path / "without"))
 
 
 @pytest.mark.parametrize("preliminary", [False, True], ids=["by its ray", "preliminary"])
 def test_one_coordinate_of_a_point_with_one_ray_is_named(preliminary: bool, tmp_path: Path) -> None:
     export = read_export(defects() / "camcal-pmexport-1ray.txt")
     (point,) = named_parameters("camcal-dbatreport-1ray.txt")
-    block = project(export)
+    block = defective_project(export)
     if preliminary:
         block = replace(block, preliminary=export.points)
     said = orip(block.write(tmp_path / "block"), "run")
@@ -175,13 +166,13 @@ def test_one_coordinate_of_a_point_with_one_ray_is_named(preliminary: bool, tmp_
     assert result["unknowns"] == report.unknowns
     assert adjusted_unknowns(result) == structural_rank("camcal-dbatreport-1ray.txt")
     alone = replace(export, marks=tuple(mark for mark in export.marks if mark[1] != point))
-    assert_same_camera(result, result_of(project(alone), tmp_path / "without"))
+    assert_same_camera(result, result_of(defective_project(alone), tmp_path / "without"))
 
 
 def test_few_points(tmp_path: Path) -> None:
     export = read_export(defects() / "camcal-pmexport5.txt")
     report = read_report(defects() / "camcal-dbatreport5.txt")
-    result = result_of(project(export, enp_stop=7.0), tmp_path / "block")
+    result = result_of(defective_project(export, enp_stop=7.0), tmp_path / "block")
     assert_key_figures(result, report, digits=6)
     assert_camera(result, report)
     assert_orientations(result, report.photos)
@@ -189,7 +180,7 @@ def test_few_points(tmp_path: Path) -> None:
 
 def test_precision_of_few_points(tmp_path: Path) -> None:
     text = read_report(defects() / "camcal-dbatreport5.txt").text.partition("Point Precision")[2]
-    result = result_of(project(read_export(defects() / "camcal-pmexport5.txt")), tmp_path / "block")
+    result = result_of(defective_project(read_export(defects() / "camcal-pmexport5.txt")), tmp_path / "block")
     deviations = {
         name: [point[axis]["sd"] for axis in "XYZ"]
         for name, point in result["points"].items()

@@ -9,10 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from reference.olympus_camera import camera_text
+from reference.olympus_projects import calibration_project, defective_project, defects
 from reference.published_data import read_export
-from reference.test_published_calibration import project as calibration
-from reference.test_published_defects import defects
-from reference.test_published_defects import project as defective
 from workflow.quiet import run_quietly, solve_quietly
 
 from orip.bundle.methods import Method
@@ -28,13 +26,13 @@ def kept_by_pruning(folder: Path) -> set[str]:
 
 
 def test_pruning_keeps_two_parameters_that_correlate_by_98_percent(tmp_path: Path) -> None:
-    folder = calibration(camera_text(7.5)).write(tmp_path / "block")
+    folder = calibration_project(camera_text(7.5)).write(tmp_path / "block")
     run_quietly(folder)
     assert kept_by_pruning(folder) == UNKNOWN
 
 
 def test_few_points_leave_a5_a7_and_b1_insignificant(tmp_path: Path) -> None:
-    folder = defective(read_export(defects() / "camcal-pmexport5.txt"), enp_stop=7.0).write(tmp_path / "block")
+    folder = defective_project(read_export(defects() / "camcal-pmexport5.txt"), enp_stop=7.0).write(tmp_path / "block")
     (outcome,) = run_quietly(folder)
     named = [each.text for each in outcome.solution.diagnosis if each.code == "not-significant"]
     assert sorted(text.split(" of camera ")[0] for text in named) == ["A5", "A7", "B1"]

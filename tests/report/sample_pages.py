@@ -11,11 +11,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from workflow.commands import report
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.records.solution import Solution
-from orip.workflow.adjust.report import report
 
 SAMPLES = ("zurich_city_hall", "dcs260_calibration", "small_frame_block")
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")
@@ -44,7 +44,7 @@ def sample(name: str) -> Sample:
 def sample_project(name: str, folder: Path) -> Path:
     """Copy the texts of a sample project."""
     folder.mkdir()
-    for path in (REPOSITORY / "orip" / "sample_projects" / name).iterdir():
+    for path in (REPOSITORY / "sample_projects" / name).iterdir():
         if path.suffix in TEXTS:
             shutil.copy(path, folder)
     return folder

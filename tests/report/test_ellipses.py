@@ -23,7 +23,7 @@ def adjusted():
 
 
 def test_correlations_are_those_of_the_dense_inverse(adjusted) -> None:
-    equations = adjusted.adjusted.linearised.equations
+    equations = adjusted.equations
     design = equations.design[equations.active]
     design = design.toarray() if hasattr(design, "toarray") else design
     covariance = np.linalg.inv(design.T @ design)

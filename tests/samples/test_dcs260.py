@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli.command_line import orip
+from support.sample_projects import sample
 from workflow.quiet import run_quietly
-from workflow.small_projects import REPOSITORY, contents, replace_in
+from workflow.small_projects import contents, replace_in
 
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.solution import Solution
@@ -17,11 +17,7 @@ from orip.records.solution import Solution
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    folder = tmp_path / "dcs260"
-    folder.mkdir()
-    for name in ("orip.toml", "DCS260.PNT", "DCS260.MEA"):
-        shutil.copy(REPOSITORY / "orip" / "sample_projects" / "dcs260_calibration" / name, folder)
-    return folder
+    return sample(tmp_path, "dcs260_calibration")
 
 
 def solved(folder: Path) -> Solution:

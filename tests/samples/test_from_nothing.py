@@ -32,7 +32,7 @@ ENP_STOP = 7.0
 def copied(sample: str, folder: Path) -> Path:
     folder.mkdir()
     for name in SAMPLES[sample]:
-        shutil.copy(REPOSITORY / "orip" / "sample_projects" / sample / name, folder)
+        shutil.copy(REPOSITORY / "sample_projects" / sample / name, folder)
     toml = folder / "orip.toml"
     text, found = re.subn(
         r"^\[\[bundle\]\]$", f"[[bundle]]\nenp_stop = {ENP_STOP}", toml.read_text(encoding="utf-8"), flags=re.MULTILINE

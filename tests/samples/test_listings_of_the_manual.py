@@ -51,7 +51,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Adjuste
     def sample(name: str) -> Adjusted:
         if name not in made:
             folder = tmp_path_factory.mktemp("listings") / name
-            shutil.copytree(REPOSITORY / "orip" / "sample_projects" / name, folder)
+            shutil.copytree(REPOSITORY / "sample_projects" / name, folder)
             result = orip(folder, "run", "--no-report", "--json")
             assert result.code == 0, result.err
             # the listing that `run` leaves is that of the chain, where it needed the chain

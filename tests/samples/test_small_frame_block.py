@@ -25,7 +25,7 @@ from orip.bundle.snooping import SnoopingSettings
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.solution import Solution
 
-SAMPLE = REPOSITORY / "orip" / "sample_projects" / "small_frame_block"
+SAMPLE = REPOSITORY / "sample_projects" / "small_frame_block"
 GENERATED = ("DAY1.MEA", "DAY2.MEA", "CLIFF.PNT", "CLIFF.LEN", "truth.json")
 GIVEN = ("orip.toml", *GENERATED[:-1])
 

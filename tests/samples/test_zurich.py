@@ -29,7 +29,7 @@ AGREEMENT = 0.05
 @pytest.fixture(scope="module")
 def solution(tmp_path_factory: pytest.TempPathFactory) -> Solution:
     folder = tmp_path_factory.mktemp("zurich") / "project"
-    source = REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall"
+    source = REPOSITORY / "sample_projects" / "zurich_city_hall"
     folder.mkdir()
     for name in ("orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.PRE"):
         shutil.copy(source / name, folder)

@@ -7,13 +7,13 @@ An independent program finds, without them and with C, DX, DY unknown, a standar
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.sample_projects import sample
 from workflow.quiet import run_quietly, solve_quietly
-from workflow.small_projects import REPOSITORY, replace_in
+from workflow.small_projects import replace_in
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping import SnoopingSettings
@@ -25,11 +25,7 @@ A_PRIORI_MM = 0.0064
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    folder = tmp_path / "zurich"
-    folder.mkdir()
-    for name in ("orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.PRE"):
-        shutil.copy(REPOSITORY / "orip" / "sample_projects" / "zurich_city_hall" / name, folder)
-    return folder
+    return sample(tmp_path, "zurich_city_hall")
 
 
 def change_control(folder: Path, change: dict[str, str], rest: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 
 IntArray = NDArray[np.int32]
 
@@ -134,10 +134,7 @@ def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Camer
         products_of_set = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
         products[camera, :, :parameters] = products_of_set // degree * _POLYNOMIALS + products_of_set % degree
         factors[camera, :, :parameters] = table.sum(axis=(2, 3))
-        at = np.linspace(-1.0, 1.0, degree)
-        values = PARAMETER_SETS[name].basis(base * at, np.full(degree, base)).value
-        by_powers = np.linalg.solve(np.vander(at, increasing=True), values) / base ** np.arange(degree)[:, None]
-        polynomials[camera, :degree, :degree] = by_powers.T
+        polynomials[camera, :degree, :degree] = (basis_by_powers(name, base) / base ** np.arange(degree)[:, None]).T
     columns = np.hstack([unknowns.cameras, unknowns.additional])
     numbers = np.append(np.arange(_CAMERA_PARAMETERS), _FIRST_ADDITIONAL + np.arange(additional))
     is_unknown = columns != CONSTANT

@@ -13,6 +13,7 @@ from orip.bundle.unknowns import Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_frame, default_error
 from orip.records.block import Block
 from orip.records.camera import Camera
+from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ def observe_additional_parameters(block: Block, unknowns: Unknowns) -> Additiona
     parameter = np.array([each for _, each, _ in found], dtype=np.int64)
     errors = [_error(block, row, each) for row, each, _ in found]
     rows = Rows(
-        kind="additional",
+        kind=ADDITIONAL_PARAMETER,
         photo=("",) * len(found),
         point=tuple(block.cameras[row].name for row in camera),
         component=tuple(name for *_, name in found),

@@ -13,6 +13,7 @@ from orip.bundle.state import State
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
+from orip.records.observation_kinds import CONTROL_POINT
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
     coordinate = np.array([row[1] for row in found], dtype=np.int64)
     error = np.array([row[3] for row in found], dtype=np.float64)
     rows = Rows(
-        kind="control",
+        kind=CONTROL_POINT,
         photo=("",) * len(found),
         point=tuple(block.point_names[index] for index in point),
         component=tuple(POINT_COORDINATES[index] for index in coordinate),

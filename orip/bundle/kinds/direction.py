@@ -12,6 +12,7 @@ from orip.bundle.state import State
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
+from orip.records.observation_kinds import DIRECTION
 from orip.units import DEGREES_PER_RADIAN
 
 
@@ -72,7 +73,7 @@ def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservation
     error = np.array([error for *_, error in found], dtype=np.float64)
     zero = np.where(is_zenith, CONSTANT, unknowns.theodolites[row] if len(row) else CONSTANT)
     rows = Rows(
-        kind="direction",
+        kind=DIRECTION,
         photo=tuple(each.set for each, *_ in found),
         point=tuple(f"{each.station}-{each.target}" for each, *_ in found),
         component=tuple("zenith" if zenith else "direction" for _, zenith, *_ in found),

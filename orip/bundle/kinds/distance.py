@@ -20,6 +20,7 @@ from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
 from orip.records.control import ControlDistance, DistanceCode
 from orip.records.ground import GroundSystem, ProjectCoordinates
+from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE, ObservationKind
 
 AXES: dict[DistanceCode, tuple[int, ...]] = {
     "X": (0,),
@@ -76,7 +77,7 @@ def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
     """Return the weighted and the disregarded distances."""
     chosen = [each for each in block.distances if each.error != 0.0]
     error = np.array([each.error for each in chosen], dtype=np.float64)
-    return DistanceObservations(*_between(block, unknowns, chosen, "distance", np.abs(error), error > 0.0))
+    return DistanceObservations(*_between(block, unknowns, chosen, DISTANCE, np.abs(error), error > 0.0))
 
 
 def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:
@@ -84,7 +85,7 @@ def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDist
     chosen = [each for each in block.distances if each.error == 0.0]
     error = np.full(len(chosen), error_of_constant_lengths(block) if chosen else 1.0)
     used = np.ones(len(chosen), dtype=bool)
-    return ConstantDistanceObservations(*_between(block, unknowns, chosen, "constant distance", error, used))
+    return ConstantDistanceObservations(*_between(block, unknowns, chosen, CONSTANT_DISTANCE, error, used))
 
 
 def tied_by_distances(block: Block) -> frozenset[int]:
@@ -94,7 +95,7 @@ def tied_by_distances(block: Block) -> frozenset[int]:
 
 
 def _between(
-    block: Block, unknowns: Unknowns, chosen: Sequence[ControlDistance], kind: str, error: FloatArray,
+    block: Block, unknowns: Unknowns, chosen: Sequence[ControlDistance], kind: ObservationKind, error: FloatArray,
     used: NDArray[np.bool_],
 ) -> tuple[Rows, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], GroundSystem]:  # fmt: skip
     place = block.point_index()

@@ -22,6 +22,7 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import ControlElement
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
+from orip.records.observation_kinds import CONSTANT_ELEMENT, ELEMENT, ObservationKind
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
@@ -137,7 +138,7 @@ def observe_elements(block: Block, unknowns: Unknowns) -> ElementObservations:
     chosen = [each for each in block.elements if each.error != 0.0 and places.has(each)]
     error = np.array([abs(element.error) for element in chosen], dtype=np.float64)
     used = np.array([error_allows_use(block, element) for element in chosen], dtype=bool)
-    return ElementObservations(*_observed(block, unknowns, chosen, "element", error, used))
+    return ElementObservations(*_observed(block, unknowns, chosen, ELEMENT, error, used))
 
 
 def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantElementObservations:
@@ -149,11 +150,11 @@ def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantEleme
         of_angle = error_of_constant_angles(block) * DEGREES_PER_RADIAN
         error = np.where(angular, of_angle, error_of_constant_lengths(block))
     used = np.ones(len(chosen), dtype=bool)
-    return ConstantElementObservations(*_observed(block, unknowns, chosen, "constant element", error, used))
+    return ConstantElementObservations(*_observed(block, unknowns, chosen, CONSTANT_ELEMENT, error, used))
 
 
 def _observed(
-    block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: str, error: FloatArray,
+    block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: ObservationKind, error: FloatArray,
     used: NDArray[np.bool_],
 ) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, GroundSystem]:  # fmt: skip
     places = _Places(block)

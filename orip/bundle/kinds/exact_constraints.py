@@ -28,7 +28,7 @@ class ExactObservations(Observations):
     def remembered(self, state: State) -> FloatArray:
         """Return the shifts of the equations: grown by what the constants still miss."""
         missing = self.linearise_with_partials(state).residual
-        return np.asarray(state.memory.get(self.rows.kind, 0.0) + missing)
+        return np.asarray(state.memory.get(self.rows.kind.name, 0.0) + missing)
 
 
 def error_of_constant_lengths(block: Block) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.state import State
+from orip.records.observation_kinds import ObservationKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +20,8 @@ class Rows:
 
     Parameters
     ----------
-    kind : str
-        As in residuals.csv; each kind of a block has its own.
+    kind : ObservationKind
+        Each kind of a block has its own.
     photo, point, component : tuples of str, length n
         What the user calls the observation.
     observed : array (n,)
@@ -33,7 +34,7 @@ class Rows:
         Unknowns that each equation touches, `CONSTANT` where there is none; None: see `Observations.columns`.
     """
 
-    kind: str
+    kind: ObservationKind
     photo: tuple[str, ...]
     point: tuple[str, ...]
     component: tuple[str, ...]

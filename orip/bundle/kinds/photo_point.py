@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
 from orip.bundle.state import State
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials
-from orip.interior.distortion import correction_with_partials, distortion_with_partials
+from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
 from orip.records.camera import AdditionalSet
+from orip.records.observation_kinds import PHOTO_POINT
 
-_CAMERA, _CENTRE, _ROTATION, POINT_PARTIALS = slice(0, 11), slice(11, 14), slice(14, 17), slice(17, 20)
+_ROTATION, POINT_PARTIALS = slice(14, 17), slice(17, 20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +42,11 @@ class PhotoPointObservations(Observations):
     """
 
     rows: Rows
-    photo: NDArray[np.int64]
-    point: NDArray[np.int64]
-    camera: NDArray[np.int64]
+    photo: IntArray
+    point: IntArray
+    camera: IntArray
     xy: FloatArray
-    at_measured: NDArray[np.bool_]
+    at_measured: BoolArray
     sets: tuple[tuple[int, AdditionalSet, float], ...]
     unknowns: Unknowns
 
@@ -56,7 +57,7 @@ class PhotoPointObservations(Observations):
         of_points = [table.astype(np.int32)[place] for table, place in zip(columns, places, strict=True)]
         return np.repeat(np.concatenate(of_points, axis=1), 2, axis=0)
 
-    def of(self, chosen: NDArray[np.bool_]) -> PhotoPointObservations:
+    def of(self, chosen: BoolArray) -> PhotoPointObservations:
         """Return some of the photo points."""
         twice = np.repeat(chosen, 2)
         rows = self.rows
@@ -86,11 +87,12 @@ class PhotoPointObservations(Observations):
         )
         residual = np.empty_like(self.xy)
         partials = np.zeros((len(self.xy), 2, 20 + state.additional.shape[1]))
-        for rows, linearise in ((~self.at_measured, _at_ideal), (self.at_measured, _at_measured)):
-            if rows.any():
-                residual[rows], partials[rows, :, :20] = linearise(image.of(rows), self.xy[rows], parameters[rows])
-        for camera, name, base in self.sets:
-            self._deform(camera, name, base, state, image, residual, partials)
+        for rows, at_measured, additional in self._groups(state):
+            found = image_residuals_with_partials(
+                image.xy[rows], self.xy[rows], parameters[rows, 1:], at_measured, additional
+            )
+            residual[rows] = found.value
+            partials[rows, :, : 20 + found.by_additional.shape[2]] = _chained(image.of(rows), found)
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0
@@ -98,47 +100,33 @@ class PhotoPointObservations(Observations):
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
 
-    def _deform(
-        self, camera: int, name: AdditionalSet, base: float, state: State, image: Perspective, residual: FloatArray,
-        partials: FloatArray,
-    ) -> None:  # fmt: skip
-        """Add the deformation of a camera's parameter set, at the ideal or measured place in the fiducial system."""
-        rows = self.camera == camera
-        count = len(PARAMETER_SETS[name].parameter_names)
-        at_measured = self.at_measured[rows]
-        principal_point = state.cameras[camera, 1:3]
-        place = np.where(at_measured[:, None], self.xy[rows], principal_point + image.xy[rows])
-        found = additional_with_partials(name, place, base, state.additional[camera, :count])
-        residual[rows] += found.value
-        by_place = np.where(at_measured[:, None, None], 0.0, found.by_xy)
-        partials[rows, :, :20] += _partials(image.of(rows), by_place, by_place, np.zeros((1, 2, 8)))
-        partials[rows, :, 20 : 20 + count] = found.by_values
+    def _groups(self, state: State) -> Iterator[tuple[BoolArray, bool, SetValues | None]]:
+        """Yield the rows (n,) with one form of image equation, the form, and the additional parameters."""
+        plain = np.ones(len(self.xy), dtype=bool)
+        for camera, name, base in self.sets:
+            rows = self.camera == camera
+            plain &= ~rows
+            if rows.any():
+                values = state.additional[camera, : len(PARAMETER_SETS[name].parameter_names)]
+                yield rows, bool(self.at_measured[rows][0]), SetValues(name, base, values)
+        for at_measured in (False, True):
+            rows = plain & (self.at_measured == at_measured)
+            if rows.any():
+                yield rows, at_measured, None
 
 
-def _at_ideal(image: Perspective, xy: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    distortion = distortion_with_partials(image.xy, parameters[:, 3:])
-    residual = parameters[:, 1:3] + image.xy + distortion.value - xy
-    by_ideal = np.eye(2) + distortion.by_xy
-    return residual, _partials(image, by_ideal, np.broadcast_to(np.eye(2), by_ideal.shape), distortion.by_coefficients)
-
-
-def _at_measured(image: Perspective, xy: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    corrected = correction_with_partials(xy - parameters[:, 1:3], parameters[:, 3:])
-    by_ideal = np.broadcast_to(np.eye(2), corrected.by_xy.shape)
-    return image.xy - corrected.value, _partials(image, by_ideal, corrected.by_xy, -corrected.by_coefficients)
-
-
-def _partials(
-    image: Perspective, by_ideal: FloatArray, by_principal_point: FloatArray, by_coefficients: FloatArray
-) -> FloatArray:
-    result = np.empty((len(image.xy), 2, 20))
-    result[:, :, 0] = (by_ideal @ image.by_principal_distance[:, :, None])[:, :, 0]
-    result[:, :, 1:3] = by_principal_point
-    result[:, :, 3:11] = by_coefficients
-    result[:, :, POINT_PARTIALS] = by_ideal @ image.by_point
-    result[:, :, _CENTRE] = -result[:, :, POINT_PARTIALS]
-    result[:, :, _ROTATION] = by_ideal @ image.by_rotation
-    return result
+def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
+    """Return the partials (n, 2, 20 + k) by all unknowns, of the perspective and the image equation together."""
+    by_ideal = residuals.by_ideal
+    by_point = by_ideal @ image.by_point
+    by_distance = by_ideal @ image.by_principal_distance[:, :, None]
+    return np.concatenate(
+        [
+            by_distance, residuals.by_principal_point, residuals.by_coefficients,
+            -by_point, by_ideal @ image.by_rotation, by_point, residuals.by_additional,
+        ],
+        axis=2,
+    )  # fmt: skip
 
 
 def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservations:
@@ -146,12 +134,12 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     points = block.photo_points
     camera = block.photo_camera[points.photo]
     sets = tuple(
-        (row, each.additional_set, base_of_camera(each))
-        for row, each in enumerate(block.cameras)
-        if each.additional_set is not None
+        (row, record.additional_set, base_of_camera(record))
+        for row, record in enumerate(block.cameras)
+        if record.additional_set is not None
     )
     rows = Rows(
-        kind="photo",
+        kind=PHOTO_POINT,
         photo=_named_twice([photo.name for photo in block.photos], points.photo),
         point=_named_twice(block.point_names, points.point),
         component=("x", "y") * len(points.photo),
@@ -160,10 +148,10 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         used=points.used.ravel(),
         columns=None,
     )
-    at_measured = np.array([each.distortion_at == "measured" for each in block.cameras], dtype=bool)[camera]
+    at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)[camera]
     return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets, unknowns)
 
 
-def _named_twice(names: Sequence[str], places: NDArray[np.int64]) -> tuple[str, ...]:
+def _named_twice(names: Sequence[str], places: IntArray) -> tuple[str, ...]:
     """Return the name at each place, once for x and once for y."""
     return tuple(np.repeat(np.array(names, dtype=object)[places], 2).tolist())

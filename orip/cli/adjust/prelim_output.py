@@ -9,6 +9,7 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import NotSolvableError
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.wording import first_names
 
 if TYPE_CHECKING:
     from orip.records.preliminary import (
@@ -145,12 +146,7 @@ def _by_way(photos: Sequence[PhotoStart]) -> list[tuple[str, str]]:
     ways: dict[str, list[str]] = {}
     for photo in photos:
         ways.setdefault(photo.how, []).append(photo.name)
-    return [(how, _listed(names)) for how, names in ways.items()]
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
-    return ", ".join(names[:_SHOWN_NAMES]) + more
+    return [(how, first_names(names, _SHOWN_NAMES)) for how, names in ways.items()]
 
 
 def _model(model: RelativeOrientation) -> dict[str, Any]:

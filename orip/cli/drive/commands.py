@@ -10,6 +10,7 @@ from orip.cli.drive import emulator, link
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
+from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.workflow.drive.table import DriveTableOutcome
@@ -38,9 +39,11 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
 
     Example: orip drive table
     """
-    from orip.workflow.drive.table import write_drive_table
+    from orip.workflow.drive.table import DRIVEN_FROM, make_drive_table
+    from orip.workflow.project.bundle_state import read_bundle
+    from orip.workflow.project.commit import commit
 
-    outcome = write_drive_table(invocation.folder, bundle)
+    outcome = commit(make_drive_table(read_bundle(invocation.folder, bundle, *DRIVEN_FROM))).outcome
     tell_table(invocation.terminal, outcome)
     if invocation.terminal.json:
         document = {
@@ -57,7 +60,7 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
 def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
     """Say what the drive table holds."""
     terminal.warn(outcome.warnings)
-    what = ", ".join(f"{number} {name if number != 1 else name[:-1]}" for name, number in _counts(outcome).items())
+    what = ", ".join(counted(number, name[:-1]) for name, number in _counts(outcome).items())
     state = "wrote    " if outcome.changed else "kept     "
     terminal.say(f"{state}{outcome.project.shown(outcome.path)}: {what}")
 

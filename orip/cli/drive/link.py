@@ -8,6 +8,7 @@ import typer
 
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import warning_rows
+from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.multimodel.state import Driven
@@ -51,8 +52,10 @@ def download_command(invocation: Invocation, bundle: BundleArgument = None, link
     done = download(invocation.folder, bundle, link)
     shown, table = done.table.project.shown(done.table.path), done.table.table
     terminal.warn(done.table.warnings)
-    models = f"{len(table.models)} model{'s' if len(table.models) != 1 else ''}"
-    terminal.say(f"download  {shown} loaded at {link}: {models}; SHA-256 {done.digest[:12]}…", "green")
+    terminal.say(
+        f"download  {shown} loaded at {link}: {counted(len(table.models), 'model')}; SHA-256 {done.digest[:12]}…",
+        "green",
+    )
     if terminal.json:
         document = {"command": "drive download", "link": link, "file": shown, "changed": done.table.changed}
         document |= {"photos": len(table.photos), "models": len(table.models), "sha256": done.digest}

@@ -17,6 +17,7 @@ from orip.files.text.table import Column, Table, table_lines, xy_pair
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.solution import Reliability, Residuals, Solution
+from orip.wording import counted
 
 LARGEST = 10
 """So many of the largest standard residuals stand at the front of the listing."""
@@ -233,7 +234,7 @@ def _photo_columns(residuals: Residuals, reliability: Reliability, parts: IntArr
 
 def _quality(influential: FloatArray) -> str:
     count = len(influential)
-    text = f"{count} {'points' if count > 1 else 'point'}"
+    text = counted(count, "point")
     if np.isnan(influential).all():
         return text
     means = [root_mean_square(influential[:, k]) for k in range(2)]

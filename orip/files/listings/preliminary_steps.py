@@ -45,7 +45,7 @@ def relative_overview(models: Sequence[RelativeOrientation]) -> list[str]:
             Column("its", [str(each.iterations) for each in models]),
             Column("seuw", fixed([each.seuw for each in models], 3)),
             Column("mres", fixed([each.max_residual for each in models], 4), "mm"),
-            Column("", [_count(int(np.sum(each.weight_factor < 1.0)), _DOWN) for each in models], align="left"),
+            Column("", [_down_weighted(each) for each in models], align="left"),
         ]
     )
 
@@ -114,7 +114,7 @@ def similarity_overview(steps: Sequence[SimilarityStep]) -> list[str]:
             Column("its", [str(each.iterations) for each in steps]),
             Column("seuw", fixed([each.s0 for each in steps], 3)),
             Column("mres", fixed(largest, decimals_for(np.array(largest) / 10.0, at_least=4)), "mm"),
-            Column("", [_count(_down_weighted(each), _DOWN) for each in steps], align="left"),
+            Column("", [_down_weighted(each) for each in steps], align="left"),
         ]
     )
 
@@ -225,9 +225,7 @@ def _deviation(value: float, decimals: int) -> str:
     return "-" if not value > 0.0 else f"({one_fixed(value, decimals)})"
 
 
-def _down_weighted(step: SimilarityStep) -> int:
-    return int(np.sum(np.any(step.weight_factor < 1.0, axis=1)))
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number else ""
+def _down_weighted(step: RelativeOrientation | SimilarityStep) -> str:
+    coordinates = tuple(range(1, step.weight_factor.ndim))
+    count = np.count_nonzero(np.any(step.weight_factor < 1.0, axis=coordinates))
+    return f"{count} {_DOWN}" if count else ""

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
-from orip.errors import InputError, OripError
-from orip.files.text.atomic import replace_text
+from orip.errors import InputError
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.lines import read_bytes
 from orip.records.measurement import TransformationKind
 from orip.records.photo import Stage
@@ -106,11 +106,8 @@ class LogFile:
 
     def _write(self) -> None:
         text = self._text()
-        try:
+        with reporting_failure(self._shown, "it is as it was before this mark"):
             replace_text(self._path, text)
-        except OSError as error:
-            message = f"{self._shown} cannot be written: {error.strerror or error}; it is as it was before this mark"
-            raise OripError(message) from error
         self._written = text
 
     def _read(self) -> str:

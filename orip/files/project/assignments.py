@@ -14,29 +14,10 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 
-from orip.files.project.tables import (
-    BundleTable,
-    CameraTable,
-    ModelTable,
-    PhotoTable,
-    Table,
-    TemplateTable,
-    TemtickTable,
-    keys_of,
-)
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
+from orip.files.project.tables import TABLE_OF_KIND, Table, keys_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
-
-TABLE_OF_KIND: dict[str, type[Table]] = {
-    "camera": CameraTable,
-    "temtick": TemtickTable,
-    "template": TemplateTable,
-    "photo": PhotoTable,
-    "bundle": BundleTable,
-    "model": ModelTable,
-}
-"""The table of orip.toml by kind of record."""
 
 
 def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple[TomlTable, tuple[str, ...]]:
@@ -145,7 +126,7 @@ def _words(text: str) -> list[str]:
 
 
 def _annotation(form: type[BaseModel], key: str) -> Any:
-    return next((info.annotation for name, info in form.model_fields.items() if key == (info.alias or name)), None)
+    return info.annotation if (info := form.model_fields.get(key)) is not None else None
 
 
 def _without_none(annotation: Any) -> Any:

@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from orip.files.project.source import Located, NamePlace, ProjectSource
-from orip.files.project.tables import CameraTable, ModelTable, PhotoTable, TemplateTable
 from orip.files.project.toml_faults import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
+from orip.records.camera import Camera
 from orip.records.names import name_fault, record_key
+from orip.records.photo import Photo, Template
+from orip.records.project import StereoModel
 
 LineOf = Callable[[KeyPath], int]
 _Item = TypeVar("_Item")
@@ -64,9 +66,9 @@ class References:
             section: {record_key(found.name): found.name for found in source.names.get(section, [])}
             for section in ("camera", "temtick", "template", "photo")
         }
-        self.cameras = {record_key(camera.table.name): camera.table for camera in source.cameras}
-        self.templates = {record_key(template.table.name): template for template in source.templates}
-        self.photos = {record_key(photo.table.name): photo for photo in source.photos}
+        self.cameras = {record_key(camera.record.name): camera.record for camera in source.cameras}
+        self.templates = {record_key(template.record.name): template for template in source.templates}
+        self.photos = {record_key(photo.record.name): photo for photo in source.photos}
         self.template_of = _template_of_photos(source)
 
     def check(self, kind: str, name: str, where: str) -> Iterator[str]:
@@ -74,11 +76,11 @@ class References:
         if record_key(name) not in self.known[kind]:
             yield unknown_name(name, kind, where, list(self.known[kind].values()))
 
-    def template(self, photo: str) -> Located[TemplateTable] | None:
+    def template(self, photo: str) -> Located[Template] | None:
         """Return the template that a photo is on, if any."""
         return self.templates.get(record_key(self.template_of.get(record_key(photo), "")))
 
-    def camera(self, photo: PhotoTable) -> CameraTable | None:
+    def camera(self, photo: Photo) -> Camera | None:
         """Return the camera of a photo, if it is there."""
         return self.cameras.get(record_key(photo.camera))
 
@@ -87,11 +89,11 @@ def _template_of_photos(source: ProjectSource) -> dict[str, str]:
     """Return the template's name by the photo's key; the first statement counts, `check_templates` looks at others."""
     found: dict[str, str] = {}
     for photo in source.photos:
-        if photo.table.template is not None:
-            found.setdefault(record_key(photo.table.name), photo.table.template)
+        if photo.record.template is not None:
+            found.setdefault(record_key(photo.record.name), photo.record.template)
     for template in source.templates:
-        for name in template.table.photos:
-            found.setdefault(record_key(name), template.table.name)
+        for name in template.record.photos:
+            found.setdefault(record_key(name), template.record.name)
     return found
 
 
@@ -99,7 +101,7 @@ def check_templates(source: ProjectSource, references: References, line_of: Line
     """Check temticks and photos of templates; a photo's template and a template's photos must agree."""
     listed: dict[str, tuple[str, KeyPath]] = {}
     for template in source.templates:
-        table, where = template.table, f"template '{template.table.name}'"
+        table, where = template.record, f"template '{template.record.name}'"
         for message in references.check("temtick", table.temtick, where):
             yield (*template.place, "temtick"), message
         for index, name in enumerate(table.photos):
@@ -114,16 +116,16 @@ def check_templates(source: ProjectSource, references: References, line_of: Line
 
 
 def _disagreement(
-    references: References, table: TemplateTable, name: str, place: KeyPath, line_of: LineOf
+    references: References, table: Template, name: str, place: KeyPath, line_of: LineOf
 ) -> Iterator[Fault]:
     photo = references.photos.get(record_key(name))
-    if photo is None or photo.table.template is None:
+    if photo is None or photo.record.template is None:
         return
-    if record_key(photo.table.template) != record_key(table.name):
+    if record_key(photo.record.template) != record_key(table.name):
         line = line_of((*photo.place, "template"))
         message = (
             f"template '{table.name}' lists photo '{name}', but on line {line} the photo is on template "
-            f"'{photo.table.template}'; correct one of them"
+            f"'{photo.record.template}'; correct one of them"
         )
         yield place, message
 
@@ -131,32 +133,32 @@ def _disagreement(
 def check_photos(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
     """Check camera and template of photos, and that stage and scan are told once."""
     for photo in source.photos:
-        where = f"photo '{photo.table.name}'"
-        for message in references.check("camera", photo.table.camera, where):
+        where = f"photo '{photo.record.name}'"
+        for message in references.check("camera", photo.record.camera, where):
             yield (*photo.place, "camera"), message
-        if photo.table.template is not None:
-            for message in references.check("template", photo.table.template, where):
+        if photo.record.template is not None:
+            for message in references.check("template", photo.record.template, where):
                 yield (*photo.place, "template"), message
-        camera = references.camera(photo.table)
-        if camera is not None and camera.sensor is not None and photo.table.scan is not None:
+        camera = references.camera(photo.record)
+        if camera is not None and camera.sensor is not None and photo.record.scan is not None:
             message = f"{where} has a scan, but its camera '{camera.name}' has a sensor; remove one of the two"
             yield (*photo.place, "scan"), message
-        template = references.template(photo.table.name)
+        template = references.template(photo.record.name)
         if template is not None:
             yield from _on_template(photo, template, camera, line_of)
 
 
 def _on_template(
-    photo: Located[PhotoTable], template: Located[TemplateTable], camera: CameraTable | None, line_of: LineOf
+    photo: Located[Photo], template: Located[Template], camera: Camera | None, line_of: LineOf
 ) -> Iterator[Fault]:
-    where = f"photo '{photo.table.name}'"
-    on = f"template '{template.table.name}'"
-    if photo.table.stage is not None:
+    where = f"photo '{photo.record.name}'"
+    on = f"template '{template.record.name}'"
+    if photo.record.stage is not None:
         yield (*photo.place, "stage"), f"{where} has a stage but is on {on}, which has its own; set it there"
     if camera is not None and camera.sensor is not None:
         message = f"{where} is on {on}, but its camera '{camera.name}' has a sensor; only film is on a template"
         yield (*photo.place, "template"), message
-    own, shared = photo.table.scan, template.table.scan
+    own, shared = photo.record.scan, template.record.scan
     if own is not None and shared is not None and own != shared:
         line = line_of((*template.place, "scan"))
         message = f"{where} has another scan than its {on} on line {line}; remove the photo's scan or make them equal"
@@ -165,37 +167,37 @@ def _on_template(
 
 def check_precision(source: ProjectSource, references: References) -> Iterator[Fault]:
     """Check that a measurement precision in pixels means something in all photos."""
-    without = [photo.table.name for photo in source.photos if not _has_pixels(photo.table, references)]
+    without = [photo.record.name for photo in source.photos if not _has_pixels(photo.record, references)]
     if not without:
         return
     first = f"photo '{without[0]}'"
     which = f"{first} has" if len(without) == 1 else f"{first} and {len(without) - 1} more have"
     for bundle in source.bundles:
-        if bundle.table.measurement_precision.unit == "px":
+        if bundle.record.measurement_precision.unit == "px":
             message = (
-                f"bundle '{bundle.table.name}' has its measurement_precision in pixels, but {which} "
+                f"bundle '{bundle.record.name}' has its measurement_precision in pixels, but {which} "
                 "neither scan nor a camera with a sensor; write it in mm or give those photos a scan"
             )
             yield (*bundle.place, "measurement_precision"), message
 
 
-def _has_pixels(photo: PhotoTable, references: References) -> bool:
+def _has_pixels(photo: Photo, references: References) -> bool:
     camera, template = references.camera(photo), references.template(photo.name)
     # A camera that is missing or faulty is complained of elsewhere; what it would have had is not known.
     return (
         photo.scan is not None
         or camera is None
         or camera.sensor is not None
-        or (template is not None and template.table.scan is not None)
+        or (template is not None and template.record.scan is not None)
     )
 
 
 def check_models(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
     """Check the photos of models and that no two models of a bundle have the same place in the block."""
     for models in _by_bundle(source.models, lambda model: model.place).values():
-        seen: dict[tuple[int, int], Located[ModelTable]] = {}
+        seen: dict[tuple[int, int], Located[StereoModel]] = {}
         for model in models:
-            table, where = model.table, f"model '{model.table.name}'"
+            table, where = model.record, f"model '{model.record.name}'"
             for key, name in (("left", table.left), ("right", table.right)):
                 for message in references.check("photo", name, where):
                     yield (*model.place, key), message
@@ -206,5 +208,5 @@ def check_models(source: ProjectSource, references: References, line_of: LineOf)
             if first is not model:
                 at = f"row {table.row}, column {table.column}"
                 line = line_of((*first.place, "row"))
-                message = f"{where} is at {at} like model '{first.table.name}' on line {line}; give it its own place"
+                message = f"{where} is at {at} like model '{first.record.name}' on line {line}; give it its own place"
                 yield (*model.place, "row"), message

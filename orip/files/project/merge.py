@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from orip.files.project.reader import parse_project
-from orip.files.project.text import RECORD_SECTIONS, TomlTable, project_document, project_text, record_text
+from orip.files.project.record_values import TomlTable
+from orip.files.project.text import RECORD_SECTIONS, project_document, project_text, record_text
 from orip.files.project.toml_lines import KeyPath, TomlLines
 from orip.files.project.toml_text import toml_assignment
 from orip.files.text.lines import split_line

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 from orip.errors import ProjectWarning
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import BundleTable, CameraTable, MarkTable, ProjectTable
+from orip.files.project.tables import ProjectTable
 from orip.files.project.toml_faults import Fault
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark
 from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project import BundleDefinition
 
 _UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
 _DISTORTION_FORMS = ("distortion", "distortion_isp", "distortion_curve")
@@ -67,9 +68,9 @@ def _fit_name(name: str) -> str:
 def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
     """Check the distortion's form, sensor against fiducials, and the unknown parameters."""
     for camera in source.cameras:
-        where = f"camera '{camera.table.name}'"
-        table = camera.table
-        given = [form for form in _DISTORTION_FORMS if getattr(table, form) is not None]
+        where = f"camera '{camera.record.name}'"
+        table = camera.record
+        given = [form for form in _DISTORTION_FORMS if form in camera.keys]
         if len(given) > 1:
             message = f"{where} has {' and '.join(given)}; give the distortion in one form"
             yield (*camera.place, given[1]), message
@@ -81,8 +82,8 @@ def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
         yield from _marks((*camera.place, "fiducials"), table.fiducials, f"fiducial mark of {where}", line_of)
 
 
-def _curve(camera: Located[CameraTable], where: str) -> Iterator[Fault]:
-    curve = camera.table.distortion_curve
+def _curve(camera: Located[Camera], where: str) -> Iterator[Fault]:
+    curve = camera.record.distortion_curve
     if curve is None:
         return
     place = (*camera.place, "distortion_curve")
@@ -110,18 +111,18 @@ def _parameters(place: KeyPath, given: Sequence[str], known: Sequence[str], wher
 def check_photo_parameters(source: ProjectSource) -> Iterator[Fault]:
     """Check the names of constant orientation elements."""
     for photo in source.photos:
-        where = f"constant of photo '{photo.table.name}'"
-        yield from _parameters((*photo.place, "constant"), photo.table.constant, PHOTO_PARAMETERS, where)
+        where = f"constant of photo '{photo.record.name}'"
+        yield from _parameters((*photo.place, "constant"), photo.record.constant, PHOTO_PARAMETERS, where)
 
 
 def check_temticks(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
     """Check the names of tick marks."""
     for temtick in source.temticks:
-        kind = f"tick mark of temtick '{temtick.table.name}'"
-        yield from _marks((*temtick.place, "ticks"), temtick.table.ticks, kind, line_of)
+        kind = f"tick mark of temtick '{temtick.record.name}'"
+        yield from _marks((*temtick.place, "ticks"), temtick.record.ticks, kind, line_of)
 
 
-def _marks(place: KeyPath, marks: Sequence[MarkTable], kind: str, line_of: LineOf) -> Iterator[Fault]:
+def _marks(place: KeyPath, marks: Sequence[Mark], kind: str, line_of: LineOf) -> Iterator[Fault]:
     first: dict[str, int] = {}
     for index, mark in enumerate(marks):
         at = (*place, index, "name")
@@ -136,8 +137,8 @@ def _marks(place: KeyPath, marks: Sequence[MarkTable], kind: str, line_of: LineO
 
 def similar_marks(source: ProjectSource, shown: str, line_of: LineOf) -> Iterator[ProjectWarning]:
     """Warn of marks of one camera or temtick whose names differ only in case or leading zeros."""
-    groups = [((*c.place, "fiducials"), f"camera '{c.table.name}'", c.table.fiducials) for c in source.cameras]
-    groups += [((*t.place, "ticks"), f"temtick '{t.table.name}'", t.table.ticks) for t in source.temticks]
+    groups = [((*c.place, "fiducials"), f"camera '{c.record.name}'", c.record.fiducials) for c in source.cameras]
+    groups += [((*t.place, "ticks"), f"temtick '{t.record.name}'", t.record.ticks) for t in source.temticks]
     for place, where, marks in groups:
         for names in look_alikes(mark.name for mark in marks):
             listed = " and ".join(f"'{shown_token(name)}'" for name in names)
@@ -148,7 +149,7 @@ def similar_marks(source: ProjectSource, shown: str, line_of: LineOf) -> Iterato
 def check_bundles(source: ProjectSource) -> Iterator[Fault]:
     """Check that bundles can name files, and their settings against each other."""
     for bundle in source.bundles:
-        table, where = bundle.table, f"bundle '{shown_token(bundle.table.name)}'"
+        table, where = bundle.record, f"bundle '{shown_token(bundle.record.name)}'"
         fault = None if name_fault(table.name) else file_name_fault(table.name)
         if fault is not None:
             yield (*bundle.place, "name"), f"{where} {fault}; its name is also that of its files, choose another"
@@ -164,10 +165,10 @@ def check_bundles(source: ProjectSource) -> Iterator[Fault]:
         yield from _datum_points(bundle, where)
 
 
-def _datum_points(bundle: Located[BundleTable], where: str) -> Iterator[Fault]:
-    points = bundle.table.datum_points
+def _datum_points(bundle: Located[BundleDefinition], where: str) -> Iterator[Fault]:
+    points = bundle.record.datum_points
     place = (*bundle.place, "datum_points")
-    if points and bundle.table.datum != "free":
+    if points and bundle.record.datum != "free":
         yield place, f'{where} has datum_points, but they belong to a free datum; write datum = "free" or remove them'
     for index, name in enumerate(points):
         fault = name_fault(name)

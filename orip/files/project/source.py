@@ -4,35 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from pydantic import ValidationError
 
-from orip.files.project.tables import (
-    SECTIONS,
-    BundleTable,
-    CameraTable,
-    CheckTable,
-    ModelTable,
-    PhotoTable,
-    ProjectTable,
-    Table,
-    TemplateTable,
-    TemtickTable,
-)
+from orip.files.project.record_values import record_of
+from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, Table, table_of
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
+from orip.records.camera import Camera
+from orip.records.photo import Photo, Template, Temtick
+from orip.records.project import BundleDefinition, StereoModel
 
 AnyTable = TypeVar("AnyTable", bound=Table)
+Record = TypeVar("Record")
 
 
 @dataclass(frozen=True, slots=True)
-class Located(Generic[AnyTable]):
-    """A table and the keys and indices that lead to it."""
+class Located(Generic[Record]):
+    """A record as its own table says it, the keys and indices that lead to that table, and the keys that it has."""
 
     place: KeyPath
-    table: AnyTable
+    record: Record
+    keys: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +43,17 @@ class ProjectSource:
     """The tables of one orip.toml.
 
     Records with faults of their own are left out, so that the rest can still be checked; `names` has those of all
-    records by section (models under ``model``), lest a reference to a faulty record look like one to nothing.
+    records by section (models under ``model``), so that a reference to a faulty record is not reported as undefined.
     """
 
     project: ProjectTable | None = None
     check: CheckTable = field(default_factory=CheckTable)
-    cameras: list[Located[CameraTable]] = field(default_factory=list)
-    temticks: list[Located[TemtickTable]] = field(default_factory=list)
-    templates: list[Located[TemplateTable]] = field(default_factory=list)
-    photos: list[Located[PhotoTable]] = field(default_factory=list)
-    bundles: list[Located[BundleTable]] = field(default_factory=list)
-    models: list[Located[ModelTable]] = field(default_factory=list)
+    cameras: list[Located[Camera]] = field(default_factory=list)
+    temticks: list[Located[Temtick]] = field(default_factory=list)
+    templates: list[Located[Template]] = field(default_factory=list)
+    photos: list[Located[Photo]] = field(default_factory=list)
+    bundles: list[Located[BundleDefinition]] = field(default_factory=list)
+    models: list[Located[StereoModel]] = field(default_factory=list)
     names: dict[str, list[NamePlace]] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
 
@@ -71,10 +66,10 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
             source.faults.append(((key,), unknown_key(key, "the project", SECTIONS)))
     source.project = _project(document, source)
     source.check = _table(document.get("check", {}), CheckTable, "[check]", ("check",), source) or CheckTable()
-    source.cameras = _records(document, "camera", CameraTable, source)
-    source.temticks = _records(document, "temtick", TemtickTable, source)
-    source.templates = _records(document, "template", TemplateTable, source)
-    source.photos = _records(document, "photo", PhotoTable, source)
+    source.cameras = _records(document, "camera", Camera, source)
+    source.temticks = _records(document, "temtick", Temtick, source)
+    source.templates = _records(document, "template", Template, source)
+    source.photos = _records(document, "photo", Photo, source)
     _bundles(document, source)
     return source
 
@@ -94,16 +89,23 @@ def _project(document: Mapping[str, Any], source: ProjectSource) -> ProjectTable
 
 
 def _records(
-    document: Mapping[str, Any], section: str, table: type[AnyTable], source: ProjectSource
-) -> list[Located[AnyTable]]:
+    document: Mapping[str, Any], section: str, kind: type[Record], source: ProjectSource
+) -> list[Located[Record]]:
     found = []
     for index, raw in _elements(document, section, (section,), source):
-        place = (section, index)
-        read = _table(raw, table, _title(section, index, raw), place, source)
-        _keep_name(section, raw, place, source)
-        if read is not None:
-            found.append(Located(place, read))
+        found += _record(raw, kind, section, _title(section, index, raw), (section, index), source)
     return found
+
+
+def _record(
+    raw: Any, kind: type[Record], section: str, title: str, place: KeyPath, source: ProjectSource
+) -> list[Located[Record]]:
+    """Return the record, or nothing if it has faults; its name is kept."""
+    table = _table(raw, table_of(cast(type, kind)), title, place, source)
+    name = raw.get("name") if isinstance(raw, dict) else None
+    if isinstance(name, str):
+        source.names.setdefault(section, []).append(NamePlace(name, place))
+    return [] if table is None else [Located(place, record_of(kind, table), frozenset(table.model_fields_set))]
 
 
 def _bundles(document: Mapping[str, Any], source: ProjectSource) -> None:
@@ -112,10 +114,7 @@ def _bundles(document: Mapping[str, Any], source: ProjectSource) -> None:
         place: KeyPath = ("bundle", index)
         title = _title("bundle", index, raw)
         settings = {key: value for key, value in raw.items() if key != "model"} if isinstance(raw, dict) else raw
-        bundle = _table(settings, BundleTable, title, place, source)
-        _keep_name("bundle", raw, place, source)
-        if bundle is not None:
-            source.bundles.append(Located(place, bundle))
+        source.bundles += _record(settings, BundleDefinition, "bundle", title, place, source)
         if isinstance(raw, dict):
             _models(raw, title, place, source)
 
@@ -124,10 +123,7 @@ def _models(bundle: Mapping[str, Any], bundle_title: str, bundle_place: KeyPath,
     for index, raw in _elements(bundle, "model", (*bundle_place, "model"), source):
         place = (*bundle_place, "model", index)
         title = f"{_title('model', index, raw)} of {bundle_title}"
-        model = _table(raw, ModelTable, title, place, source)
-        _keep_name("model", raw, place, source)
-        if model is not None:
-            source.models.append(Located(place, model))
+        source.models += _record(raw, StereoModel, "model", title, place, source)
 
 
 def _elements(around: Mapping[str, Any], key: str, place: KeyPath, source: ProjectSource) -> Iterator[tuple[int, Any]]:
@@ -151,9 +147,3 @@ def _table(raw: Any, table: type[AnyTable], title: str, place: KeyPath, source: 
 def _title(section: str, index: int, raw: Any) -> str:
     name = raw.get("name") if isinstance(raw, dict) else None
     return f"{section} '{shown_token(name)}'" if isinstance(name, str) and name else f"{section} number {index + 1}"
-
-
-def _keep_name(section: str, raw: Any, place: KeyPath, source: ProjectSource) -> None:
-    name = raw.get("name") if isinstance(raw, dict) else None
-    if isinstance(name, str):
-        source.names.setdefault(section, []).append(NamePlace(name, place))

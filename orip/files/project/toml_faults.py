@@ -142,7 +142,7 @@ def _inner_table(table: type[BaseModel], location: Sequence[str | int]) -> type[
     for part in location:
         if isinstance(part, int) or current is None:
             continue
-        info = next((i for name, i in current.model_fields.items() if part == (i.alias or name)), None)
+        info = current.model_fields.get(part)
         current = _table_in(info.annotation) if info else None
     return current
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, cast
 
 from orip.errors import Complaint, InputError
-from orip.files.stores.store import Row, Store
-from orip.files.stores.table import Column, Table, position, record_name, text
+from orip.files.stores.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
+from orip.files.stores.store import Store
+from orip.files.stores.table import Table, list_table, position, record_name, text
+from orip.records.fields import fields_of
 from orip.records.names import case_twins, record_key
 
 
@@ -44,39 +46,32 @@ class StoredRecord(Generic[T_co]):
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
-    """A definition taken apart: the values of its own columns, and the rows of each of its lists."""
-
-    values: Row
-    lists: tuple[Sequence[Row], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class Definitions(Generic[T]):
     """How one kind of definition lies in its tables.
 
     Parameters
     ----------
+    kind : type
+        Dataclass of the records.
     table : Table
         From `definition_table`.
-    lists : tuple of Table
-        From `list_table`, in the order of `Parts.lists`.
-    apart : function of a record that returns its Parts
-    together : function of a name and Parts that returns the record
+    lists : mapping of str to Table
+        From `list_table`, by the field of the record.
     """
 
+    kind: type[T]
     table: Table
-    lists: tuple[Table, ...]
-    apart: Callable[[T], Parts]
-    together: Callable[[str, Parts], T]
+    lists: Mapping[str, Table]
 
     def read(self, store: Store) -> tuple[StoredRecord[T], ...]:
         """Return all records in the order they were written; none if the store is absent."""
-        lists = [store.lists(table) for table in self.lists]
+        fields = [each for each in fields_of(cast(type, self.kind)) if each.name in self.lists]
+        lists = [(each, store.lists(self.lists[each.name])) for each in fields]
         stored = []
-        for name, _position, digest, origin, *values in store.rows(self.table):
-            parts = Parts(tuple(values), tuple(items.get(record_key(name), []) for items in lists))
-            stored.append(StoredRecord(self.together(name, parts), digest, origin))
+        for name, _position, digest, origin, *row in store.rows(self.table):
+            values = {each.name: list_of(each, rows.get(record_key(name), [])) for each, rows in lists}
+            record = self.kind(**values_of(self.kind, (name, *row)), **values)
+            stored.append(StoredRecord(record, digest, origin))
         return tuple(stored)
 
     def write(self, store: Store, stored: Iterable[StoredRecord[T]]) -> None:
@@ -85,21 +80,28 @@ class Definitions(Generic[T]):
         refuse_case_twins(store, self.table.name, (item.record.name for item in everything))
         store.delete(self.table)
         for number, item in enumerate(everything):
-            name, parts = item.record.name, self.apart(item.record)
-            store.insert(self.table, [(name, number, item.text_digest, item.origin, *parts.values)])
-            for table, rows in zip(self.lists, parts.lists, strict=True):
-                store.insert(table, ((name, place, *row) for place, row in enumerate(rows)))
+            name, *row = row_of(item.record)
+            store.insert(self.table, [(name, number, item.text_digest, item.origin, *row)])
+            for field, table in self.lists.items():
+                rows = list_rows(getattr(item.record, field) or ())
+                store.insert(table, ((name, place, *values) for place, values in enumerate(rows)))
 
 
-def definition_table(name: str, columns: Sequence[Column], checks: Sequence[str] = ()) -> Table:
+def definition_table(name: str, record: type) -> Table:
     """Return the table of a kind of definition: name, order and text it came from, then the record's columns."""
-    leading = (
+    columns = (
         record_name("name"),
         position(),
         text("text_digest", optional=True),
         text("origin", optional=True),
+        *columns_of(record)[1:],
     )
-    return Table(name, (*leading, *columns), key=("name",), checks=tuple(checks))
+    return Table(name, columns, key=("name",), checks=checks_of(record))
+
+
+def record_list(name: str, owner: str, item: type) -> Table:
+    """Return the table of a list of records that each record of another table has; their names differ."""
+    return list_table(name, owner, columns_of(item), "name")
 
 
 def refuse_case_twins(store: Store, what: str, names: Iterable[str]) -> None:

@@ -1,33 +1,17 @@
-"""Given marks (fiducials, ticks) and measured marks: lists that several stores have."""
+"""Measured marks (fiducials, ticks): lists that several stores have."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import Table, flag, list_table, real, text
-from orip.records.camera import Mark
 from orip.records.measurement import MeasuredMarks, TransformationKind
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
-
-
-def given_marks_table(name: str, owner: str) -> Table:
-    """Return the table of given marks: name and coordinates in mm."""
-    return list_table(name, owner, (text("name"), real("x"), real("y")), "name")
-
-
-def mark_rows(marks: Iterable[Mark]) -> list[Row]:
-    """Return given marks as rows."""
-    return [(mark.name, mark.x, mark.y) for mark in marks]
-
-
-def marks_of(rows: Sequence[Row]) -> tuple[Mark, ...]:
-    """Return rows as given marks."""
-    return tuple(Mark(*row) for row in rows)
 
 
 def measured_marks_table(name: str, owner: str, parent: str) -> Table:

@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import get_args
 
-from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
-from orip.files.stores.scans import SCAN_CHECK, SCAN_COLUMNS, scan_of, scan_values
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, list_table, real, record_name, text
+from orip.files.stores.table import Table, list_table, record_name, text
 from orip.records.measurement import PhotoOrientation
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo, Stage
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
-PHOTO = definition_table(
-    "photo",
-    (
-        record_name("camera"),
-        record_name("template", optional=True),
-        text("stage", get_args(Stage), optional=True),
-        *(real(parameter, "none") for parameter in PHOTO_PARAMETERS),
-        *SCAN_COLUMNS,
-    ),
-    checks=(SCAN_CHECK,),
-)
+PHOTO = definition_table("photo", Photo)
 CONSTANT = list_table("constant_parameter", "photo", (text("parameter", PHOTO_PARAMETERS),), "parameter")
 # Orientations refer to no definition: they are what replaying the measurements left, whichever photos are defined now.
 ORIENTATION = Table("photo_orientation", (record_name("photo"), TRANSFORMATION), key=("photo",))
 MARK = measured_marks_table("photo_mark", "photo", parent="photo_orientation")
 TABLES = (PHOTO, CONSTANT, ORIENTATION, MARK)
+
+_PHOTOS = Definitions(Photo, PHOTO, {"constant": CONSTANT})
 
 
 def read(store: Store) -> tuple[StoredRecord[Photo], ...]:
@@ -59,28 +49,3 @@ def write_orientations(store: Store, orientations: Iterable[PhotoOrientation]) -
     store.insert(ORIENTATION, ((orientation.photo, orientation.transformation) for orientation in everything))
     for item in everything:
         store.insert(MARK, ((item.photo, place, *row) for place, row in enumerate(measured_rows(item.marks))))
-
-
-def _apart(photo: Photo) -> Parts:
-    if len(photo.orientation) != len(PHOTO_PARAMETERS):
-        message = f"photo '{photo.name}' has {len(photo.orientation)} elements of orientation, not 6"
-        raise ValueError(message)
-    values = (photo.camera, photo.template, photo.stage, *photo.orientation, *scan_values(photo.scan))
-    return Parts(values, ([(parameter,) for parameter in photo.constant],))
-
-
-def _together(name: str, parts: Parts) -> Photo:
-    camera, template, stage, *rest = parts.values
-    count = len(PHOTO_PARAMETERS)
-    return Photo(
-        name=name,
-        camera=camera,
-        template=template,
-        stage=stage,
-        orientation=tuple(rest[:count]),
-        constant=tuple(row[0] for row in parts.lists[0]),
-        scan=scan_of(*rest[count:]),
-    )
-
-
-_PHOTOS = Definitions(PHOTO, (CONSTANT,), _apart, _together)

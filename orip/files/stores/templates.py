@@ -5,23 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import get_args
 
-from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
-from orip.files.stores.scans import SCAN_CHECK, SCAN_COLUMNS, scan_of, scan_values
 from orip.files.stores.store import Store
 from orip.files.stores.table import Table, list_table, record_name, text
 from orip.records.measurement import TemplateOrientation
 from orip.records.names import record_key
 from orip.records.photo import Stage, Template
 
-STAGE = text("stage", get_args(Stage), optional=True)
-
-TEMPLATE = definition_table("template", (record_name("temtick"), STAGE, *SCAN_COLUMNS), checks=(SCAN_CHECK,))
+TEMPLATE = definition_table("template", Template)
 TEMPLATE_PHOTO = list_table("template_photo", "template", (record_name("photo"),), "photo")
 # As with photos: what replaying the measurements left, whichever templates are defined now.
-ORIENTATION = Table("template_orientation", (record_name("template"), TRANSFORMATION, STAGE), key=("template",))
+ORIENTATION = Table(
+    "template_orientation",
+    (record_name("template"), TRANSFORMATION, text("stage", get_args(Stage), optional=True)),
+    key=("template",),
+)
 MARK = measured_marks_table("template_mark", "template", parent="template_orientation")
 TABLES = (TEMPLATE, TEMPLATE_PHOTO, ORIENTATION, MARK)
+
+_TEMPLATES = Definitions(Template, TEMPLATE, {"photos": TEMPLATE_PHOTO})
 
 
 def read(store: Store) -> tuple[StoredRecord[Template], ...]:
@@ -51,17 +54,3 @@ def write_orientations(store: Store, orientations: Iterable[TemplateOrientation]
     store.insert(ORIENTATION, ((item.template, item.transformation, item.stage) for item in everything))
     for item in everything:
         store.insert(MARK, ((item.template, place, *row) for place, row in enumerate(measured_rows(item.marks))))
-
-
-def _apart(template: Template) -> Parts:
-    values = (template.temtick, template.stage, *scan_values(template.scan))
-    return Parts(values, ([(photo,) for photo in template.photos],))
-
-
-def _together(name: str, parts: Parts) -> Template:
-    temtick, stage, *scan = parts.values
-    photos = tuple(row[0] for row in parts.lists[0])
-    return Template(name=name, temtick=temtick, stage=stage, photos=photos, scan=scan_of(*scan))
-
-
-_TEMPLATES = Definitions(TEMPLATE, (TEMPLATE_PHOTO,), _apart, _together)

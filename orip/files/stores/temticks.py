@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import Definitions, Parts, StoredRecord, definition_table
-from orip.files.stores.marks import given_marks_table, mark_rows, marks_of
+from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
+from orip.records.camera import Mark
 from orip.records.photo import Temtick
 
-TEMTICK = definition_table("temtick", ())
-TICK = given_marks_table("tick", "temtick")
+TEMTICK = definition_table("temtick", Temtick)
+TICK = record_list("tick", "temtick", Mark)
 TABLES = (TEMTICK, TICK)
+
+_TEMTICKS = Definitions(Temtick, TEMTICK, {"ticks": TICK})
 
 
 def read(store: Store) -> tuple[StoredRecord[Temtick], ...]:
@@ -22,14 +24,3 @@ def read(store: Store) -> tuple[StoredRecord[Temtick], ...]:
 def write(store: Store, stored: Iterable[StoredRecord[Temtick]]) -> None:
     """Replace all temticks."""
     _TEMTICKS.write(store, stored)
-
-
-def _apart(temtick: Temtick) -> Parts:
-    return Parts((), (mark_rows(temtick.ticks),))
-
-
-def _together(name: str, parts: Parts) -> Temtick:
-    return Temtick(name, marks_of(parts.lists[0]))
-
-
-_TEMTICKS = Definitions(TEMTICK, (TICK,), _apart, _together)

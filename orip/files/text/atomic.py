@@ -10,8 +10,10 @@ import shutil
 import stat
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from orip.errors import OripError
 
 _LEFTOVER = re.compile(r"\.orip-([0-9]{1,18})-[0-9a-f]{16}\.tmp")
 _PROCESS_START = time.time()
@@ -19,6 +21,29 @@ _PROCESS_START = time.time()
 _CLOCK_MARGIN_SECONDS = 2.0
 _BUFFER_BYTES = 1 << 20
 _LINES_AT_A_TIME = 1000
+
+
+@contextmanager
+def reporting_failure(shown: str | Path, consequence: str) -> Iterator[None]:
+    """Explain to the user why a file cannot be written.
+
+    Parameters
+    ----------
+    shown : str or Path
+        The file, as the user would name it.
+    consequence : str
+        What this means and what to do, as the message goes on after the reason.
+
+    Raises
+    ------
+    OripError
+        In place of an `OSError` of the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        message = f"{shown} cannot be written: {error.strerror or error}; {consequence}"
+        raise OripError(message) from error
 
 
 def replace_text(path: Path, text: str) -> None:

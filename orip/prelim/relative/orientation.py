@@ -13,6 +13,7 @@ from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import Solution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.wording import counted
 
 _NO_BASE = 3.0
 """Parallaxes left by a rotation alone, in standard deviations: below this limit measuring errors explain them, half of
@@ -75,8 +76,7 @@ def orient_pair(
     pairs = Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.hypot(rays.error[rows[0]], rays.error[rows[1]]))
     count = len(pairs.error)
     if count < POINTS_NEEDED:
-        points = "1 point" if count == 1 else f"{count} points"
-        reason = f"photo {names[0]} and photo {names[1]} share {points}, {POINTS_NEEDED} are needed"
+        reason = f"photo {names[0]} and photo {names[1]} share {counted(count, 'point')}, {POINTS_NEEDED} are needed"
         return NotOriented(model, "", reason)
     solution = solve(pairs)
     reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"

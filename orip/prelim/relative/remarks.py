@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
+from orip.wording import first_names
 
 _NAMED = 6
 """Points that are named one by one."""
@@ -79,8 +80,7 @@ def _on_blunders(
 def _on_points_behind(points: Sequence[str], weight_factor: FloatArray, in_front: NDArray[np.bool_]) -> Iterator[str]:
     behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front).tolist()]
     if behind:
-        more = f" and {len(behind) - _NAMED} more" if len(behind) > _NAMED else ""
-        yield f"rays do not meet in front of both photos: point {', '.join(behind[:_NAMED])}{more}"
+        yield f"rays do not meet in front of both photos: point {first_names(behind, _NAMED)}"
 
 
 def _on_the_whole(count: int, base: FloatArray, seuw: float, ambiguous: bool) -> Iterator[str]:

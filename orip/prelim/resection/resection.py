@@ -13,6 +13,7 @@ from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.configuration import on_one_line
 from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.resection.start import starting_orientations
+from orip.wording import counted
 
 _USELESS_ANGLE = 0.1
 """Standard deviation of a rotation, radians: no adjustment starts well from 6 degrees off."""
@@ -110,7 +111,7 @@ def resect(
     """
     count = len(points)
     if count < 3:
-        return Unresected(f"{count} known point{'s' if count != 1 else ''} in the photo, 3 are needed")
+        return Unresected(f"{counted(count, 'known point')} in the photo, 3 are needed")
     for coordinates, where in ((points, "in space"), (vectors[:, :2], "in the photo")):
         if on_one_line(coordinates):
             return Unresected(f"the {count} known points lie on one line {where}")

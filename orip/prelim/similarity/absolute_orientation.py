@@ -15,6 +15,7 @@ from orip.prelim.similarity.joining import Joined, Names, similarity_step, stead
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock
+from orip.wording import agreeing, counted
 
 _CONSTANT = 0.1
 """Of the median a-priori error: used in place of the error 0 of a constant coordinate."""
@@ -191,11 +192,11 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
 def _too_few(full: int, points: int, axes: IntArray) -> str:
     if not points:
         return "no control point is in the block, 3 are needed"
-    counted = f"{points} control point" + ("" if points == 1 else "s")
+    control = counted(points, "control point")
     if full == points:
-        return f"{counted} in the block, 3 are needed"
+        return f"{control} in the block, 3 are needed"
     return (
-        f"{counted} in the block with {axes.sum()} known coordinates (X of {axes[0]}, Y of {axes[1]}, Z of {axes[2]}): "
+        f"{control} in the block with {axes.sum()} known coordinates (X of {axes[0]}, Y of {axes[1]}, Z of {axes[2]}): "
         f"3 points known in X, Y and Z or at least {_COORDINATES} coordinates are needed"
     )
 
@@ -233,7 +234,7 @@ def misfitting_control(points: Sequence[str], found: SimilarityAdjustment) -> li
             values = ", ".join(f"{found.residuals[k, axis]:.3g}" for axis in off)
             point = points[k] if points[k].startswith("photo ") else f"control point {points[k]}"
             sentences.append(
-                f"{axes} of {point} {'does' if len(off) == 1 else 'do'} not fit: the block is off by "
+                f"{axes} of {point} {agreeing(len(off), 'does', 'do')} not fit: the block is off by "
                 f"{values} (root mean square of the others: {usual:.2g})"
             )
     return sentences

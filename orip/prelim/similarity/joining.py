@@ -25,6 +25,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.medians import median, medians
 from orip.prelim.similarity.start import best_start, start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.wording import counted
 
 Step = Literal["bridge", "connect", "absolute"]
 
@@ -146,12 +147,12 @@ class _Joint:
                 f"photo {self.photos[0]} is common, but no point is: the scale is not determined; measure common points"
             )
         if not photos and points < 3:
-            return f"{_counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
+            return f"{counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
         return ""
 
     def _shared(self) -> str:
         photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
-        return f"in common: {_counted(len(self.points), 'point')}{photos}"
+        return f"in common: {counted(len(self.points), 'point')}{photos}"
 
     def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
@@ -162,7 +163,7 @@ class _Joint:
             except ValueError:
                 remarks.append("the common points and the projection centre lie on one line")
         remarks.append(
-            f"with {_counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
+            f"with {counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
         )
         return adjust_similarity(self.common, start, NO_ROTATION)
 
@@ -231,10 +232,6 @@ def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
     """Return deviations of points and, below them, of projection centres, which get the median of the points."""
     middle = median(deviations) if deviations.size else 0.0
     return np.concatenate([deviations, np.full((centres, 3), middle)])
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def steady_deviations(block: PartialBlock) -> FloatArray:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from orip.errors import LinkError, OripError, UsageError
 from orip.files.drive.processor_state import ProcessorState, raise_no_state, read_processor_state, write_processor_state
+from orip.files.text.atomic import reporting_failure
 from orip.link.emulator import Emulator
 from orip.link.station import Mark, Station, bare_stages
 from orip.link.travel import Pace
@@ -150,8 +151,5 @@ def _keep(path: Path | None, station: Station) -> None:
         return
     mark = station.mark
     state = ProcessorState(station.table.decode("ascii"), mark.model, mark.plates, mark.xyz, mark.condition)
-    try:
+    with reporting_failure(path, "the plate processor's state is not kept"):
         write_processor_state(path, state)
-    except OSError as error:
-        message = f"{path} cannot be written: {error.strerror or error}; the plate processor's state is not kept"
-        raise OripError(message) from error

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
 from orip.records.names import record_key
 from orip.workflow.records.references import Place, RecordKind, records_of
 from orip.workflow.records.values import RecordValue, values_of

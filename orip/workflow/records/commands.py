@@ -16,6 +16,7 @@ from orip.errors import InputError, LockedError, ProjectWarning
 from orip.files.project.text import project_document
 from orip.files.stores import exterior
 from orip.files.stores.transaction import Stores, reading, writing
+from orip.wording import first_names
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, write_definitions
 from orip.workflow.project.folder import Project, open_project
 from orip.workflow.records import edits as record_edits
@@ -221,9 +222,8 @@ def _require_alone(record: RecordName, changes: Sequence[RecordChange], measurem
     ]
     found = [*others, *measurements]
     if found:
-        more = f" and {len(found) - _SHOWN_REFERENTS} more" if len(found) > _SHOWN_REFERENTS else ""
         message = (
-            f"{record.kind} {record.name} is referred to by {', '.join(found[:_SHOWN_REFERENTS])}{more}; delete all of "
+            f"{record.kind} {record.name} is referred to by {first_names(found, _SHOWN_REFERENTS)}; delete all of "
             f"them with --with-referents, or change them first"
         )
         raise InputError.single(message)

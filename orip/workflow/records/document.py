@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
-from orip.files.project.text import TomlTable, project_document, project_text
+from orip.files.project.record_values import TomlTable
+from orip.files.project.text import project_document, project_text
 from orip.files.stores.definitions import Named, StoredRecord
 from orip.records.camera import Camera
 from orip.records.names import record_key

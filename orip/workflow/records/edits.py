@@ -9,10 +9,10 @@ from typing import Any
 
 from orip.errors import InputError, UsageError
 from orip.files.project.assignments import with_assignments
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
 from orip.files.text.shown import shown_token
-from orip.interior.known_names import listed_names
 from orip.records.names import name_fault, record_key
+from orip.wording import listed_names
 from orip.workflow.records.changes import Renaming
 from orip.workflow.records.references import (
     Place,

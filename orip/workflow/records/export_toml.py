@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from orip.errors import InputError, OripError, ProjectWarning, UsageError
+from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
 from orip.files.project.text import project_document
 from orip.files.stores.definitions import Named, StoredRecord
 from orip.files.stores.transaction import reading
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
@@ -147,7 +147,7 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
 
 def _write(project: Project, path: Path, text: str, *, force: bool) -> tuple[bool, Path | None]:
     shown = project.shown(path)
-    try:
+    with reporting_failure(shown, "it is as it was"):
         old = path.read_bytes() if path.exists() else None
         if old == text.encode():
             return False, None
@@ -159,9 +159,6 @@ def _write(project: Project, path: Path, text: str, *, force: bool) -> tuple[boo
             backup = _free_name(path)
             backup.write_bytes(old)
         replace_text(path, text)
-    except OSError as error:
-        message = f"{shown} cannot be written: {error.strerror or error}; it is as it was"
-        raise OripError(message) from error
     return True, backup
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
 from orip.files.stores.definitions import Named, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.files.text.table import Column, table_lines
+from orip.records.fields import headings_of
 from orip.records.names import record_key
+from orip.records.project import RECORD_TYPES
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions
 from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
 from orip.workflow.records.apply_text import with_polynomial
@@ -61,8 +63,9 @@ def list_records(folder: Path, kind: RecordKind, bundle: str | None = None) -> R
     chosen = bundle_of_models(document, bundle)["name"] if bundle is not None else None
     places = [each for each in records_of(document, kind) if chosen in {None, each.bundle}]
     rows = tuple(_row(project, stored, each) for each in places)
-    headings = {"Name": "name", **_COLUMNS[kind]}
-    columns = [Column(title, [_cell(row.table, key) for row in rows], align="left") for title, key in headings.items()]
+    columns = [Column("Name", [row.name for row in rows], align="left")]
+    for heading, key, counted in headings_of(RECORD_TYPES[kind]):
+        columns.append(Column(heading, [_cell(row.table, key, counted=counted) for row in rows], align="left"))
     if kind == "model":
         columns.insert(0, Column("Bundle", [row.bundle for row in rows], align="left"))
     columns.append(Column("From", [row.source for row in rows], align="left"))
@@ -98,48 +101,13 @@ def _value_lines(values: Iterable[RecordValue]) -> list[str]:
     return table_lines(columns)
 
 
-def _cell(table: Mapping[str, Any], key: str | Callable[[Mapping[str, Any]], str]) -> str:
-    return shown_value(table.get(key)) if isinstance(key, str) else key(table)
-
-
-def _distortion(table: Mapping[str, Any]) -> str:
-    forms = {"distortion": "polynomial", "distortion_isp": "ISP", "distortion_curve": "curve"}
-    return next((forms[key] for key in forms if key in table), "none")
-
-
-def _marks(table: Mapping[str, Any]) -> str:
-    return "sensor" if "sensor" in table else str(len(table.get("fiducials", ())))
-
-
-_COLUMNS: dict[RecordKind, dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
-    "camera": {
-        "C (mm)": "c",
-        "DX, DY (mm)": "principal_point",
-        "Distortion": _distortion,
-        "Fiducials": _marks,
-        "Unknown": "unknown",
-    },
-    "temtick": {"Ticks": lambda table: str(len(table.get("ticks", ())))},
-    "template": {"Temtick": "temtick", "Stage": "stage", "Photos": "photos"},
-    "photo": {
-        "Camera": "camera",
-        "Template": "template",
-        "X0": "X0",
-        "Y0": "Y0",
-        "Z0": "Z0",
-        "OMEGA": "OMEGA",
-        "PHI": "PHI",
-        "KAPPA": "KAPPA",
-        "Constant": "constant",
-    },
-    "bundle": {
-        "Precision": "measurement_precision",
-        "Datum": "datum",
-        "Models": lambda table: str(len(table.get("model", ()))),
-    },
-    "model": {"Left": "left", "Right": "right", "Row": "row", "Column": "column"},
-}
-"""Columns of a list: heading, and the key of the value or what makes the text."""
+def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
+    if key == "distortion":
+        forms = {"distortion": "polynomial", "distortion_isp": "ISP", "distortion_curve": "curve"}
+        return next((forms[key] for key in forms if key in table), "none")
+    if key == "fiducials" and "sensor" in table:
+        return "sensor"
+    return str(len(table.get(key, ()))) if counted else shown_value(table.get(key))
 
 
 def _row(project: Project, stored: StoredDefinitions, place: Place) -> RecordRow:

@@ -15,6 +15,7 @@ from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
+from orip.wording import counted
 from orip.workflow.project.folder import Project
 from orip.workflow.records.changes import Renaming
 from orip.workflow.records.references import RecordKind
@@ -31,20 +32,16 @@ def measurements_of(
     """Say what is measured of a record."""
     key = record_key(name)
     if kind == "photo" and (photo := photos.read_orientations(stores[project.photos]).get(key)) is not None:
-        yield _counted(len(photo.marks.names), "measured fiducial mark")
+        yield counted(len(photo.marks.names), "measured fiducial mark")
     if kind == "template":
         found = templates.read_orientations(stores[project.templates]).get(key)
         if found is not None:
-            yield _counted(len(found.marks.names), "measured tick mark")
+            yield counted(len(found.marks.names), "measured tick mark")
     for bundle, measured in _observed(project, stores, bundles):
         if kind == "bundle" and record_key(bundle) == key and measured.points:
-            yield _counted(len(measured.points), "measured photo point")
+            yield counted(len(measured.points), "measured photo point")
         if kind == "photo" and (count := sum(record_key(photo) == key for photo in measured.photos)):
-            yield f"{_counted(count, 'measured photo point')} of {bundle}"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
+            yield f"{counted(count, 'measured photo point')} of {bundle}"
 
 
 def rename_measurements(project: Project, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from orip.files.project.text import TomlTable
+from orip.files.project.record_values import TomlTable
 from orip.records.names import record_key
 
 RecordKind = Literal["camera", "temtick", "photo", "template", "bundle", "model"]

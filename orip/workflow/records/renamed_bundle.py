@@ -16,6 +16,7 @@ from orip.files.stores.transaction import Stores
 from orip.files.text.atomic import replace_text
 from orip.records.names import record_key
 from orip.records.solution import Solution
+from orip.wording import agreeing
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
 from orip.workflow.project.run_id import digest_of_records, run_id
@@ -97,7 +98,7 @@ def remove_files_of_old_name(project: Project, renaming: Renaming) -> tuple[Proj
         return ()
     remove_files(results)
     text = (
-        f"{', '.join(map(project.shown, results))} had the old name and {'is' if len(results) == 1 else 'are'} gone; "
+        f"{', '.join(map(project.shown, results))} had the old name and {agreeing(len(results), 'is', 'are')} gone; "
         f"as soon as orip.toml has the new one, 'orip init' writes the listings, 'orip prelim', 'orip drive table' and "
         f"'orip report' write the rest"
     )

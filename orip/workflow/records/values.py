@@ -5,35 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from orip.files.project.assignments import TABLE_OF_KIND
-from orip.files.project.tables import keys_of
+from orip.files.project.tables import TABLE_OF_KIND, keys_of
 from orip.files.project.toml_text import toml_value
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.fields import GROUND_UNIT, units_of
+from orip.records.project import RECORD_TYPES
 from orip.workflow.records.references import RecordKind
 
 NOT_GIVEN = "-"
-
-_UNITS = {
-    "c": "mm",
-    "principal_point": "mm",
-    "distortion.A3": "1/mm^2",
-    "distortion.A5": "1/mm^4",
-    "distortion.A7": "1/mm^6",
-    "distortion.P1": "1/mm",
-    "distortion.P2": "1/mm",
-    "distortion_isp.R0": "mm",
-    "distortion_isp.A1": "1/mm^2",
-    "distortion_isp.A2": "1/mm^4",
-    "distortion_isp.A3": "1/mm^6",
-    "distortion_curve": "mm",
-    "frame": "mm",
-    "sensor.columns": "pixels",
-    "sensor.rows": "pixels",
-    "sensor.width": "mm",
-    "sensor.height": "mm",
-    "scan.pixel": "mm",
-    **dict.fromkeys(PHOTO_PARAMETERS[3:], "degrees"),
-}
 
 
 class RecordValue(NamedTuple):
@@ -58,12 +36,12 @@ def shown_value(value: Any) -> str:
 
 def values_of(kind: RecordKind, table: Mapping[str, Any], ground_unit: str) -> list[RecordValue]:
     """Return all values of a record but its name; tables in it are taken apart, and what is not given is None."""
-    form = TABLE_OF_KIND[kind]
+    units = dict(units_of(RECORD_TYPES[kind]))
     values = []
-    for key in keys_of(form):
+    for key in keys_of(TABLE_OF_KIND[kind]):
         if key != "name":
             flat = dict(_flat(key, table.get(key)))
-            values += [RecordValue(path, value, _unit(path, value, ground_unit)) for path, value in flat.items()]
+            values += [RecordValue(path, value, _unit(units, path, value, ground_unit)) for path, value in flat.items()]
     return values
 
 
@@ -78,9 +56,8 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield path, None if value == [] else value
 
 
-def _unit(path: str, value: Any, ground_unit: str) -> str:
-    if path in PHOTO_PARAMETERS[:3]:
-        return ground_unit
-    if path == "measurement_precision":
-        return "" if isinstance(value, str) else "mm"
-    return "mm" if path.startswith(("fiducials.", "ticks.")) else _UNITS.get(path, "")
+def _unit(units: Mapping[str, str], path: str, value: Any, ground_unit: str) -> str:
+    if path == "measurement_precision" and isinstance(value, str):
+        return ""  # the text has its unit
+    unit = units.get(path) or units.get(f"{path.partition('.')[0]}.*.{path.rpartition('.')[2]}", "")
+    return ground_unit if unit == GROUND_UNIT else unit

@@ -1,0 +1,84 @@
+"""A record as a table of orip.toml, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass
+from typing import Any, TypeAlias, TypeVar, cast
+
+from orip.files.project.tables import Table
+from orip.records.fields import Part, RecordField, fields_by_key, fields_of
+from orip.records.project import Precision
+
+TomlTable: TypeAlias = dict[str, Any]
+"""A table as the TOML reader gives it; keys without a value are missing."""
+
+T = TypeVar("T")
+
+
+def record_of(record: type[T], table: Table) -> T:
+    """Return the record that a table says; a key that is missing has the record's default."""
+    given, kind = {}, cast(type, record)
+    for each in fields_of(kind):
+        if each.field.parts:
+            given[each.name] = tuple(value for part in each.field.parts for value in _elements(part, table))
+        elif each.key in table.model_fields_set:
+            given[each.name] = _value(each, getattr(table, each.key))
+    return record(**given)
+
+
+def _elements(part: Part, table: Table) -> Sequence[Any]:
+    value = getattr(table, part.key)
+    if part.names:
+        return [0.0 if value is None else getattr(value, name) for name in part.names]
+    if part.size > 1:
+        return (0.0,) * part.size if value is None else value
+    return (value,)
+
+
+def _value(each: RecordField, value: Any) -> Any:
+    if each.field.names:
+        return tuple(getattr(value, name) for name in each.field.names)
+    return _converted(each.item or each.type, value)
+
+
+def _converted(kind: Any, value: Any) -> Any:
+    """Return a checked value as records hold it: tuples in place of lists, dataclasses in place of tables."""
+    if isinstance(value, Table):
+        return record_of(kind, value)
+    if isinstance(value, list):
+        return tuple(_converted(kind, item) for item in value)
+    return value
+
+
+def toml_of(record: Any) -> TomlTable:
+    """Return a record as a table of orip.toml; what is None or an empty list has no key."""
+    return {
+        key: value
+        for each in fields_by_key(type(record))
+        for key, value in _keys_of(each, getattr(record, each.name))
+        if value is not None and value not in ([], {})
+    }
+
+
+def _keys_of(each: RecordField, value: Any) -> Iterator[tuple[str, Any]]:
+    if not each.field.parts:
+        named = each.field.names and value is not None
+        yield each.key, dict(zip(each.field.names, value, strict=True)) if named else _plain(value)
+    first = 0
+    for part in each.field.parts:
+        elements = value[first : first + part.size]
+        first += part.size
+        if part.names:
+            yield part.key, {name: element for name, element in zip(part.names, elements, strict=True) if element}
+        else:
+            yield part.key, elements[0] if part.size == 1 else list(elements)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a record as TOML has it."""
+    if isinstance(value, Precision):
+        return value.value if value.unit == "mm" else f"{value.value}px"
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return toml_of(value) if is_dataclass(value) else value

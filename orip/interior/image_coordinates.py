@@ -1,0 +1,190 @@
+"""The camera's image equation: ideal and measured photo coordinates, with distortion and additional parameters.
+
+A polynomial at "ideal" coordinates gives the measured ones by a formula, one at "measured" coordinates the ideal ones.
+Additional parameters deform the image at the same place, relative to the fiducial centre:
+
+    measured = principal point + distorted(ideal) + deformation(principal point + ideal)
+    ideal    = corrected(measured - principal point) - deformation(measured)
+
+The other direction is found by Newton's method. The adjustment, the prediction of photo coordinates and the real-time
+loop have these equations from here; the compiled loops are held to them by tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, Number
+from orip.interior.additional_parameters import additional_with_partials
+from orip.interior.distortion import (
+    Mapped,
+    corrected_by_coefficients,
+    corrected_with_partials,
+    distorted_by_coefficients,
+    distorted_with_partials,
+    inverse,
+)
+from orip.interior.image_polynomial import ImagePolynomial, deformation_with_partials
+from orip.records.camera import AdditionalSet
+
+
+@dataclass(frozen=True, slots=True)
+class ImageEquation:
+    """The image equation of one camera, for one point as plain numbers or n points as arrays (n,).
+
+    Parameters
+    ----------
+    x0, y0 : float
+        Principal point in the fiducial system, mm.
+    coefficients : tuple of 8 floats
+        A1, A3, A5, A7, P1, P2, B1, B2.
+    at_measured : bool
+        The polynomial is given at measured coordinates.
+    additional : ImagePolynomial or None
+    reach_square : float
+        Square of the radius (mm²) up to which the polynomial is a model of the lens; nothing is shown beyond.
+    """
+
+    x0: float
+    y0: float
+    coefficients: tuple[float, ...]
+    at_measured: bool
+    additional: ImagePolynomial | None
+    reach_square: float = np.inf
+
+    def measured(self, x: Number, y: Number) -> tuple[Number, Number]:
+        """Return photo coordinates (fiducial system, mm) of ideal ones; NaN for what the photo does not show.
+
+        Arrays may overflow where nothing is shown; callers silence numpy.
+        """
+        if self.at_measured:
+            x, y, found = inverse(self.explicit_with_partials, x, y)
+            x, y = _where(found & self.is_within_reach(x, y), x, y)
+        else:
+            x, y = _where(self.is_within_reach(x, y), *self.explicit_with_partials(x, y)[:2])
+        return x + self.x0, y + self.y0
+
+    def ideal(self, xf: Number, yf: Number) -> tuple[Number, Number]:
+        """Return ideal coordinates (from the principal point, mm) of photo coordinates; NaN where there are none."""
+        x, y = xf - self.x0, yf - self.y0
+        if self.at_measured:
+            return _where(self.is_within_reach(x, y), *self.explicit_with_partials(x, y)[:2])
+        x, y, found = inverse(self.explicit_with_partials, x, y)
+        return _where(found & self.is_within_reach(x, y), x, y)
+
+    def explicit_with_partials(self, x: Number, y: Number) -> Mapped[Number]:
+        """Return what the formula gives: measured coordinates of ideal ones, or ideal ones of measured ones.
+
+        Both are reduced to the principal point, mm.
+        """
+        deformation = None
+        if self.additional is not None:
+            deformation = deformation_with_partials(self.additional, x + self.x0, y + self.y0)
+        return _explicit(self.at_measured, self.coefficients, x, y, deformation)
+
+    def is_within_reach(self, x: Number, y: Number) -> bool | BoolArray:
+        """Tell whether the argument of the polynomial is within the reach, for an argument of the formula."""
+        if self.at_measured:
+            x = x - self.coefficients[6] * x - self.coefficients[7] * y
+        within: bool | BoolArray = x * x + y * y < self.reach_square
+        return within
+
+
+class SetValues(NamedTuple):
+    """Additional parameters of a camera: name of the set, base (mm) and values (k,)."""
+
+    name: AdditionalSet
+    base_mm: float
+    values: FloatArray
+
+
+class ImageResiduals(NamedTuple):
+    """Residuals of n photo points, computed minus measured, and their partials.
+
+    Attributes
+    ----------
+    value : array (n, 2)
+        mm.
+    by_ideal : array (n, 2, 2)
+        Partials by the ideal coordinates.
+    by_principal_point : array (n, 2, 2)
+    by_coefficients : array (n, 2, 8)
+    by_additional : array (n, 2, k)
+        Without a set, k is 0.
+    """
+
+    value: FloatArray
+    by_ideal: FloatArray
+    by_principal_point: FloatArray
+    by_coefficients: FloatArray
+    by_additional: FloatArray
+
+
+def image_residuals_with_partials(
+    ideal: FloatArray, measured: FloatArray, camera: FloatArray, at_measured: bool, additional: SetValues | None
+) -> ImageResiduals:
+    """Return the residuals of photo points of cameras of one form.
+
+    For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
+
+    Parameters
+    ----------
+    ideal : array (n, 2)
+        Computed by the perspective, mm.
+    measured : array (n, 2)
+        Photo coordinates, fiducial system, mm.
+    camera : array (n, 10)
+        Principal point and coefficients of each point's camera.
+    at_measured : bool
+        The polynomials are given at measured coordinates.
+    additional : SetValues or None
+        Of the camera, where all points are of one.
+    """
+    principal_point, coefficients = camera[:, :2], tuple(camera[:, 2:].T)
+    argument = measured - principal_point if at_measured else ideal
+    by_additional, by_place, deformation = np.empty((len(ideal), 2, 0)), np.zeros((1, 2, 2)), None
+    if additional is not None:
+        place = measured if at_measured else principal_point + ideal
+        found = additional_with_partials(additional.name, place, additional.base_mm, additional.values)
+        by_additional, by_place = found.by_values, found.by_xy
+        deformation = *found.value.T, *found.by_xy.reshape(-1, 4).T
+    x, y = np.ascontiguousarray(argument.T)
+    mapped = np.stack(_explicit(at_measured, coefficients, x, y, deformation), axis=1)
+    to, by_argument = mapped[:, :2], mapped[:, 2:].reshape(-1, 2, 2)
+    unit = np.broadcast_to(np.eye(2), by_argument.shape)
+    if at_measured:
+        by_coefficients = -corrected_by_coefficients(coefficients, x, y)
+        # the place of the deformation is measured, and does not move with the principal point
+        return ImageResiduals(ideal - to, unit, by_argument + by_place, by_coefficients, by_additional)
+    by_coefficients = distorted_by_coefficients(x, y)
+    return ImageResiduals(principal_point + to - measured, by_argument, unit + by_place, by_coefficients, by_additional)
+
+
+def _explicit(
+    at_measured: bool,
+    coefficients: Sequence[float] | Sequence[Number],
+    x: Number,
+    y: Number,
+    deformation: Mapped[Number] | None,
+) -> Mapped[Number]:
+    """Return the side of the image equation that a formula gives, from the other one; both from the principal point."""
+    if deformation is None:
+        function = corrected_with_partials if at_measured else distorted_with_partials
+        return function(coefficients, x, y)
+    dx, dy, dxx, dxy, dyx, dyy = deformation
+    if at_measured:
+        to_x, to_y, xx, xy, yx, yy = corrected_with_partials(coefficients, x, y)
+        return to_x - dx, to_y - dy, xx - dxx, xy - dxy, yx - dyx, yy - dyy
+    to_x, to_y, xx, xy, yx, yy = distorted_with_partials(coefficients, x, y)
+    return to_x + dx, to_y + dy, xx + dxx, xy + dxy, yx + dyx, yy + dyy
+
+
+def _where(holds: bool | BoolArray, x: Number, y: Number) -> tuple[Number, Number]:
+    """Return x, y where a condition holds, NaN elsewhere."""
+    if isinstance(x, float) and isinstance(y, float):
+        return (x, y) if holds else (np.nan, np.nan)
+    return np.where(holds, x, np.nan), np.where(holds, y, np.nan)

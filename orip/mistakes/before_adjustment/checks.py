@@ -1,0 +1,54 @@
+"""The checks before an adjustment, in the order in which their warnings are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from orip.errors import ProjectWarning
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
+from orip.interior.measured import Measured
+from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
+from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
+from orip.mistakes.before_adjustment.names import name_warnings
+from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
+from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
+from orip.records.block import Block
+from orip.records.control import Control, PreliminaryPoint
+
+
+def measurement_warnings(
+    definitions: Definitions, measured: Measured, interior: Interior
+) -> tuple[ProjectWarning, ...]:
+    """Return what is probably wrong with cameras, marks and photo points, together with the interior's own warnings.
+
+    Parameters
+    ----------
+    definitions : Definitions
+    measured : Measured
+    interior : Interior
+        Orientations from those marks.
+    """
+    cameras = (warning for camera in definitions.cameras.values() for warning in camera_warnings(camera))
+    outside = (
+        warning
+        for observations in measured.observations.values()
+        for warning in points_outside_frames(definitions, observations, interior.to_photo)
+    )
+    # photos of several bundles are checked once for each bundle
+    return tuple(dict.fromkeys((*cameras, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
+
+
+def block_warnings(
+    block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]
+) -> tuple[ProjectWarning, ...]:
+    """Return what is probably wrong with the names of a gathered block's photos and points.
+
+    Parameters
+    ----------
+    block : Block
+    control : Control
+        All of the project, also what the block does not use.
+    preliminary : sequence of PreliminaryPoint
+    """
+    return (*photos_under_two_names(block), *name_warnings(block, control, preliminary))

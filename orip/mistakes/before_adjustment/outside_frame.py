@@ -1,0 +1,145 @@
+"""Photo points outside the frame of their photo: measured in another photo, or in another mounting.
+
+No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most
+points of a photo do, they were not measured on this photo, or its marks or its template are not those of the points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.geometry.plane import PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.records.camera import Camera
+from orip.records.measurement import PhotoObservations
+from orip.records.names import record_key
+from orip.records.photo import Photo
+from orip.wording import counted_names
+
+_BEYOND_MARKS = 0.25
+"""Margin on each side, as part of the extent of the fiducial marks: the image may extend beyond them."""
+
+_MOST = 0.5
+"""Part of a photo's points outside the marks from which the photo is wrong, and not single points."""
+
+_PIXEL = 1.0
+"""Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
+
+
+def points_outside_frames(
+    definitions: Definitions, observations: PhotoObservations, to_photo: Mapping[str, PlaneTransformation]
+) -> list[ProjectWarning]:
+    """Return a warning for each photo and camera whose points lie outside.
+
+    Parameters
+    ----------
+    definitions : Definitions
+    observations : PhotoObservations
+        Of one bundle.
+    to_photo : mapping by `record_key` of the photo
+        Stored coordinates to photo millimetres.
+    """
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(observations.photos):
+        rows.setdefault(record_key(name), []).append(row)
+    points = {key: observations.measured[own] for key, own in rows.items() if key in definitions.photos}
+    photos = [definitions.photos[key] for key in points]
+    on_sensors = [photo for photo in photos if definitions.camera_of(photo).sensor]
+    on_film = [
+        photo for photo in photos if definitions.camera_of(photo).fiducials and record_key(photo.name) in to_photo
+    ]
+    return [
+        *_off_sensors(definitions, on_sensors, points),
+        *_off_films(definitions, on_film, points, to_photo),
+    ]
+
+
+def _off_sensors(
+    definitions: Definitions, photos: list[Photo], points: Mapping[str, FloatArray]
+) -> Iterator[ProjectWarning]:
+    by_camera: dict[str, list[Photo]] = {}
+    for photo in photos:
+        by_camera.setdefault(record_key(photo.camera), []).append(photo)
+    for key, of_camera in by_camera.items():
+        sensor = definitions.cameras[key].sensor
+        assert sensor is not None
+        size = np.array([sensor.columns, sensor.rows], dtype=np.float64)
+        off = [photo.name for photo in of_camera if _off(points[record_key(photo.name)], size).any()]
+        if not off:
+            continue
+        xy = np.vstack([points[record_key(photo.name)] for photo in of_camera])
+        text = (
+            f"{_count(_off(xy, size))} lie outside the {sensor.columns} columns and {sensor.rows} rows of the sensor "
+            f"({counted_names('photo', off)})"
+        )
+        if not _off(xy, size[::-1]).any():
+            text += (
+                "; none would if columns and rows were exchanged: write the column first in the measurements, "
+                "or exchange columns and rows (and width and height) of the sensor"
+            )
+        else:
+            text += "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
+        yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+
+
+def _off(pixels: FloatArray, size: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray(((pixels < -_PIXEL) | (pixels > size + _PIXEL)).any(axis=1))
+
+
+def _off_films(
+    definitions: Definitions,
+    photos: list[Photo],
+    points: Mapping[str, FloatArray],
+    to_photo: Mapping[str, PlaneTransformation],
+) -> Iterator[ProjectWarning]:
+    found: dict[tuple[str, str], list[str]] = {}
+    for photo in photos:
+        key, camera = record_key(photo.name), definitions.camera_of(photo)
+        outside = _beyond_marks(to_photo[key].apply(points[key]), camera)
+        if np.mean(outside) <= _MOST:
+            continue
+        there = [
+            other.name
+            for other in photos
+            if other is not photo
+            and other.template == photo.template
+            and _are_in(points[key], other, to_photo, camera)
+            and _are_in(points[record_key(other.name)], photo, to_photo, camera)
+        ]
+        if len(there) == 1:
+            text = (
+                f"{_count(outside)} lie outside its fiducial marks, but within those of photo {there[0]}, and those of "
+                f"{there[0]} within its own: the two are exchanged; exchange the names in the POINTS lines"
+            )
+            yield ProjectWarning("outside-frame", f"photo {photo.name}", text)
+        else:
+            found.setdefault((photo.template or "", record_key(photo.camera)), []).append(photo.name)
+    for (template, _), names in found.items():
+        where = counted_names("photo", names)
+        cause = (
+            f"template {template} was not mounted as its tick marks were measured, or fiducial marks or points are "
+            "those of another photo; measure the tick marks again"
+            if template
+            else "fiducial marks or points are those of another photo or mounting; measure the fiducial marks again"
+        )
+        yield ProjectWarning("outside-frame", where, f"most of the points lie outside the fiducial marks: {cause}")
+
+
+def _are_in(stored: FloatArray, photo: Photo, to_photo: Mapping[str, PlaneTransformation], camera: Camera) -> bool:
+    return float(np.mean(_beyond_marks(to_photo[record_key(photo.name)].apply(stored), camera))) <= 1.0 - _MOST
+
+
+def _beyond_marks(xy: FloatArray, camera: Camera) -> NDArray[np.bool_]:
+    marks = np.array([(mark.x, mark.y) for mark in camera.fiducials])
+    low, high = marks.min(axis=0), marks.max(axis=0)
+    margin = _BEYOND_MARKS * (high - low).max()
+    return np.asarray(((xy < low - margin) | (xy > high + margin)).any(axis=1))
+
+
+def _count(outside: NDArray[np.bool_]) -> str:
+    return f"{np.count_nonzero(outside)} of {len(outside)} points"

@@ -1,0 +1,221 @@
+"""Control that fits a block as a mirror image, with another unit of Z, or as longitude and latitude.
+
+A similarity with reflection fits equally well whether X and Y of the control are exchanged, one axis has the opposite
+sign, or the photos are mirrored: mirrored photos give a block that is a perfect mirror image, with all points in front
+of the cameras. Only the positions and the attitude of the cameras differ. Three points, or points in a plane, fit with
+and without a reflection; only the side on which the cameras are tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.similarity import Similarity, fit_similarity
+from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
+from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.joining import Names
+from orip.prelim.similarity.start import TRIPLES, start_from_triples
+from orip.records.preliminary import ControlReading, PartialBlock
+from orip.units import METRES_PER_FOOT
+
+_BETTER = 0.1
+"""A reading has to reduce the misfit to this part. A long block that is not adjusted yet may be so bent that a wrong
+reading of few points fits three times better by chance."""
+
+_EXPECTED = 3.0
+"""Standard errors of the control; what fits within them as given needs no other reading."""
+
+_MET = 0.1
+"""Part of the distance from cameras to control within which projection centres are at their known positions."""
+
+_TOO_FEW = 5
+"""Up to this number of points a robust fit may take any three of them as right and reject the others."""
+
+_ENOUGH = 60
+"""Control points that are compared: a wrong reading concerns nearly all of them."""
+
+_METRES_PER_DEGREE = 111_195.0
+"""On a sphere of radius 6371 km; within a block the flattening does not matter."""
+
+_DEGREES = 5.0
+"""Largest extent of a block in latitude plus longitude: 500 km."""
+
+_UPRIGHT = 0.5
+"""Mean cosine from which photos are said to look down or to stand upright."""
+
+_Z_FACTORS = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT, 1e-3, 1e3)
+
+_CHANGES = {
+    "exchanged": np.eye(3)[[1, 0, 2]],
+    "X": np.diag([-1.0, 1.0, 1.0]),
+    "Y": np.diag([1.0, -1.0, 1.0]),
+    "Z": np.diag([1.0, 1.0, -1.0]),
+    "photos": np.eye(3),
+}
+"""Matrices that take the control as given to the control as it would have to be."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    similarity: Similarity
+    misfit: float
+
+
+def other_reading(
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+) -> ControlReading | None:
+    """Return the reading in which control fits a block that it does not fit as given.
+
+    Parameters
+    ----------
+    block : PartialBlock
+        In its own system.
+    names : Names
+    control : KnownPositions
+        As given; at least three points known in X, Y and Z are needed.
+    centres : KnownPositions, optional
+        Known projection centres: they distinguish exchanged axes from mirrored photos.
+
+    Returns
+    -------
+    ControlReading or None
+        None where the control fits as given, or no reading makes it fit.
+    """
+    _, common = control_of_block(block, names, control)
+    common = _sample(common)
+    if len(common.source) < 3:
+        return None
+    given = _fit(common)
+    if given is None:
+        return None
+    if (geographic := _geographic(common, given)) is not None:
+        return geographic
+    mirrored = _fit(replace(common, source=-common.source))
+    if mirrored is None:
+        return None
+    mirrored = _Fit(replace(mirrored.similarity, rotation=-mirrored.similarity.rotation), mirrored.misfit)
+    expected = _EXPECTED * float(np.median(common.errors(given.similarity)))
+    if given.misfit > expected and mirrored.misfit < _BETTER * given.misfit:
+        changes = _changes(block, names, mirrored.similarity, centres)
+        side = _side(mirrored.similarity.rotation @ block.rotations)
+        count = len(common.source)
+        return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
+    if given.misfit > expected:
+        return _other_unit(common, given)
+    # where the points exclude a reflection, the side of the cameras need not be looked at
+    if mirrored.misfit <= max(expected, given.misfit / _BETTER):
+        return _from_below(block, common, given)
+    return None
+
+
+def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
+    """Return longitude and latitude in degrees as the reading if they fit, and X and Y as lengths do not."""
+    x, y, _ = common.target.T
+    for longitude, latitude in ((0, 1), (1, 0)):
+        in_range = (
+            np.abs(common.target[:, longitude]).max() <= 180.0 and np.abs(common.target[:, latitude]).max() <= 90.0
+        )
+        if not in_range or np.ptp(x) + np.ptp(y) > _DEGREES:
+            continue
+        metres = _METRES_PER_DEGREE * np.array([np.cos(np.radians(common.target[:, latitude].mean())), 1.0])
+        target = np.column_stack([common.target[:, [longitude, latitude]] * metres, common.target[:, 2]])
+        fit = _fit(replace(common, target=target))
+        # both misfits in units of the block
+        if fit is not None and fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
+            count = len(common.source)
+            if longitude == 0:
+                return ControlReading("longitude, latitude", count, fit.misfit, given.misfit)
+            return ControlReading("latitude, longitude", count, fit.misfit, given.misfit)
+    return None
+
+
+def _sample(common: CommonPoints) -> CommonPoints:
+    """Return points that are known in full, at most `_ENOUGH`, evenly from the first to the last."""
+    full = np.flatnonzero(common.full)
+    return common.of(full[np.unique(np.linspace(0, len(full) - 1, min(len(full), _ENOUGH)).astype(np.int64))])
+
+
+def _fit(common: CommonPoints) -> _Fit | None:
+    """Return the fit and its typical residual, ground units; None where the points determine none."""
+    try:
+        if len(common.source) <= _TOO_FEW:
+            similarity = fit_similarity(common.source, common.target)
+            squares = ((similarity.apply(common.source) - common.target) ** 2).sum(axis=1)
+            return _Fit(similarity, float(np.sqrt(squares.mean())))
+        found = adjust_similarity(common, start_from_triples(common, TRIPLES[:1]))
+    except ValueError:
+        return None
+    return _Fit(found.similarity, float(np.median(found.lengths)))
+
+
+def _changes(
+    block: PartialBlock, names: Names, mirrored: Similarity, centres: KnownPositions | None
+) -> tuple[str, ...]:
+    """Return the changes of `_CHANGES` that bring projection centres to their known positions."""
+    known = _known_centres(block, names, centres)
+    if known is None:
+        return ()
+    rows, positions = known
+    found = mirrored.apply(block.centres[rows])
+    distance = float(np.median(np.linalg.norm(found - mirrored.apply(block.coordinates).mean(axis=0), axis=1)))
+    return tuple(
+        change
+        for change, matrix in _CHANGES.items()
+        if float(np.median(np.linalg.norm(found @ matrix.T - positions, axis=1))) < _MET * distance
+    )
+
+
+def _known_centres(
+    block: PartialBlock, names: Names, centres: KnownPositions | None
+) -> tuple[IntArray, FloatArray] | None:
+    """Return rows of the block's photos whose centres are known, and these positions; None without any."""
+    if centres is None:
+        return None
+    own = {names.photos[k]: row for row, k in enumerate(block.photos)}
+    pairs = [
+        (own[name], position)
+        for name, position in zip(centres.names, centres.coordinates, strict=True)
+        if name in own and np.isfinite(position).all()
+    ]
+    if not pairs:
+        return None
+    return np.array([row for row, _ in pairs]), np.array([position for _, position in pairs])
+
+
+def _side(rotations: FloatArray) -> float:
+    """Return 1 where photos look down or stand upright, -1 where they look up or stand on their head, else 0.
+
+    The third and second columns of the rotations tell; a mirrored photo has the same ones.
+    """
+    down, up = rotations[:, 2, 2].mean(), rotations[:, 2, 1].mean()
+    clearer = float(down if abs(down) >= abs(up) else up)
+    return float(np.sign(clearer)) if abs(clearer) > _UPRIGHT else 0.0
+
+
+def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
+    """Return another unit of Z as the reading if it explains the misfit."""
+    fits = {}
+    for factor in _Z_FACTORS:
+        scaled = np.array([1.0, 1.0, factor])
+        fit = _fit(replace(common, target=common.target * scaled, target_deviation=common.target_deviation * scaled))
+        if fit is not None:
+            fits[factor] = fit.misfit
+    if not fits:
+        return None
+    factor = min(fits, key=lambda candidate: fits[candidate])
+    if fits[factor] >= _BETTER * given.misfit:
+        return None
+    return ControlReading("unit of Z", len(common.source), fits[factor], given.misfit, z_factor=factor)
+
+
+def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
+    """Return that reading if points that fit with and without a reflection are seen from below."""
+    rotations = given.similarity.rotation @ block.rotations
+    heights = given.similarity.apply(block.centres)[:, 2]
+    if rotations[:, 2, 2].mean() > -_UPRIGHT or heights.mean() > common.target[:, 2].mean():
+        return None
+    return ControlReading("from below", len(common.source), given.misfit, given.misfit)

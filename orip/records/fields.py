@@ -1,0 +1,195 @@
+"""What is to be known of each field of a record: its key, its limits, its unit, its heading.
+
+A record is declared once, as a dataclass whose annotations carry a `Field`. The columns of its store, the keys of its
+table in orip.toml with their types and limits, and the headings and units of lists of records all follow from that: a
+new setting is one new line of the dataclass, and its use.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+GROUND_UNIT = "ground unit"
+"""In place of a unit: that of the project."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A key of orip.toml that holds some elements of a field which is spread over several keys.
+
+    Parameters
+    ----------
+    key : str
+    size : int
+        Number of elements; 1: the value itself, more: a list.
+    names : tuple of str
+        Keys of the elements in a table of their own, in place of a list.
+    example, heading : str
+    units : tuple of str
+        One for all elements, or one for each.
+    above : float or None
+    required : bool
+    """
+
+    key: str
+    size: int = 1
+    names: tuple[str, ...] = ()
+    example: str = ""
+    heading: str = ""
+    units: tuple[str, ...] = ("",)
+    above: float | None = None
+    required: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """What a field is called, how its value is written, and what it may be.
+
+    Parameters
+    ----------
+    key : str
+        Key of orip.toml; that of the attribute if empty.
+    example : str
+        A value as orip.toml has it, for messages.
+    heading : str
+        Heading in lists of records; without one it is not listed.
+    units : tuple of str
+        One, or with `names` one for each; `GROUND_UNIT` for that of the project.
+    above, least : float or None
+        Limits: greater than, at least.
+    names_record : bool
+        The name of a record: case does not count.
+    names : tuple of str
+        Keys of the elements of a tuple, which is a table in orip.toml.
+    one_for_all : bool
+        A single number may stand for all elements of a tuple.
+    own_records : bool
+        The items are records of their own, with headers of their own in orip.toml.
+    parts : tuple of Part
+        The field is spread over several keys.
+    column : str
+        What the names of its columns in the store begin with; the attribute if empty.
+    elements : tuple of str
+        What the names of the columns of a tuple end with; the names themselves if the field has parts.
+    key_after, column_after : str
+        Attribute after which it comes in orip.toml or in the store. Attributes themselves cannot change their order:
+        digests of records depend on it.
+    """
+
+    key: str = ""
+    example: str = ""
+    heading: str = ""
+    units: tuple[str, ...] = ("",)
+    above: float | None = None
+    least: float | None = None
+    names_record: bool = False
+    names: tuple[str, ...] = ()
+    one_for_all: bool = False
+    own_records: bool = False
+    parts: tuple[Part, ...] = ()
+    column: str = ""
+    elements: tuple[str, ...] = ()
+    key_after: str = ""
+    column_after: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordField:
+    """A field of a record.
+
+    Parameters
+    ----------
+    name : str
+        The attribute.
+    type : type
+        Its type where it is given.
+    optional : bool
+        It may be None.
+    required : bool
+        It has no default.
+    field : Field
+    """
+
+    name: str
+    type: Any
+    optional: bool
+    required: bool
+    field: Field
+
+    @property
+    def key(self) -> str:
+        """Return the key of orip.toml."""
+        return self.field.key or self.name
+
+    @property
+    def item(self) -> Any:
+        """Return the type of the items of a list of any length; None if it is no such list."""
+        args = get_args(self.type)
+        return args[0] if get_origin(self.type) is tuple and args[1:] == (...,) and not self.field.parts else None
+
+
+@cache
+def fields_of(record: type) -> tuple[RecordField, ...]:
+    """Return the fields of a record in the order of its attributes."""
+    hints = get_type_hints(record, include_extras=True)
+    return tuple(_field(each, hints[each.name]) for each in dataclasses.fields(record))
+
+
+def fields_by_key(record: type) -> tuple[RecordField, ...]:
+    """Return the fields of a record in the order of orip.toml."""
+    return _in_order(fields_of(record), {each.name: each.field.key_after for each in fields_of(record)})
+
+
+def fields_by_column(record: type) -> tuple[RecordField, ...]:
+    """Return the fields of a record in the order of its store's columns."""
+    return _in_order(fields_of(record), {each.name: each.field.column_after for each in fields_of(record)})
+
+
+def headings_of(record: type) -> Iterator[tuple[str, str, bool]]:
+    """Yield heading and key of what is listed of a record, and whether a list of records is shown as its number."""
+    for each in fields_by_key(record):
+        for listed in each.field.parts or (each.field,):
+            if listed.heading:
+                yield listed.heading, listed.key or each.name, dataclasses.is_dataclass(each.item)
+
+
+def units_of(record: type) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a record's values with their units; those in a table in it as ``sensor.columns``."""
+    for each in fields_of(record):
+        for part in each.field.parts or (Part(key=each.key, names=each.field.names, units=each.field.units),):
+            units = part.units * (len(part.names) or 1) if len(part.units) == 1 else part.units
+            paths = [f"{part.key}.{name}" for name in part.names] or [part.key]
+            yield from zip(paths, units, strict=True)
+        inner = each.item or each.type
+        if dataclasses.is_dataclass(inner) and isinstance(inner, type):
+            between = ".*" if each.item else ""
+            yield from ((f"{each.key}{between}.{path}", unit) for path, unit in units_of(inner))
+
+
+def without_none(hint: Any) -> Any:
+    """Return the type of an optional value where it is given; any other type as it is."""
+    if get_origin(hint) in {Union, types.UnionType}:
+        (hint,) = (part for part in get_args(hint) if part is not type(None))
+    return hint
+
+
+def _field(attribute: dataclasses.Field[Any], hint: Any) -> RecordField:
+    field = Field()
+    if get_origin(hint) is Annotated:
+        hint, field = get_args(hint)
+    kind = without_none(hint)
+    return RecordField(attribute.name, kind, kind is not hint, attribute.default is dataclasses.MISSING, field)
+
+
+def _in_order(fields: tuple[RecordField, ...], after: dict[str, str]) -> tuple[RecordField, ...]:
+    ordered = [each for each in fields if not after[each.name]]
+    for each in fields:
+        if after[each.name]:
+            place = next(index for index, other in enumerate(ordered) if other.name == after[each.name])
+            ordered.insert(place + 1, each)
+    return tuple(ordered)

@@ -1,0 +1,103 @@
+"""The kinds of observation: what each is called, and the unit of its components.
+
+Stores, residuals.csv and result.json name a kind by `ObservationKind.name`; listings, the report and messages take
+label and unit from here. The equations of a kind are in its module of `orip.bundle.kinds`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+from orip.records.camera import CAMERA_UNITS
+from orip.records.photo import PHOTO_PARAMETERS
+
+ObservedIn = Literal["mm", "ground unit", "degrees", "pure number", "unit of the unknown"]
+
+GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], "X", "Y", "Z"})
+"""Unknowns in the ground unit: projection centres and points."""
+
+ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
+"""Unknowns in degrees: rotations of photos and zero directions of theodolite sets."""
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationKind:
+    """A kind of observation.
+
+    Parameters
+    ----------
+    name : str
+        As it is stored.
+    label : str
+        As it is written before the name of an observation.
+    observed_in : str
+        Its unit, or how the unit follows.
+    """
+
+    name: str
+    label: str
+    observed_in: ObservedIn
+
+    def unit(self, component: str, ground_unit: str) -> str:
+        """Return the unit of an observation component of this kind; empty for a pure number.
+
+        Parameters
+        ----------
+        component : str
+            As in residuals.csv, e.g. ``x``, ``Z0``, ``EBNER.1``.
+        ground_unit : str
+            The project's.
+        """
+        match self.observed_in:
+            case "ground unit":
+                return ground_unit
+            case "pure number":
+                return ""
+            case "unit of the unknown":
+                return unit_of_unknown(component, ground_unit)
+            case "mm" | "degrees":
+                return self.observed_in
+
+
+PHOTO_POINT: Final = ObservationKind("photo", "photo point", "mm")
+CONTROL_POINT: Final = ObservationKind("control", "control point", "ground unit")
+ADDITIONAL_PARAMETER: Final = ObservationKind("additional", "additional parameter", "pure number")
+ELEMENT: Final = ObservationKind("element", "element", "unit of the unknown")
+CONSTANT_ELEMENT: Final = ObservationKind("constant element", "constant element", "unit of the unknown")
+DISTANCE: Final = ObservationKind("distance", "distance", "ground unit")
+CONSTANT_DISTANCE: Final = ObservationKind("constant distance", "constant distance", "ground unit")
+DIRECTION: Final = ObservationKind("direction", "direction", "degrees")
+
+OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType(
+    {
+        kind.name: kind
+        for kind in (
+            PHOTO_POINT,
+            CONTROL_POINT,
+            ADDITIONAL_PARAMETER,
+            ELEMENT,
+            CONSTANT_ELEMENT,
+            DISTANCE,
+            CONSTANT_DISTANCE,
+            DIRECTION,
+        )
+    }
+)
+"""All kinds by name, in the order in which residuals are listed."""
+
+
+def unit_of_observation(kind: str, component: str, ground_unit: str) -> str:
+    """Return the unit of an observation component by the name of its kind; see `ObservationKind.unit`."""
+    return OBSERVATION_KINDS[kind].unit(component, ground_unit)
+
+
+def unit_of_unknown(unknown: str, ground_unit: str) -> str:
+    """Return the unit of an unknown such as ``C``, ``A3``, ``Z0``, ``KAPPA``, ``X``, ``R``; empty for a pure number."""
+    if unknown in GROUND_UNKNOWNS:
+        return ground_unit
+    if unknown in ANGULAR_UNKNOWNS:
+        return "degrees"
+    return CAMERA_UNITS.get(unknown, "")

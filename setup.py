@@ -1,0 +1,40 @@
+"""What pyproject.toml cannot say: a wheel carries `sample_projects` inside the package, where orip looks for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+SAMPLES = Path("sample_projects")
+PATTERNS = ("*.md", "*/*.md", "*/*.toml", "*/*.MEA", "*/*.PNT", "*/*.PRE", "*/*.LEN", "*/*.py", "*/truth.json")
+"""What a sample project is made of, and not what orip writes into its folder."""
+
+
+class BuildWithSamples(build_py):
+    """Copies the sample projects into the package that is built; an editable install finds them in the clone."""
+
+    def run(self) -> None:
+        """Build the package, then copy the samples."""
+        super().run()
+        if not self.editable_mode:
+            for source, target in self._samples():
+                self.mkpath(str(target.parent))
+                self.copy_file(str(source), str(target))
+
+    def get_outputs(self, include_bytecode: bool = True) -> list[str]:
+        """Return what is built, the samples too."""
+        samples = [] if self.editable_mode else [str(target) for _, target in self._samples()]
+        return [*super().get_outputs(include_bytecode), *samples]
+
+    def get_source_files(self) -> list[str]:
+        """Return what a source distribution needs, the samples too."""
+        return [*super().get_source_files(), *(str(source) for source, _ in self._samples())]
+
+    def _samples(self) -> list[tuple[Path, Path]]:
+        package = Path(self.build_lib) / "orip"
+        return [(source, package / source) for pattern in PATTERNS for source in sorted(SAMPLES.glob(pattern))]
+
+
+setup(cmdclass={"build_py": BuildWithSamples})

@@ -1,0 +1,34 @@
+"""What all tests share: settings of hypothesis, and the README's first project in text, initialised and adjusted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli.command_line import orip
+from hypothesis import HealthCheck, settings
+from workflow.small_projects import first_project
+
+# how long an example takes depends on the machine and on what else it does, and is no fault
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A folder with the text files of the project and nothing else."""
+    return first_project(tmp_path / "first")
+
+
+@pytest.fixture
+def initialised(project: Path) -> Path:
+    """The folder of `project` after ``orip init``."""
+    assert orip(project, "init").code == 0
+    return project
+
+
+@pytest.fixture
+def adjusted(project: Path) -> Path:
+    """The folder of `project` after ``orip run``."""
+    assert orip(project, "run").code == 0
+    return project

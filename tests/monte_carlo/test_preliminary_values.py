@@ -1,0 +1,75 @@
+"""From nothing to the true minimum: preliminary values of simulated blocks and their bundle adjustment.
+
+The figures of the long study are in docs/preliminary-values.md, written by `preliminary_study.py`.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
+from monte_carlo.preliminary_records import gathered, true_minimum
+from monte_carlo.preliminary_study import SUCCESS, compared, loss, outcome, outcomes, success, tables, write_tables
+from scipy.integrate import quad
+
+from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.weights import danish_weights
+
+LOG = logging.getLogger(__name__)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_records_hold_no_preliminary_value(family):
+    records = simulated_records(0, family, largest=12)
+    ingredients = records.ingredients
+    assert not ingredients.preliminary
+    assert all(photo.orientation == (None,) * 6 for photo in ingredients.photos.values())
+    block = gathered(records)
+    assert {len(block.photos), len(ingredients.photos)} == {len(records.orientations)}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_true_minimum_fits_the_truth(family):
+    # noise is as large as the a-priori errors, and blunders have no weight: sigma0 is 1 within its own deviation
+    records = simulated_records(1, family, largest=30)
+    found = true_minimum(records)
+    assert found.reason is TerminationReason.CONVERGED
+    assert found.variance.sigma0 == pytest.approx(1.0, abs=4.0 / (2.0 * found.variance.redundancy_used) ** 0.5)
+    assert compared(found, found).end == "reached"
+
+
+@pytest.mark.parametrize("u", [0.0, 3.0, 4.999, 5.001, 20.0, 100.0])
+def test_loss_is_the_integral_of_residual_times_weight(u):
+    expected, _ = quad(lambda v: v * float(danish_weights(np.array([v]), 5.0)[0]), 0.0, u, points=[5.0], limit=500)
+    # quad is good to 1e-8 of what it returns
+    assert loss(np.array([u]), 5.0)[0] == pytest.approx(expected, rel=1e-7, abs=1e-12)
+
+
+def test_tables_take_the_place_of_those_in_a_document(tmp_path):
+    found = [asdict(outcome(run, "convergent", largest=6)) for run in range(2)]
+    document = tmp_path / "study.md"
+    document.write_text("before\n<!-- tables -->\nold\n<!-- end of tables -->\nafter\n", encoding="utf-8")
+    write_tables(document, tables(found))
+    text = document.read_text(encoding="utf-8")
+    assert "| convergent | 2 | 2 | 0 | 0 | 0 | 0 | 0 | 100.00 % |" in text
+    assert text.startswith("before\n")
+    assert text.endswith("-->\nafter\n")
+    assert "old" not in text
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_small_blocks_reach_the_true_minimum_from_nothing(family):
+    failed = [each for run in range(6) if (each := outcome(run, family, largest=12)).end not in SUCCESS]
+    assert not failed
+
+
+@pytest.mark.long
+@pytest.mark.timeout(6 * 3600)
+def test_2000_blocks_reach_the_true_minimum_from_nothing():
+    found = [asdict(each) for each in outcomes(range(2000), 2)]
+    LOG.info("%s", tables(found))
+    assert success(found) >= 0.995
+    assert all(each["reason"] for each in found if each["end"] not in SUCCESS)

@@ -1,0 +1,59 @@
+"""The sample projects are in what is handed out: in a source distribution, and in the wheel that is built from it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from workflow.small_projects import REPOSITORY, contents
+
+from orip.workflow.sample_projects import SAMPLES
+
+BUILT = ("setup.py", "pyproject.toml", "README.md", "LICENSE", "orip", "sample_projects")
+
+
+def build(kind: str, source: Path, target: Path) -> Path:
+    """Build a distribution without a compiler, which the program does without, too."""
+    target.mkdir()
+    program = f"import sys; from setuptools import build_meta; print(build_meta.build_{kind}(sys.argv[1]))"
+    words = [sys.executable, "-c", program, str(target)]
+    done = subprocess.run(
+        words, cwd=source, env={**os.environ, "CC": "false"}, capture_output=True, text=True, check=True
+    )
+    return target / done.stdout.splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a wheel from a source distribution of a copy of the repository."""
+    folder = tmp_path_factory.mktemp("distributions")
+    clone = folder / "clone"
+    clone.mkdir()
+    unwanted = shutil.ignore_patterns("__pycache__", "*.so")
+    for name in BUILT:
+        source = REPOSITORY / name
+        if source.is_dir():
+            shutil.copytree(source, clone / name, ignore=unwanted)
+        else:
+            shutil.copy(source, clone / name)
+    archive = build("sdist", clone, folder / "sdist")
+    shutil.unpack_archive(archive, folder, filter="data")
+    return build("wheel", folder / archive.name.removesuffix(".tar.gz"), folder / "wheel")
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path, wheel: Path, name: str) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "installed")
+    words = [sys.executable, "-m", "orip.cli.main", "init", "--sample", name, str(tmp_path / "mine")]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
+    subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    installed = tmp_path / "installed" / "orip" / "sample_projects" / name
+    assert set(contents(tmp_path / "mine")) == {path.name for path in installed.iterdir()} != set()
+    for path in (tmp_path / "mine").iterdir():
+        assert path.read_bytes() == (REPOSITORY / "sample_projects" / name / path.name).read_bytes()
