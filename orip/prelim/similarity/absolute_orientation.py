@@ -11,7 +11,8 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
-from orip.prelim.similarity.joining import Joined, Names, similarity_step, steady_deviations, transformed
+from orip.prelim.similarity.joining import Joined, Names, similarity_step
+from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock

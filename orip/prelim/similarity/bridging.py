@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from orip.prelim.similarity.joining import Joined, Names, assembled, join
+from orip.prelim.similarity.joining import Joined, Names, join
+from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 _BACK = -0.5

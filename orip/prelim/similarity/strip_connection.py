@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.prelim.similarity.joining import Joined, Names, assembled, join
+from orip.prelim.similarity.joining import Joined, Names, join
+from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 
