@@ -27,9 +27,8 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
-from orip.interior.measured import Measured
 from orip.records.control import Control, PreliminaryPoint
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.project import ProjectDefinition

@@ -8,9 +8,9 @@ from orip.bundle.assemble import BlockInput, gather
 from orip.errors import InputError, ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.interior.measured import Measured
 from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.records.control import Control, PreliminaryPoint
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.project import BundleDefinition
 from orip.solving.solve import GatheredBlock
