@@ -35,8 +35,12 @@ class ObservationResiduals:
     ----------
     kind : array of str
         "photo", "control", "element", "distance", "direction" and so on.
-    photo, point, component : arrays of str
-        What was observed, and which part of it ("x", "y", "X", ...); photo is empty where none is concerned.
+    photo : array of str
+        Empty where none is concerned.
+    point : array of str
+        Point, or the name of what was observed.
+    component : array of str
+        Which part of it: "x", "y", "X" and so on.
     unit : array of str
         Unit of `observed`, `residual` and `a_priori`: "mm", the ground unit or "degrees"; empty for pure numbers.
     observed : array
