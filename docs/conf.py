@@ -12,12 +12,25 @@ author = "The orip developers"
 release = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
 version = release
 
-extensions = ["myst_parser", "program_reference", "offline_mathematics", "glossary_links"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "program_reference",
+    "offline_mathematics",
+    "glossary_links",
+]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 smartquotes = False  # what a program says and what a user types have straight ones
 exclude_patterns = ["extensions"]
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # types of parameters are words and shapes, and not all of them have a page
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings say more: shapes and units
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+python_maximum_signature_line_length = 88
 suppress_warnings = ["misc.highlighting_failure"]  # a console block may show anything
 
 html_theme = "furo"

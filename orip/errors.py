@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 INTERRUPTED = 130
 """What the shell gets after Ctrl-C."""
+
+_LONGEST_COMPARED, _MOST_COMPARED, _MOST_LISTED = 100, 500, 5
+"""Of a name and of known names, when a similar one is looked for, and listed where none is similar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,31 @@ class UsageError(OripError):
     """The command line asks for something that is not there."""
 
     exit_code = 2
+
+
+class UnknownNameError(UsageError, KeyError):
+    """There is nothing of that name in a solution; it is a KeyError too, as of any mapping.
+
+    Parameters
+    ----------
+    name : object
+        What was asked for.
+    kind : str
+        What the name should be of, such as "point".
+    known : sequence of str
+        The names that there are.
+    """
+
+    def __init__(self, name: object, kind: str, known: Sequence[str]) -> None:
+        near = difflib.get_close_matches(str(name)[:_LONGEST_COMPARED], known[:_MOST_COMPARED], 1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(known[:_MOST_LISTED])}"
+        more = f" and {len(known) - _MOST_LISTED} more" if not near and len(known) > _MOST_LISTED else ""
+        self._message = f"there is no {kind} {name!r}; {remedy}{more}"
+        super().__init__(self._message)
+
+    def __str__(self) -> str:
+        """Return the message; a KeyError would put it in quotes."""
+        return self._message
 
 
 class InputError(OripError):

@@ -48,9 +48,14 @@ class FreeDatum:
     points: IntArray
 
     def transformed(self, correction: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
-        """Return a correction of all unknowns (m + 3 b,) that meets the inner constraints."""
+        """Return corrections S c of all unknowns (m + 3 b,) or (m + 3 b, k) that meet the inner constraints."""
         generator, inner, solver = self._transformation(state, unknowns)
         return np.asarray(correction - generator @ (solver @ (inner.T @ correction)))
+
+    def transposed(self, vectors: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
+        """Return S^T v of vectors (m + 3 b, k), see `transformed_cofactors`."""
+        generator, inner, solver = self._transformation(state, unknowns)
+        return np.asarray(vectors - inner @ (solver.T @ (generator.T @ vectors)))
 
     def transformed_cofactors(
         self, found: Cofactors, normals: SolvedNormals, state: BlockState, unknowns: Unknowns

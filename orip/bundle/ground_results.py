@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
@@ -27,7 +26,7 @@ class AdjustedPhotos(NamedTuple):
 
     values: FloatArray
     sd: FloatArray
-    about_axes: NDArray[np.bool_]
+    about_axes: BoolArray
 
 
 class AdjustedPoints(NamedTuple):
@@ -52,25 +51,38 @@ def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
     """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
     state, ground = solved.state, solved.block.ground
     centres = ground.to_project(state.centres)
-    axes = ground.axes_at(centres)
-    angles = angles_from_rotation(axes @ state.rotations)
-    by_axes = ~state.turned_by_angles
-    level = np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI
+    angles = angles_from_rotation(ground.axes_at(centres) @ state.rotations)
+    shown, about_axes = rotation_partials(solved)
     sd = np.hstack(
         [
             _place_deviations(solved, solved.problem.unknowns.photos[:, :3], state.centres),
             deviations(solved, solved.problem.unknowns.photos[:, 3:]),
         ]
     )
-    shown = np.where(level[:, None, None], axes, angle_rates_from_axes_rotation(angles) @ axes)
-    for photo in np.flatnonzero(by_axes):
+    for photo in np.flatnonzero(~state.turned_by_angles):
         sd[photo, 3:] = _rotation_deviations(solved, int(photo), shown[photo])
     sd[:, 3:] *= DEGREES_PER_RADIAN
     row_of = {record_key(photo.name): row for row, photo in enumerate(solved.block.photos)}
     for element in solved.block.constant_elements:
         if element.group == "PHOTO":
             sd[row_of[record_key(element.name)], PHOTO_PARAMETERS.index(element.kind)] = np.nan
-    return AdjustedPhotos(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, by_axes & level)
+    return AdjustedPhotos(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, about_axes)
+
+
+def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:
+    """Return the partials (n, 3, 3) of the photos' omega, phi, kappa by their rotation unknowns, radians.
+
+    Near phi = ±90 degrees they are those of rotations about the project's axes; the second array (n,) tells where.
+    """
+    state, ground = solved.state, solved.block.ground
+    axes = ground.axes_at(ground.to_project(state.centres))
+    angles = angles_from_rotation(axes @ state.rotations)
+    by_angles = state.turned_by_angles
+    level = ~by_angles & (np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI)
+    partials = axes.copy()
+    partials[~level] = angle_rates_from_axes_rotation(angles[~level]) @ axes[~level]
+    partials[by_angles] = np.eye(3)
+    return partials, level
 
 
 def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:

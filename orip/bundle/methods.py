@@ -31,14 +31,25 @@ class Method:
     prune: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class AdjustedBlock:
+    """An adjustment in the user's names and units, with diagnosis, and the block as it was solved last.
+
+    Project, user, inputs, warnings, interior and run of the solution are for the caller to fill in.
+    """
+
+    solution: Solution
+    solved: SolvedBlock
+
+
 def adjust_block(
     block: Block,
     method: Method,
     ground_unit: str,
     on_iteration: Callable[[IterationPass], None],
     stop_asked: Callable[[], bool],
-) -> Solution:
-    """Adjust a block by a method; return its solution with diagnosis.
+) -> AdjustedBlock:
+    """Adjust a block by a method.
 
     Parameters
     ----------
@@ -54,8 +65,7 @@ def adjust_block(
 
     Returns
     -------
-    Solution
-        In the user's names and units; project, user, inputs, warnings, interior and run are for the caller to fill in.
+    AdjustedBlock
 
     Raises
     ------
@@ -78,7 +88,7 @@ def adjust_block(
     solution = solution_of(solved)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished
     cut_short = method != Method() and stop_asked()
-    return replace(
+    solution = replace(
         solution,
         status="stopped" if cut_short else solution.status,
         ground_unit=ground_unit,
@@ -86,6 +96,7 @@ def adjust_block(
         blunders=blunders,
         diagnosis=(*advice, *diagnose(solved)),
     )
+    return AdjustedBlock(solution, solved)
 
 
 def _solved(

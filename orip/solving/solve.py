@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
+from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_failure, explain_misfit
 from orip.mistakes.readjuster import Readjuster
@@ -78,17 +79,27 @@ class GatheredBlock:
     warnings: tuple[ProjectWarning, ...] = ()
 
 
-def solve_gathered(
-    gathered: GatheredBlock, method: Method = PLAIN, watcher: SolveWatcher = NOBODY
-) -> tuple[Solution, PreliminaryValues | None]:
-    """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
+@dataclass(frozen=True, slots=True)
+class SolvedGathered:
+    """What came out of a gathered block.
 
-    Returns
-    -------
+    Parameters
+    ----------
     solution : Solution
         Diagnosed, with all warnings; name of the project, inputs, interior orientation and run are empty.
+    solved : SolvedBlock
+        As it was adjusted last, with the normal equations.
     preliminary : PreliminaryValues or None
         What was found of missing starting values; None if none were missing.
+    """
+
+    solution: Solution
+    solved: SolvedBlock
+    preliminary: PreliminaryValues | None
+
+
+def solve_gathered(gathered: GatheredBlock, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> SolvedGathered:
+    """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
 
     Raises
     ------
@@ -111,12 +122,13 @@ def solve_gathered(
         block, start_warnings = started_block(gathered.block, gathered.preliminary, oriented)
         watcher.started(block)
         with watcher.stoppable() as stop_asked:
-            solution = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
+            adjusted = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
         causes = explain_failure(readjuster, missing)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    solution = adjusted.solution
     explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
     warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows), found[0] if found else None
+    return SolvedGathered(replace(solution, warnings=rows), adjusted.solved, found[0] if found else None)

@@ -13,6 +13,7 @@ A comment ``<!-- $ command -->`` is run too, and not shown.
 
 from __future__ import annotations
 
+import doctest
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ class Step:
         What the page shows of the command's output; None: nothing is said about it.
     file, text : str
         A file and what is in it.
+    statement : str
+        A statement of Python; empty where a command is run or a file is written.
     """
 
     line: int
@@ -49,6 +52,17 @@ class Step:
     printed: tuple[str, ...] | None = ()
     file: str = ""
     text: str = ""
+    statement: str = ""
+
+    @property
+    def is_run(self) -> bool:
+        """Tell whether something is run, and not written alone."""
+        return bool(self.command or self.statement)
+
+    @property
+    def typed(self) -> str:
+        """Return what the reader types, after its prompt."""
+        return f"$ {self.command}" if self.command else f">>> {self.statement.rstrip()}"
 
 
 def pages() -> list[Path]:
@@ -95,3 +109,7 @@ def _block(language: str, caption: str, lines: list[str], start: int) -> Iterato
         for index, following in zip(prompts, [*prompts[1:], len(lines)], strict=True):
             printed = tuple(lines[index + 1 : following])
             yield Step(start + index + 1, lines[index].removeprefix(_PROMPT), printed)
+    elif language == "pycon":
+        for example in doctest.DocTestParser().get_examples("".join(f"{line}\n" for line in lines)):
+            last = start + example.lineno + example.source.count("\n")
+            yield Step(last, printed=tuple(example.want.splitlines()), statement=example.source)

@@ -9,6 +9,8 @@ import shlex
 import socket
 import subprocess
 import sys
+import traceback
+from contextlib import chdir, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
@@ -33,6 +35,7 @@ class Reader:
         self.folder = folder
         self.exit_code = 0
         self.printed = ""
+        self._names: dict[str, object] = {"__name__": "__main__"}
         self._servers: list[subprocess.Popen[str]] = []
         self._port = _free_port()
         self._variables = {
@@ -41,7 +44,7 @@ class Reader:
         }  # fmt: skip
 
     def do(self, step: Step) -> str:
-        """Write the file of a step, or run its command; return what it printed."""
+        """Write the file of a step, or run its command or statement; return what it printed."""
         self.printed = self._do(step).replace(self._port, PORT)
         return self.printed
 
@@ -51,6 +54,8 @@ class Reader:
             path.parent.mkdir(exist_ok=True)
             path.write_text(step.text.replace(PORT, self._port), encoding="utf-8")
             return ""
+        if step.statement:
+            return self._python(step)
         command = step.command.replace(PORT, self._port)
         if command == "echo $?":
             printed, self.exit_code = f"{self.exit_code}\n", 0
@@ -72,6 +77,16 @@ class Reader:
         for server in self._servers:
             server.terminate()
             server.communicate(timeout=20)
+
+    def _python(self, step: Step) -> str:
+        """Run a statement as an interactive Python would; of an error only its kind and message are printed."""
+        stream = io.StringIO()
+        with redirect_stdout(stream), chdir(self.folder), patch.object(sys, "displayhook", sys.__displayhook__):
+            try:
+                exec(compile(step.statement, f"line {step.line}", "single"), self._names)
+            except Exception as error:  # noqa: BLE001
+                return "".join(["Traceback (most recent call last):\n", *traceback.format_exception_only(error)])
+        return stream.getvalue()
 
     def _shell(self, command: str) -> tuple[int, str]:
         done = subprocess.run(

@@ -36,7 +36,7 @@ def refreshed(page: Path) -> str:
 def _replace(lines: list[str], step: Step, text: str) -> None:
     shown = list(step.printed or ())
     if any(line.strip() == "..." for line in shown):
-        sys.stderr.write(f"line {step.line}: '{step.command}' prints something else, see there\n{text}")
+        sys.stderr.write(f"line {step.line}: {step.typed!r} prints something else, see there\n{text}")
         return
     printed = [part for line in text.splitlines() for part in _broken(_kept(shown, line.rstrip()))]
     lines[step.line : step.line + len(shown)] = printed

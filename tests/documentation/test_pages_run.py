@@ -8,7 +8,7 @@ import pytest
 from documentation.pages import Step, pages, shown, steps
 from documentation.reader import Reader, agrees
 
-RUN = [page for page in pages() if any(step.command for step in steps(page))]
+RUN = [page for page in pages() if any(step.is_run for step in steps(page))]
 
 
 @pytest.mark.parametrize("page", RUN, ids=shown)
@@ -38,4 +38,4 @@ def test_an_ellipsis_stands_for_lines_and_for_text() -> None:
 
 def _difference(page: Path, step: Step, printed: str) -> str:
     expected = "\n".join(step.printed or ())
-    return f"{shown(page)}:{step.line}: $ {step.command}\n--- shown\n{expected}\n--- printed\n{printed}"
+    return f"{shown(page)}:{step.line}: {step.typed}\n--- shown\n{expected}\n--- printed\n{printed}"

@@ -24,7 +24,7 @@ def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list
         return with_starting_values(other, ())[0]
 
     started = start(gathered)
-    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
+    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False).solution
     return explain_misfit(solution, started, Readjuster(gathered, start, block.cameras, found_before))
 
 

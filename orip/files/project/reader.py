@@ -60,8 +60,7 @@ def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | N
     if isinstance(document, Complaint):
         return Parsed(None, (document,))
     lines = TomlLines(text)
-    source = project_source(document)
-    faults = [*source.faults, *_check(source, lines)]
+    source, faults = checked_tables(document, lines.line_of)
     complaints = {Complaint(printable(message), shown, lines.line_of(place)): None for place, message in faults}
     warnings = tuple(record_checks.similar_marks(source, shown, lines.line_of))
     if complaints or source.project is None:
@@ -81,19 +80,33 @@ def _toml_document(text: str, shown: str) -> dict[str, Any] | Complaint:
         return syntax_complaint(str(fault), text, shown)
 
 
-def _check(source: ProjectSource, lines: TomlLines) -> Iterator[Fault]:
+def checked_tables(document: Mapping[str, Any], line_of: project_checks.LineOf) -> tuple[ProjectSource, list[Fault]]:
+    """Return the tables of a document, and everything that is wrong with them.
+
+    Parameters
+    ----------
+    document : mapping
+        As orip.toml is read by `tomllib`.
+    line_of : callable
+        Gives the number by which messages name the place of keys and indices.
+    """
+    source = project_source(document)
+    return source, [*source.faults, *_check(source, line_of)]
+
+
+def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fault]:
     references = project_checks.References(source)
-    yield from project_checks.check_names(source, lines.line_of)
+    yield from project_checks.check_names(source, line_of)
     if source.project is not None:
         yield from record_checks.check_project(source.project)
-    yield from record_checks.check_cameras(source, lines.line_of)
-    yield from record_checks.check_temticks(source, lines.line_of)
+    yield from record_checks.check_cameras(source, line_of)
+    yield from record_checks.check_temticks(source, line_of)
     yield from record_checks.check_photo_parameters(source)
     yield from record_checks.check_bundles(source)
-    yield from project_checks.check_templates(source, references, lines.line_of)
-    yield from project_checks.check_photos(source, references, lines.line_of)
+    yield from project_checks.check_templates(source, references, line_of)
+    yield from project_checks.check_photos(source, references, line_of)
     yield from project_checks.check_precision(source, references)
-    yield from project_checks.check_models(source, references, lines.line_of)
+    yield from project_checks.check_models(source, references, line_of)
 
 
 def _record_lines(source: ProjectSource, lines: TomlLines) -> dict[tuple[str, str], int]:

@@ -12,7 +12,7 @@ _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _D_EXPONENT = str.maketrans("dD", "ee")
 _MINUS_SIGNS = str.maketrans("−–—", "---")
 _LONGEST_GUESS = 40
-_LARGEST = 1e30
+LARGEST_NUMBER = 1e30
 """Nothing that is measured is larger, and of larger numbers the squares of squares would overflow."""
 
 
@@ -26,7 +26,7 @@ def parse_number(token: str) -> float:
     """
     if _NUMBER.fullmatch(token):
         value = float(token.translate(_D_EXPONENT))
-        if abs(value) <= _LARGEST:
+        if abs(value) <= LARGEST_NUMBER:
             return value
         message = f"'{shown_token(token)}' is too large for a number; check its exponent"
         raise ValueError(message)
@@ -35,7 +35,7 @@ def parse_number(token: str) -> float:
 
 def is_number(token: str) -> bool:
     """Tell whether a token is a finite decimal number."""
-    return _NUMBER.fullmatch(token) is not None and abs(float(token.translate(_D_EXPONENT))) <= _LARGEST
+    return _NUMBER.fullmatch(token) is not None and abs(float(token.translate(_D_EXPONENT))) <= LARGEST_NUMBER
 
 
 def parse_photo_error(token: str) -> tuple[float, bool]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from orip.bundle.assemble import BlockInput, gather
-from orip.errors import InputError
-from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.progress import stage
+from orip.solving.gathering import gather_bundle
 from orip.solving.solve import GatheredBlock
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
@@ -31,28 +29,14 @@ def gathered_block(bundle: BundleState) -> GatheredBlock:
     raise_complaints(given.complaints)
     state.require_initialised()
     bundle.require_measured()
-    records, interior = state.records, state.interior
-    inputs = BlockInput(
+    return gather_bundle(
         bundle.definition,
-        records.cameras,
-        records.photos,
-        interior.to_photo,
-        interior.pixel_sizes,
-        bundle.observations,
+        state.records,
+        state.measured,
+        state.interior,
         given.records.control,
         given.records.preliminary,
         definition.ground_unit,
         definition.crs,
+        given.warnings,
     )
-    try:
-        block = gather(inputs)
-    except InputError as error:
-        raise InputError((*interior.complaints, *error.complaints)) from None
-    warnings = (
-        *given.warnings,
-        *measurement_warnings(records, state.measured, interior),
-        *block_warnings(block, given.records.control, given.records.preliminary),
-        *block.ground.warnings,
-    )
-    cameras = tuple(stored.record for stored in state.definitions.cameras)
-    return GatheredBlock(block, given.records.preliminary, cameras, definition.ground_unit, warnings)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.bundle.methods import Method
+from orip.bundle.solve import SolvedBlock
 from orip.files.stores.solutions import SolutionHead
 from orip.prelim.project_coordinates import absolute_in_project
 from orip.records.gate import GateResult
@@ -34,10 +35,11 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """A solution, what its gates say, and the files that are written of it."""
+    """A solution, the block as it was solved, what its gates say, and the files that are written of the solution."""
 
     project: Project
     solution: Solution
+    solved: SolvedBlock
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
 
@@ -70,14 +72,14 @@ def solve(
     project = bundle.project
     gates = project_gates(project, expressions)
     gathered = gathered_block(bundle)
-    found, preliminary = solve_gathered(gathered, method, watcher)
-    solution = _of_project(bundle, found, method)
-    listed = () if preliminary is None else (_preliminary_output(bundle, preliminary, gathered.block.ground),)
+    found = solve_gathered(gathered, method, watcher)
+    solution, ground = _of_project(bundle, found.solution, method), gathered.block.ground
+    listed = () if found.preliminary is None else (_preliminary_output(bundle, found.preliminary, ground),)
     outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
     files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, check_solution(solution, gates), files),
+        SolveOutcome(project, solution, found.solved, check_solution(solution, gates), files),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,

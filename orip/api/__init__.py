@@ -1,0 +1,67 @@
+"""What `import orip` gives to scripts and notebooks: blocks from arrays, projects, and their solutions.
+
+A facade over the functions of the commands; nothing is computed here.
+"""
+
+from orip.api.block import Block
+from orip.api.estimates import (
+    AdjustedCamera,
+    AdjustedCameras,
+    AdjustedPhoto,
+    AdjustedPhotos,
+    AdjustedPoint,
+    AdjustedPoints,
+)
+from orip.api.given import (
+    Camera,
+    ControlPoints,
+    Directions,
+    Distances,
+    Elements,
+    PhotoPoints,
+    Photos,
+    PreliminaryPoints,
+)
+from orip.api.project import Project, open_project
+from orip.api.solution import Solution
+from orip.api.tables import ObservationResiduals
+from orip.errors import (
+    Complaint,
+    InputError,
+    LockedError,
+    NotSolvableError,
+    OripError,
+    ProjectWarning,
+    UnknownNameError,
+    UsageError,
+)
+
+__all__ = [
+    "AdjustedCamera",
+    "AdjustedCameras",
+    "AdjustedPhoto",
+    "AdjustedPhotos",
+    "AdjustedPoint",
+    "AdjustedPoints",
+    "Block",
+    "Camera",
+    "Complaint",
+    "ControlPoints",
+    "Directions",
+    "Distances",
+    "Elements",
+    "InputError",
+    "LockedError",
+    "NotSolvableError",
+    "ObservationResiduals",
+    "OripError",
+    "PhotoPoints",
+    "Photos",
+    "PreliminaryPoints",
+    "Project",
+    "ProjectWarning",
+    "Solution",
+    "UnknownNameError",
+    "UsageError",
+    "open_project",
+]

@@ -1,0 +1,186 @@
+"""Tables of control as records: they are read by the readers of control files, which say what is wrong with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from orip.api.columns import Columns
+from orip.api.given import ControlPoints, Directions, Distances, Elements, PreliminaryPoints
+from orip.arrays import FloatArray
+from orip.errors import Complaint, ProjectWarning
+from orip.files.control.preliminary_text import parse_preliminary
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.text.parsed import Parsed
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
+
+_UNKNOWN = "-"
+_LINE = re.compile(r"\b(on )?line (\d+)\b")
+
+Record = TypeVar("Record")
+Records = Parsed[tuple[Record, ...]]
+
+
+class _Field(NamedTuple):
+    """A field of a line: the column of the table, and the place in its row if it has several."""
+
+    column: str
+    place: int | None
+    text: str
+
+
+def control_points(given: ControlPoints | None) -> Records[ControlPoint]:
+    """Return control points; a coordinate that is NaN is not known, and has no error."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("control_points")
+    names = columns.names("name", given.name)
+    coordinates = columns.array("coordinates", given.coordinates, 3)
+    error = columns.array("error", given.error, 3, may_be_one=True)
+    if names is None or coordinates is None or error is None:
+        return Parsed((), tuple(columns.complaints))
+    known = ~np.isnan(coordinates)
+    rows = [
+        [_Field("name", None, name), *_numbers("coordinates", xyz), *_numbers("error", a)]
+        for name, xyz, a in zip(names, coordinates, np.where(known, error, np.nan), strict=True)
+    ]
+    return _read(columns, rows, parse_points)
+
+
+def elements(given: Elements | None) -> Records[ControlElement]:
+    """Return observed elements."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("elements")
+    words = [
+        columns.names("name", given.name),
+        columns.names("group", given.group, may_be_one=True),
+        columns.names("kind", given.kind, may_be_one=True),
+    ]
+    numbers = [
+        columns.array("value", given.value),
+        columns.array("error", given.error, may_be_one=True),
+    ]
+    return _table(columns, ("name", "group", "kind"), words, ("value", "error"), numbers, parse_elements)
+
+
+def distances(given: Distances | None) -> Records[ControlDistance]:
+    """Return distances."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("distances")
+    words = [
+        columns.names("name", given.name),
+        columns.names("start", given.start),
+        columns.names("end", given.end),
+        columns.names("code", given.code, may_be_one=True),
+    ]
+    numbers = [columns.array("distance", given.distance), columns.array("error", given.error, may_be_one=True)]
+    return _table(columns, ("name", "start", "end", "code"), words, ("distance", "error"), numbers, parse_distances)
+
+
+def directions(given: Directions | None) -> Records[ControlDirection]:
+    """Return theodolite directions; a zenith angle that is NaN was not observed."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("directions")
+    words = [
+        columns.names("set", given.set),
+        columns.names("station", given.station),
+        columns.names("target", given.target),
+    ]
+    headings = ["direction", "error"]
+    numbers = [columns.array("direction", given.direction), columns.array("error", given.error, may_be_one=True)]
+    if given.zenith is not None or given.zenith_error is not None:
+        headings += ["zenith", "zenith_error"]
+        nothing = np.nan
+        numbers += [
+            columns.array("zenith", nothing if given.zenith is None else given.zenith, may_be_one=True),
+            columns.array(
+                "zenith_error", nothing if given.zenith_error is None else given.zenith_error, may_be_one=True
+            ),
+        ]
+    return _table(columns, ("set", "station", "target"), words, headings, numbers, parse_directions)
+
+
+def preliminary_points(given: PreliminaryPoints | None) -> Records[PreliminaryPoint]:
+    """Return starting values of points."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("preliminary_points")
+    names = columns.names("name", given.name)
+    coordinates = columns.array("coordinates", given.coordinates, 3)
+    if names is None or coordinates is None:
+        return Parsed((), tuple(columns.complaints))
+    rows = [
+        [_Field("name", None, name), *_numbers("coordinates", xyz, unknown="nan")]
+        for name, xyz in zip(names, coordinates, strict=True)
+    ]
+    return _read(columns, rows, parse_preliminary)
+
+
+def _table(
+    columns: Columns,
+    names: Sequence[str],
+    words: Sequence[list[str] | None],
+    headings: Sequence[str],
+    numbers: Sequence[FloatArray | None],
+    parse: Callable[[Parsed[list[str]], str], Records[Record]],
+) -> Records[Record]:
+    """Read a table whose columns have one word or number a row; zenith angles that are NaN are left out."""
+    listed: list[Any] = [*words, *(None if each is None else each.tolist() for each in numbers)]
+    if any(column is None for column in listed):
+        return Parsed((), tuple(columns.complaints))
+    rows = []
+    for row in zip(*listed, strict=True):
+        texts = [text if isinstance(text, str) else repr(text) for text in row]
+        fields = [_Field(column, None, text) for column, text in zip((*names, *headings), texts, strict=True)]
+        unobserved = [field.text for field in fields if field.column.startswith("zenith")] == ["nan", "nan"]
+        rows.append(fields[:-2] if unobserved else fields)
+    return _read(columns, rows, parse)
+
+
+def _read(
+    columns: Columns,
+    rows: Sequence[Sequence[_Field]],
+    parse: Callable[[Parsed[list[str]], str], Records[Record]],
+) -> Records[Record]:
+    """Read rows as lines of a control file; complaints name table, column and index in place of file and line."""
+    parsed = parse(Parsed([" ".join(field.text for field in row) for row in rows]), columns.table)
+    for complaint in parsed.complaints:
+        _complain(columns, complaint, rows[(complaint.line or 1) - 1])
+    warnings = tuple(
+        ProjectWarning(
+            warning.code,
+            f"{columns.table}[{int(warning.where.rpartition(':')[2]) - 1}]",
+            in_rows(warning.text),
+        )
+        for warning in parsed.warnings
+    )
+    return Parsed(parsed.records, tuple(columns.complaints), warnings)
+
+
+def in_rows(message: str) -> str:
+    """Return a message of a file's reader as one about arrays: rows count from 0, and NaN is what is not known."""
+    rows = _LINE.sub(lambda found: f"{'in ' if found[1] else ''}row {int(found[2]) - 1}", message)
+    return rows.replace("of the two lines", "of the two rows").replace(f"'{_UNKNOWN}'", "NaN")
+
+
+def _complain(columns: Columns, complaint: Complaint, row: Sequence[_Field]) -> None:
+    number = (complaint.line or 1) - 1
+    if complaint.column is None:
+        columns.complain(in_rows(complaint.message), "", number)
+        return
+    before = " ".join(field.text for field in row)[: complaint.column - 1]
+    field = row[min(len(before.split()), len(row) - 1)]
+    columns.complain(in_rows(complaint.message), field.column, number if field.place is None else (number, field.place))
+
+
+def _numbers(column: str, values: FloatArray, unknown: str = _UNKNOWN) -> list[_Field]:
+    return [
+        _Field(column, place, unknown if np.isnan(value) else repr(value))
+        for place, value in enumerate(values.tolist())
+    ]

@@ -1,0 +1,208 @@
+"""What a block is made from, as plain arrays; nothing is checked before the block is made, and then everything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from orip.records.camera import AdditionalSet, DistortionArgument
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera, with the keys of ``[[camera]]`` in orip.toml.
+
+    Parameters
+    ----------
+    name : str
+        Case does not count.
+    c : float
+        Principal distance, mm.
+    principal_point : (2,)
+        DX, DY, mm.
+    distortion : mapping, optional
+        A1, A3, A5, A7, P1, P2, B1, B2 as far as they are not 0; powers of 1/mm.
+    distortion_isp : mapping, optional
+        R0, A1, A2, A3 of the ISP regulations instead.
+    distortion_curve : array (n, 2), optional
+        Radius and distortion instead, mm.
+    distortion_at : {"ideal", "measured"}
+        Whether distortion is a function of the ideal or of the measured photo coordinate.
+    frame : (2,), optional
+        Size of the photo along x and y, mm.
+    sensor : mapping, optional
+        columns, rows (pixels), width, height (mm): photo points of this camera are pixels.
+    unknown : sequence of str
+        Parameters to be estimated, such as ``["C", "DX", "DY", "A3"]``; the others are held.
+    additional_set : {"EBNER", "GRUEN"}, optional
+        Additional parameters as weighted unknowns; needs `frame`.
+    """
+
+    name: str
+    c: float
+    principal_point: ArrayLike = (0.0, 0.0)
+    distortion: Mapping[str, float] | None = None
+    distortion_isp: Mapping[str, float] | None = None
+    distortion_curve: ArrayLike | None = None
+    distortion_at: DistortionArgument = "ideal"
+    frame: ArrayLike | None = None
+    sensor: Mapping[str, float] | None = None
+    unknown: Sequence[str] = ()
+    additional_set: AdditionalSet | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Photos:
+    """n photos.
+
+    Parameters
+    ----------
+    name : (n,) of str
+        Case does not count.
+    camera : str or (n,) of str
+        Name of the camera of all, or of each.
+    orientation : array (n, 6), optional
+        Starting values X0, Y0, Z0 (ground units), OMEGA, PHI, KAPPA (degrees). Where an element is NaN, or the array
+        not given, preliminary values are found from the measurements.
+    constant : array (n, 6) of bool, optional
+        Elements that the adjustment holds.
+    """
+
+    name: ArrayLike
+    camera: ArrayLike
+    orientation: ArrayLike | None = None
+    constant: ArrayLike | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoPoints:
+    """n points measured in photos.
+
+    Parameters
+    ----------
+    photo, point : (n,) of str
+        Case does not count in names of photos, but in those of points.
+    xy : array (n, 2)
+        Photo coordinates in the fiducial system, mm; pixels (column, row) for a camera with a sensor.
+    error : float or array (2,), (n, 1) or (n, 2), optional
+        A-priori errors along the photo axes, mm: NaN for the block's `measurement_precision`, negative to disregard a
+        coordinate.
+    """
+
+    photo: ArrayLike
+    point: ArrayLike
+    xy: ArrayLike
+    error: ArrayLike | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlPoints:
+    """n control and check points.
+
+    Parameters
+    ----------
+    name : (n,) of str
+    coordinates : array (n, 3)
+        X, Y, Z in ground units; NaN where one is not known.
+    error : float or array (3,), (n, 1) or (n, 3)
+        A-priori errors, ground units: 0 holds a coordinate, negative ones make it a check coordinate without influence.
+    """
+
+    name: ArrayLike
+    coordinates: ArrayLike
+    error: ArrayLike
+
+
+@dataclass(frozen=True, slots=True)
+class Elements:
+    """n observed values of unknowns, such as projection centres positioned from the air.
+
+    Parameters
+    ----------
+    name : (n,) of str
+        Of the camera, photo, point or set of directions.
+    group : str or (n,) of str
+        "CAMERA", "PHOTO", "POINT" or "THEODOLITE".
+    kind : str or (n,) of str
+        Of a camera C, DX, DY, A1 ... B2; of a photo X0, Y0, Z0, OMEGA, PHI, KAPPA; of a point X, Y, Z; of a set R.
+    value : array (n,)
+        Angles in degrees.
+    error : float or array (n,)
+        A-priori error: 0 holds the unknown, negative: without influence.
+    """
+
+    name: ArrayLike
+    group: ArrayLike
+    kind: ArrayLike
+    value: ArrayLike
+    error: ArrayLike
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """n distances between points.
+
+    Parameters
+    ----------
+    name, start, end : (n,) of str
+    distance : array (n,)
+        Ground units.
+    error : float or array (n,)
+        A-priori error: 0 holds the distance, negative: without influence.
+    code : str or (n,) of str
+        "XYZ" for a spatial distance, "XY", "YZ" or "ZX" for one in a plane, "X", "Y" or "Z" for a difference, end minus
+        start.
+    """
+
+    name: ArrayLike
+    start: ArrayLike
+    end: ArrayLike
+    distance: ArrayLike
+    error: ArrayLike
+    code: ArrayLike = "XYZ"
+
+
+@dataclass(frozen=True, slots=True)
+class Directions:
+    """n directions of a theodolite, with zenith angles if they were observed.
+
+    Parameters
+    ----------
+    set, station, target : (n,) of str
+        All directions of a set are from one station.
+    direction : array (n,)
+        Degrees, clockwise.
+    error : float or array (n,)
+        A-priori error, degrees; negative: without influence.
+    zenith, zenith_error : arrays (n,), optional
+        Degrees; NaN where no zenith angle was observed.
+    """
+
+    set: ArrayLike
+    station: ArrayLike
+    target: ArrayLike
+    direction: ArrayLike
+    error: ArrayLike
+    zenith: ArrayLike | None = None
+    zenith_error: ArrayLike | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PreliminaryPoints:
+    """Starting values of n points; others start where their rays meet.
+
+    Parameters
+    ----------
+    name : (n,) of str
+    coordinates : array (n, 3)
+        X, Y, Z in ground units.
+    """
+
+    name: ArrayLike
+    coordinates: ArrayLike
+
+
+Datum = Literal["control", "free"]

@@ -1,0 +1,240 @@
+"""The result of an adjustment: figures, estimates, residuals, and covariances between any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orip.api.estimates import AdjustedCamera, AdjustedCameras, AdjustedPhotos, AdjustedPoints
+from orip.api.tables import ObservationResiduals, TableName, data_frame, residuals_of
+from orip.arrays import FloatArray
+from orip.bundle.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.figures import figure
+from orip.bundle.solve import SolvedBlock
+from orip.errors import InputError, ProjectWarning, UnknownNameError
+from orip.files.result.json_text import result_text
+from orip.records import solution as records
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.gate import GATE_FIGURES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Names = str | Sequence[str]
+
+
+class Solution:
+    """The result of a bundle adjustment, as `Block.adjust`, `Project.solve` and `Project.solution` return it.
+
+    Attributes
+    ----------
+    bundle : str
+        Name of the bundle adjustment.
+    ground_unit : str
+        Unit of all ground coordinates.
+    run : str
+        Identifies project, inputs and settings, as on the listings; empty without a project.
+    status : {"converged", "doubtful", "not_converged", "stopped"}
+    sigma0 : float
+        Standard error of unit weight, from the observations of full weight; NaN without redundancy.
+    sigma0_all : float
+        The same from all observations with their weights.
+    redundancy : int
+    observations : int
+        Components that take part.
+    unknowns : int
+    iterations : tuple of IterationPass
+        Number, exponent of numerical precision and sigma0 of each iteration.
+    blunders : tuple of Blunder
+        What data snooping left out, in the order in which it was found.
+    check_points : tuple of CheckPoint
+        Adjusted minus given coordinates.
+    correlations : tuple of Correlation
+        Between the parameters of each camera.
+    singular : tuple of SingularUnknown
+        Unknowns that nothing determines.
+    diagnosis : tuple of Diagnosis
+        Weaknesses of the block, with what to do.
+    warnings : tuple of ProjectWarning
+        What is doubtful in the input.
+    """
+
+    def __init__(
+        self,
+        record: records.Solution,
+        solved: SolvedBlock | None = None,
+        write: Callable[[], None] | None = None,
+    ) -> None:
+        self._record = record
+        self._solved = solved
+        self._write = write
+        self.bundle = record.bundle
+        self.ground_unit = record.ground_unit
+        self.run = record.run
+        self.status: records.Status = record.status
+        self.sigma0 = record.sigma0
+        self.sigma0_all = record.sigma0_all
+        self.redundancy = record.redundancy
+        self.observations = record.observations
+        self.unknowns = record.unknowns
+        self.iterations = record.iterations
+        self.blunders = record.blunders
+        self.check_points = record.check_points
+        self.correlations = record.correlations
+        self.singular = record.singular
+        self.diagnosis = record.diagnosis
+        self.warnings = tuple(ProjectWarning(*warning) for warning in record.warnings)
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.photos)} photos, {len(self.points)} points"
+        return f"<Solution of bundle {self.bundle}: {self.status}, sigma0 {self.sigma0:.4f}, {counts}>"
+
+    @cached_property
+    def points(self) -> AdjustedPoints:
+        """Return the ground points."""
+        found = self._record
+        return AdjustedPoints(
+            found.points.names,
+            found.point_kinds,
+            found.point_rays,
+            found.points.values,
+            found.points.sd,
+            found.point_correlations,
+        )
+
+    @cached_property
+    def photos(self) -> AdjustedPhotos:
+        """Return the photos."""
+        found = self._record.photos
+        about_axes = self._record.photo_rotation_sd_about_axes
+        return AdjustedPhotos(found.names, found.values, found.sd, about_axes, self.covariance)
+
+    @cached_property
+    def cameras(self) -> AdjustedCameras:
+        """Return the cameras, each with the additional parameters of its set."""
+        found = self._record.cameras
+        return AdjustedCameras(list(map(self._camera, range(len(found.names)))))
+
+    @cached_property
+    def residuals(self) -> ObservationResiduals:
+        """Return the residuals of all observation components."""
+        return residuals_of(self._record.residuals, self.ground_unit)
+
+    def covariance(self, rows: Names, columns: Names | None = None) -> FloatArray:
+        """Return the covariances between the unknowns of records.
+
+        Parameters
+        ----------
+        rows : str or sequence of str
+            Records by kind and name, such as "photo 102", "camera C35" and "point CP3"; a point by its name alone, too.
+            Several follow one another in the rows of the result.
+        columns : str or sequence of str, optional
+            The same for the columns; those of `rows` if not given.
+
+        Returns
+        -------
+        array (r, c)
+            A point has three rows or columns: X, Y, Z (ground units); a photo six: X0, Y0, Z0 (ground units), OMEGA,
+            PHI, KAPPA (degrees); a camera those of its `parameter_names`. Cofactors of the inverse of the normal
+            equations, times sigma0² (1 without redundancy). Zero for constants, NaN for what nothing determines.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such record.
+        InputError
+            If the solution was read from a project: normal equations are not stored.
+        """
+        if self._solved is None:
+            message = (
+                "a solution that was read from a project has no covariances between records: normal equations are not "
+                "stored; project.solve() computes them again"
+            )
+            raise InputError.single(message)
+        one = self._figures(rows)
+        return covariance(self._solved, one, one if columns is None else self._figures(columns))
+
+    def figure(self, name: str) -> float:
+        """Return a figure by the name that gates use, such as "check_points.rms_xy"; NaN where there is none.
+
+        Raises
+        ------
+        UnknownNameError
+            If no figure is called so.
+        """
+        if name not in GATE_FIGURES:
+            raise UnknownNameError(name, "figure", tuple(GATE_FIGURES))
+        return figure(self._record, name)
+
+    def to_dataframe(self, table: TableName) -> pd.DataFrame:
+        """Return a table as a pandas data frame.
+
+        Parameters
+        ----------
+        table : {"points", "photos", "cameras", "residuals"}
+            Points and photos have a row for each, values and standard deviations (with an s before the name) as
+            columns, and the units of these in `attrs["units"]`. Cameras have a row for each parameter; residuals a row
+            for each component, as `ObservationResiduals`.
+
+        Raises
+        ------
+        OripError
+            If pandas is not installed.
+        UnknownNameError
+            If there is no such table.
+        """
+        return data_frame(table, self._record, self.cameras, self.residuals)
+
+    def to_json(self) -> str:
+        """Return the solution as the text of result.json."""
+        return result_text(self._record)
+
+    def save(self) -> None:
+        """Keep the solution in the stores of its project, and write listings, result.json and residuals.csv.
+
+        A solution that was read from its project is there already, and nothing is written.
+
+        Raises
+        ------
+        InputError
+            If the solution belongs to no project.
+        LockedError
+            If another run holds the project.
+        OripError
+            If a file cannot be written.
+        """
+        if self._write is None:
+            message = "this solution belongs to no project folder; keep it with to_json() or to_dataframe()"
+            raise InputError.single(message)
+        self._write()
+
+    def _camera(self, row: int) -> AdjustedCamera:
+        found = self._record.cameras
+        name = found.names[row]
+        own = [parameter for parameter in self._record.additional if parameter.camera == name]
+        return AdjustedCamera(
+            name,
+            (*CAMERA_PARAMETERS, *(parameter.name for parameter in own)),
+            np.append(found.values[row], [parameter.value for parameter in own]),
+            np.append(found.sd[row], [parameter.sd for parameter in own]),
+            self.covariance,
+        )
+
+    def _figures(self, names: Names) -> list[Figures]:
+        return [self._figures_of(name) for name in ([names] if isinstance(names, str) else names)]
+
+    def _figures_of(self, record: str) -> Figures:
+        assert self._solved is not None
+        kind, _, name = record.rpartition(" ")
+        groups = {
+            "camera": (self.cameras.row, camera_figures),
+            "photo": (self.photos.row, photo_figures),
+            "point": (self.points.row, point_figures),
+        }
+        if (kind or "point").lower() not in groups:
+            raise UnknownNameError(kind, "kind of record", tuple(groups))
+        row, figures = groups[(kind or "point").lower()]
+        return partial(figures, self._solved)(row(name))
