@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.solution import Residuals, Solution
+from orip.records.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.solution import Blunder, Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import Column, Table
 from orip.wording import first_names
@@ -38,13 +39,11 @@ def blunder_table(solution: Solution) -> Table | None:
         Column("Component", [each.component for each in found], key="component", words=True),
         Column("Size", [fixed(each.size, decimals_for([each.sd])) for each in found], key="size"),
         Column("sd", [significant(each.sd, 2) for each in found], key="sd"),
+        Column("Unit", [_unit_of_blunder(each, solution) for each in found], words=True),
         Column("Test", [significant(each.statistic) for each in found], key="statistic"),
         Column("Limit", [significant(each.limit) for each in found], key="limit"),
     )
-    note = (
-        "Size: observed minus what all other observations predict; mm in photos, "
-        f"{solution.ground_unit} on the ground. They have no influence on the results."
-    )
+    note = "Size: observed minus what all other observations predict. They have no influence on the results."
     return Table("blunders", "Blunders found and left out", columns, note)
 
 
@@ -88,7 +87,7 @@ def suspects(solution: Solution) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for row in suspect_rows(solution.residuals).tolist():
         size, component = _size(solution.residuals, row), solution.residuals.component[row]
-        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}"
+        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}".rstrip()
         found.setdefault(_of(solution.residuals, row), []).append(text.strip())
     return found
 
@@ -193,7 +192,7 @@ def _imprecise(solution: Solution) -> list[Spot]:
 def _named(kind: str, photo: str, point: str) -> str:
     if kind == "photo":
         return f"photo {photo} point {point}"
-    return " ".join(part for part in ("control point" if kind == "control" else kind, photo, point) if part)
+    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
 
 
 def _of(residuals: Residuals, row: int) -> str:
@@ -216,9 +215,12 @@ def _with_precision(residuals: Residuals, values: FloatArray, row: int) -> str:
 
 
 def _unit(solution: Solution, row: int) -> str:
-    return {"photo": "mm", "control": solution.ground_unit, "distance": solution.ground_unit, "direction": "°"}.get(
-        solution.residuals.kind[row], ""
-    )
+    residuals = solution.residuals
+    return unit_of_observation(residuals.kind[row], residuals.component[row], solution.ground_unit)
+
+
+def _unit_of_blunder(blunder: Blunder, solution: Solution) -> str:
+    return unit_of_observation(blunder.kind, blunder.component, solution.ground_unit)
 
 
 def _weight(value: float) -> str:
