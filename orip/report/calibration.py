@@ -15,8 +15,8 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
-from orip.report.matter import Matter
 from orip.report.numbers import MISSING, fixed, parameter
+from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
 from orip.report.table import Column, Table
 
@@ -48,9 +48,9 @@ class CameraSheet:
     distortion: Markup
 
 
-def camera_sheets(matter: Matter) -> tuple[CameraSheet, ...]:
+def camera_sheets(given: ReportInput) -> tuple[CameraSheet, ...]:
     """Return a sheet for each camera."""
-    return tuple(_sheet(matter, name, row) for row, name in enumerate(matter.solution.cameras.names))
+    return tuple(_sheet(given, name, row) for row, name in enumerate(given.solution.cameras.names))
 
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
@@ -70,14 +70,14 @@ def significance_limit(redundancy: int) -> float:
     return float(stdtrit(redundancy, 1.0 - _ERROR_PROBABILITY / 2.0)) if redundancy > 0 else math.nan
 
 
-def _sheet(matter: Matter, name: str, row: int) -> CameraSheet:
-    solution, before = matter.solution, matter.cameras.get(record_key(name))
+def _sheet(given: ReportInput, name: str, row: int) -> CameraSheet:
+    solution, before = given.solution, given.cameras.get(record_key(name))
     adjusted = solution.cameras.values[row]
     return CameraSheet(
         name,
         _parameter_table(solution, row, before),
         correlation_matrix(solution, name),
-        _distortion_chart(matter, name, before, adjusted),
+        _distortion_chart(given, name, before, adjusted),
     )
 
 
@@ -132,9 +132,9 @@ def significance(kind: str, value: float, sd: float, limit: float) -> str:
     return "yes" if abs(value) > limit * sd else "no"
 
 
-def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
+def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
     """Return the radial distortion in µm over the radius, before and after."""
-    reach = _reach(matter, name, before)
+    reach = _reach(given, name, before)
     curves = []
     if before is not None:
         curves.append(("before", "limit", before.parameters[_RADIAL]))
@@ -153,9 +153,9 @@ def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted
     return line_chart(label, ChartFrame("radius (mm)", "distortion (µm)", 460.0, 250.0), lines)
 
 
-def _reach(matter: Matter, name: str, camera: Camera | None) -> float:
+def _reach(given: ReportInput, name: str, camera: Camera | None) -> float:
     """Return how far (mm) the camera's photos reach from its principal point."""
     corners = frame_corners(camera) if camera is not None else None
     if corners is None or camera is None:
-        return measured_reach(matter, name)
+        return measured_reach(given, name)
     return float(np.hypot(*np.maximum(*(np.abs(corner - camera.parameters[1:3]) for corner in corners))))

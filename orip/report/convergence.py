@@ -6,17 +6,17 @@ from markupsafe import Markup
 
 from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
-from orip.report.matter import Matter
 from orip.report.numbers import fixed, significant
+from orip.report.report_input import ReportInput
 from orip.report.table import Column, Table
 
 
-def convergence_charts(matter: Matter) -> tuple[Markup, ...]:
+def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
     """Return the three curves, each in a chart of its own: they have no common scale."""
-    passes = matter.solution.iterations
+    passes = given.solution.iterations
     if not passes:
         return ()
-    ends = [(float(passes[0].iteration), matter.bundle.enp_stop), (float(passes[-1].iteration), matter.bundle.enp_stop)]
+    ends = [(float(passes[0].iteration), given.bundle.enp_stop), (float(passes[-1].iteration), given.bundle.enp_stop)]
     enp = [Line([(each.iteration, each.enp) for each in passes], "ENP", "first"), Line(ends, "enp_stop", "limit")]
     sigma0 = [Line([(each.iteration, each.sigma0) for each in passes], "sigma0", "second")]
     down = [Line([(each.iteration, float(each.down_weighted)) for each in passes], "down-weighted", "third")]

@@ -11,9 +11,10 @@ import numpy as np
 from orip.bundle.figures import figure
 from orip.records.gate import GATE_FIGURES
 from orip.records.solution import Solution
-from orip.report.matter import Matter
 from orip.report.numbers import counted, decimals_for, fixed, significant
+from orip.report.report_input import ReportInput
 from orip.report.table import Column, Table
+from orip.wording import agreeing
 
 Level = Literal["good", "caution", "bad"]
 
@@ -72,27 +73,28 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     return GlobalTest(lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
 
 
-def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
+def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
     """Return what to think of the adjustment, in a few sentences."""
-    solution = matter.solution
-    failed = [each for each in matter.gates if not each.passed]
+    solution = given.solution
+    failed = [each for each in given.gates if not each.passed]
     level, text = headline(solution, len(failed), test)
     sentences = [_about_status(solution), _about_sigma0(solution, test)]
     if solution.blunders:
-        found = counted(len({each.order for each in solution.blunders}), "observation")
-        sentences.append(f"{found} turned out wrong and had no part in it.")
-    if matter.gates:
-        passed = len(matter.gates) - len(failed)
+        count = len({each.order for each in solution.blunders})
+        were, blunders = agreeing(count, "was", "were"), agreeing(count, "a blunder", "blunders")
+        sentences.append(f"{counted(count, 'observation')} {were} found to be {blunders} and left out.")
+    if given.gates:
+        passed = len(given.gates) - len(failed)
         names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""
-        sentences.append(f"{passed} of {counted(len(matter.gates), 'gate')} passed{names}.")
+        sentences.append(f"{passed} of {counted(len(given.gates), 'gate')} passed{names}.")
     if solution.check_points:
         sentences.append(f"{check_point_finding(solution)}.")
     return Verdict(level, text, tuple(sentences))
 
 
-def gate_table(matter: Matter) -> Table | None:
+def gate_table(given: ReportInput) -> Table | None:
     """Return the gates with what they found."""
-    gates = matter.gates
+    gates = given.gates
     if not gates:
         return None
     columns = (

@@ -534,8 +534,8 @@ def distances_in_feet(folder: Path) -> None:
 
 
 @mistake(
-    "Fields parted by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
-    mend="Part fields by blanks or tabs.",
+    "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "separate fields by blanks or tabs, not by ','",
+    mend="Separate fields by blanks or tabs.",
 )  # fmt: skip
 def parted_by_commas(folder: Path) -> None:
     in_control(folder, lambda words: [",".join(words)])

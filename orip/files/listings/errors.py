@@ -16,11 +16,6 @@ from orip.records.solution import Solution
 TITLE = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
 
 
-def error_listing(solution: Solution) -> str:
-    """Return BUNDLE_ERROR.OUT as one text with a newline at its end."""
-    return "".join(f"{line}\n" for line in error_listing_lines(solution))
-
-
 def error_listing_lines(solution: Solution) -> Iterator[str]:
     """Yield the lines of BUNDLE_ERROR.OUT, without newlines."""
     yield from bundle_title(TITLE, solution)

@@ -18,11 +18,6 @@ HEADER = (
 ROWS_PER_PIECE = 16384
 
 
-def residuals_csv(residuals: Residuals, reliability: Reliability) -> str:
-    """Return residuals.csv as one text; empty cells stand for NaN."""
-    return "".join(residuals_csv_pieces(residuals, reliability))
-
-
 def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[str]:
     """Yield residuals.csv in pieces of whole lines, so that millions of rows need little memory.
 

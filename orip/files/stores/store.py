@@ -31,14 +31,14 @@ def damage(path: Path, finding: str) -> InputError:
     """Return the error for a store whose content cannot be what orip wrote."""
     return InputError.single(
         f"the store is damaged ({finding}); a store is whole or absent: move it away and load its last dump, "
-        f"or make it anew with 'orip init' and 'orip measure'",
+        f"or create a new one with 'orip init' and 'orip measure'",
         str(path),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """A store that takes part in the transaction at hand.
+    """A store that takes part in the current transaction.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from orip.files.text.atomic import replace_text, reporting_failure
 from orip.progress import stage
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
-from orip.report.matter import Matter
 from orip.report.page import report_page
+from orip.report.report_input import ReportInput
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.definitions import read_definitions
 from orip.workflow.project.folder import Project, open_project
@@ -65,15 +65,15 @@ def write_report(
     """Write the report of a solution that is at hand, as `report` does."""
     path = output if output is not None else project.report(solution.bundle)
     with stage("report"):
-        text = report_page(_matter(project, solution, tuple(gates)))
+        text = report_page(_report_input(project, solution, tuple(gates)))
     consequence = "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
     with reporting_failure(project.shown(path), consequence):
         replace_text(path, text)
     return WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
 
 
-def _matter(project: Project, solution: Solution, gates: tuple[GateResult, ...]) -> Matter:
+def _report_input(project: Project, solution: Solution, gates: tuple[GateResult, ...]) -> ReportInput:
     with reading(project.record_stores) as stores:
         definitions = read_definitions(project, stores)
     known = definitions.by_name()
-    return Matter(solution, gates, definitions.bundle(solution.bundle), known.cameras, known.photos)
+    return ReportInput(solution, gates, definitions.bundle(solution.bundle), known.cameras, known.photos)
