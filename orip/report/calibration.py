@@ -18,7 +18,7 @@ from orip.report.drawing import ChartFrame, Line, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05
@@ -43,7 +43,7 @@ class CameraSheet:
     """All that the page shows of one camera."""
 
     name: str
-    parameters: Table
+    parameters: PageTable
     correlations: CorrelationMatrix | None
     distortion: Markup
 
@@ -81,7 +81,7 @@ def _sheet(given: ReportInput, name: str, row: int) -> CameraSheet:
     )
 
 
-def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Table:
+def _parameter_table(solution: Solution, row: int, before: Camera | None) -> PageTable:
     """Return the parameters that are unknown or not zero."""
     name = solution.cameras.names[row]
     given = before.parameters if before is not None else (math.nan,) * len(CAMERA_PARAMETERS)
@@ -97,24 +97,24 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Tab
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
     significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]
-    columns: tuple[Column, ...] = (
-        Column("Parameter", [kind for kind, *_ in shown], key="name", words=True),
-        Column("Unit", [unit for _kind, unit, *_ in shown], words=True),
-        Column("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
-        Column("Adjusted", [value for value, _sd in written], key="value"),
-        Column("sd", [sd for _value, sd in written], key="sd"),
+    columns: tuple[PageColumn, ...] = (
+        PageColumn("Parameter", [kind for kind, *_ in shown], key="name", words=True),
+        PageColumn("Unit", [unit for _kind, unit, *_ in shown], words=True),
+        PageColumn("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
+        PageColumn("Adjusted", [value for value, _sd in written], key="value"),
+        PageColumn("sd", [sd for _value, sd in written], key="sd"),
     )
     if not any(significant):
-        return Table(f"cameras.{name}", f"Parameters of camera {name}", columns)
+        return PageTable(f"cameras.{name}", f"Parameters of camera {name}", columns)
     columns += (
-        Column("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
-        Column("Significant", significant, words=True),
+        PageColumn("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
+        PageColumn("Significant", significant, words=True),
     )
     note = (
         f"Significant: different from zero at the 5 % level, |value| / sd above {limit:.2f}; "
         "each by itself. C, DX and DY are not tested: zero means nothing there."
     )
-    return Table(f"cameras.{name}", f"Parameters of camera {name}", columns, note)
+    return PageTable(f"cameras.{name}", f"Parameters of camera {name}", columns, note)
 
 
 def _is_tested(kind: str, sd: float) -> bool:

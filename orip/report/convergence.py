@@ -8,7 +8,7 @@ from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
 from orip.report.numbers import fixed, significant
 from orip.report.report_input import ReportInput
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 
 
 def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
@@ -28,19 +28,19 @@ def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
     )
 
 
-def iteration_table(solution: Solution) -> Table:
+def iteration_table(solution: Solution) -> PageTable:
     """Return the iterations in numbers."""
     passes = solution.iterations
     columns = (
-        Column("Iteration", [str(each.iteration) for each in passes], key="iteration"),
-        Column("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
-        Column("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
-        Column("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
-        Column("Singular", [str(each.singular) for each in passes], key="singular"),
+        PageColumn("Iteration", [str(each.iteration) for each in passes], key="iteration"),
+        PageColumn("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
+        PageColumn("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
+        PageColumn("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
+        PageColumn("Singular", [str(each.singular) for each in passes], key="singular"),
     )
     shortened = [str(each.iteration) for each in passes if each.step_limited]
     note = f"Steps were shortened in iteration {', '.join(shortened)}." if shortened else ""
-    return Table("iterations", "Iterations", columns, note)
+    return PageTable("iterations", "Iterations", columns, note)
 
 
 def _frame(up: str, *, logarithmic: bool = False, counts: bool = False) -> ChartFrame:

@@ -13,7 +13,7 @@ from orip.records.gate import GATE_FIGURES
 from orip.records.solution import Solution
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 from orip.wording import agreeing
 
 Level = Literal["good", "caution", "bad"]
@@ -92,22 +92,22 @@ def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
     return Verdict(level, text, tuple(sentences))
 
 
-def gate_table(given: ReportInput) -> Table | None:
+def gate_table(given: ReportInput) -> PageTable | None:
     """Return the gates with what they found."""
     gates = given.gates
     if not gates:
         return None
     columns = (
-        Column("Gate", [str(each.gate) for each in gates], words=True),
-        Column("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
-        Column("Found", [each.reason or significant(each.value, 5) for each in gates]),
-        Column("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
+        PageColumn("Gate", [str(each.gate) for each in gates], words=True),
+        PageColumn("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
+        PageColumn("Found", [each.reason or significant(each.value, 5) for each in gates]),
+        PageColumn("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
     )
     failed = frozenset(row for row, each in enumerate(gates) if not each.passed)
-    return Table("", "Gates", columns, emphasised=failed)
+    return PageTable("", "Gates", columns, emphasised=failed)
 
 
-def check_point_table(solution: Solution) -> Table | None:
+def check_point_table(solution: Solution) -> PageTable | None:
     """Return the check points: adjusted minus given, with the standard deviation of the adjusted coordinate."""
     points = solution.check_points
     if not points:
@@ -117,13 +117,15 @@ def check_point_table(solution: Solution) -> Table | None:
     sd = np.array([solution.points.sd[place[each.name]] if each.name in place else unknown for each in points])
     decimals = decimals_for(sd)
     differences = np.array([(each.dX, each.dY, each.dZ) for each in points])
-    columns = [Column("Point", [each.name for each in points], key="name", words=True)]
+    columns = [PageColumn("Point", [each.name for each in points], key="name", words=True)]
     for axis, name in enumerate("XYZ"):
         cells = [fixed(value, decimals) for value in differences[:, axis]]
-        columns.append(Column(f"d{name}", cells, solution.ground_unit, f"d{name}"))
-        columns.append(Column(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit))
+        columns.append(PageColumn(f"d{name}", cells, solution.ground_unit, f"d{name}"))
+        columns.append(
+            PageColumn(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit)
+        )
     note = "Adjusted minus given. The given coordinates had no influence; their own errors are in the differences."
-    return Table("check_points", "Check points", columns, note)
+    return PageTable("check_points", "Check points", columns, note)
 
 
 def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:

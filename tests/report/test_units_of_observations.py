@@ -13,7 +13,7 @@ from orip.files.listings.bundle_residuals import component_columns
 from orip.files.listings.errors import error_listing_lines
 from orip.records.observation_kinds import OBSERVATION_KINDS
 from orip.records.solution import Blunder, Solution
-from orip.report.table import Table
+from orip.report.table import PageTable
 from orip.report.trouble import blunder_table, suspect_table, suspects
 
 OBSERVATIONS = {
@@ -64,7 +64,7 @@ def test_blunders_have_the_unit_of_the_kind() -> None:
 
 
 @pytest.mark.parametrize("table", [suspect_table, blunder_table])
-def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[Solution], Table | None]) -> None:
+def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[Solution], PageTable | None]) -> None:
     found = table(misfitting())
     assert found is not None
     (names, units) = (column.cells for column in found.columns if column.heading in {"Observation", "Unit"})

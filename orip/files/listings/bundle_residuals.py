@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.files.text.fixed_cells import FixedCells
-from orip.files.text.numbers import decimals_for, fixed, measure, root_mean_square
 from orip.files.text.table import Column, Table, table_lines, xy_pair
+from orip.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.observation_kinds import unit_of_observation

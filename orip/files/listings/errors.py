@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.files.listings.bundle_residuals import LEGEND, component_columns
 from orip.files.listings.title import bundle_title
-from orip.files.text.numbers import fixed, measure
 from orip.files.text.table import INDENT, Column, key_lines, paragraph, section, table_lines
+from orip.number_text import fixed, measure
 from orip.records.observation_kinds import unit_of_observation
 from orip.records.solution import Solution
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.text.numbers import shortest_texts
+from orip.number_text import shortest_texts
 from orip.records.solution import Reliability, Residuals
 
 HEADER = (
