@@ -13,7 +13,7 @@ from orip.arrays import FloatArray
 _FLOOR = 1e-10
 """Smallest weight: unknowns that only down-weighted observations determine remain determined."""
 
-_MEDIAN_OF_NORMAL = 0.6745
+MEDIAN_OF_NORMAL = 0.6745
 """Median of the size of a standard normal residual."""
 
 
@@ -54,6 +54,6 @@ def scaled_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     """
     if not len(standard_residuals):
         return np.ones(0)
-    scale = max(float(np.median(standard_residuals)) / _MEDIAN_OF_NORMAL, 1.0)
+    scale = max(float(np.median(standard_residuals)) / MEDIAN_OF_NORMAL, 1.0)
     raised = limit * scale
     return (raised / np.maximum(standard_residuals, raised)) ** 2

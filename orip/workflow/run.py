@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 
 from orip.errors import InputError
-from orip.files.text.parsed import Parsed
-from orip.workflow.adjust.gates import check_solution, project_gates
-from orip.workflow.adjust.solve import SolveWatcher, solve_bundle
-from orip.workflow.adjust.solve_checked import CheckedSolve
-from orip.workflow.drive.table import DriveTableOutcome, write_bundle_drive_table
-from orip.workflow.observations.measure import MeasureOutcome, measure_project
-from orip.workflow.project.folder import Project
-from orip.workflow.project.texts import open_project_with_texts
-from orip.workflow.records.initialise import Initialised, initialise_project
+from orip.solving.solve import SolveWatcher
+from orip.workflow.adjust.gates import project_gates
+from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
+from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
+from orip.workflow.observations.measure import MEASURED_FROM, MeasureOutcome, measure
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.commit import Committed, carry_out, commit
+from orip.workflow.project.state import ProjectState
+from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
 
 
@@ -24,46 +24,50 @@ class RunWatcher:
     """Who is told of each step as it is done."""
 
     initialised: Callable[[Initialised], None]
-    measured: Callable[[MeasureOutcome], None]
+    measured: Callable[[Committed[MeasureOutcome]], None]
     solving: SolveWatcher
-    solved: Callable[[CheckedSolve], None]
+    solved: Callable[[Committed[SolveOutcome]], None]
     tabled: Callable[[DriveTableOutcome], None]
     not_tabled: Callable[[InputError], None]
 
 
-def run(folder: Path, prefer: Prefer | None, watcher: RunWatcher) -> tuple[CheckedSolve, ...]:
+def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tuple[SolveOutcome, ...]:
     """Initialise, measure and solve all bundles, hold the gates of orip.toml against each, and write drive tables.
 
-    Every text file is read once, and checked before any store is touched.
+    Every step is committed before the next one begins, which reads what it has left in the stores. Every text file is
+    read once, and checked before any store is touched.
+
+    Parameters
+    ----------
+    state : ProjectState
+        With `orip.workflow.records.initialise.INITIALISED_FROM`.
 
     Raises
     ------
     InputError, NotSolvableError, LockedError
     """
-    project, texts = open_project_with_texts(folder)
-    gates = project_gates(project)
-    watcher.initialised(initialise_project(project, texts, prefer))
-    watcher.measured(measure_project(project, Parsed(texts.records.log), on_top=False))
-    checked: list[CheckedSolve] = []
-    for bundle, ground in texts.records.ground.items():
-        outcome = solve_bundle(project, bundle, ground, watcher.solving)
-        checked.append(CheckedSolve(outcome, check_solution(outcome.solution, gates)))
-        watcher.solved(checked[-1])
-        if outcome.solution.status in {"converged", "doubtful"} and _has_models(project, bundle):
-            _write_table(project, bundle, watcher)
-        if outcome.solution.status == "stopped":
+    project_gates(state.project)  # malformed ones are refused before anything is written
+    watcher.initialised(carry_out(state, partial(initialise, prefer=prefer)).outcome)
+    watcher.measured(commit(measure(state.read_again(*MEASURED_FROM))))
+    outcomes: list[SolveOutcome] = []
+    for definition in state.project.definition.bundles:
+        bundle = BundleState(state.read_again(*ADJUSTED_FROM, bundles=[definition.name]), definition.name)
+        solved = commit(solve(bundle, watcher.solving))
+        outcomes.append(solved.outcome)
+        watcher.solved(solved)
+        status = solved.outcome.solution.status
+        if status in {"converged", "doubtful"} and definition.models:
+            _make_table(state, definition.name, watcher)
+        if status == "stopped":
             break
-    return tuple(checked)
+    return tuple(outcomes)
 
 
-def _has_models(project: Project, bundle: str) -> bool:
-    return any(each.models for each in project.definition.bundles if each.name == bundle)
-
-
-def _write_table(project: Project, bundle: str, watcher: RunWatcher) -> None:
-    """Write the drive table; an adjustment is worth no less for models that cannot be driven."""
+def _make_table(state: ProjectState, bundle: str, watcher: RunWatcher) -> None:
+    """Make the drive table; an adjustment is worth no less for models that cannot be driven."""
     try:
-        outcome = write_bundle_drive_table(project, bundle)
+        given = BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle)
+        outcome = commit(make_drive_table(given)).outcome
     except InputError as error:
         watcher.not_tabled(error)
     else:

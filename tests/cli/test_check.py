@@ -53,7 +53,7 @@ def test_json(project: Path) -> None:
     }  # fmt: skip
     assert not second["pass"]
     assert (third["value"], third["pass"]) == (None, False)
-    assert "no figure is called so" in third["reason"]
+    assert "there is no figure of this name" in third["reason"]
     assert (fourth["value"], fourth["reason"]) == (None, "the solution has no such figure")
     assert orip(project, "check", "singular<=0", "--json").document["pass"] is True
 

@@ -49,7 +49,7 @@ def test_ctrl_c_keeps_the_iteration_in_hand(tmp_path: Path, command: str) -> Non
 
 
 @pytest.mark.parametrize(
-    "place", ["orip.workflow.records.initialise.apply_text", "orip.workflow.records.initialise.write_definitions"]
+    "place", ["orip.workflow.records.initialise.apply_text", "orip.workflow.project.commit.write_definitions"]
 )
 def test_ctrl_c_before_the_commit_changes_nothing(tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = first_project(tmp_path / "first")

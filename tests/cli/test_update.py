@@ -262,7 +262,7 @@ def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.Monkey
     def full(_path: Path, _text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("orip.workflow.adjust.update.replace_text", full)
+    monkeypatch.setattr("orip.workflow.project.text_output.replace_text_in_pieces", full)
     refused(orip(project, "update", "points"), 1, "MAIN.PRE cannot be written: No space left on device; it is as it")
 
 

@@ -15,6 +15,7 @@ import pytest
 from cli.command_line import orip
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from workflow.commands import edit_observations, initialise, measure
 from workflow.small_projects import contents, film_project
 
 from orip.errors import InputError, OripError
@@ -28,9 +29,6 @@ from orip.files.stores.load import load
 from orip.files.text.gate import parse_gate
 from orip.files.text.parsed import Parsed
 from orip.records.names import name_fault
-from orip.workflow.observations.edits import edit_observations
-from orip.workflow.observations.measure import measure
-from orip.workflow.records.initialise import initialise
 
 Reader = Callable[[Path, str], Parsed[Any]]
 

@@ -10,6 +10,7 @@ from cli.command_line import orip
 from link.served import served
 from support.driven_projects import ZURICH_MODELS, add_models, expected_positions, measured
 from support.sample_projects import sample
+from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
 
 from orip.link.client import ProcessorFault, open_link
@@ -17,7 +18,7 @@ from orip.link.station import bare_stages
 from orip.multimodel.movement import change_model, drive_object
 from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
-from orip.workflow.drive.table import load_drive_table, write_drive_table
+from orip.workflow.drive.table import load_drive_table
 
 LINE = 5.1e-4
 """Plate units: what is on the line is rounded to the least count of 0.001."""

@@ -35,7 +35,7 @@ from orip.errors import OripError
 from orip.prelim.chain import preliminary_values
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.workflow.adjust.starting_values import cameras_as_found
+from orip.solving.starting_values import cameras_as_found
 
 End = Literal["reached", "lower", "as from the truth", "other", "not converged", "refused"]
 

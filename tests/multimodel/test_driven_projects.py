@@ -8,6 +8,7 @@ from support.aerial_block_in_crs import CRS, aerial_block
 from support.drive_tables import loaded
 from support.driven_projects import ZURICH_MODELS, add_models, expected_positions, measured, residuals_of
 from support.sample_projects import SAMPLES, sample
+from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
@@ -17,7 +18,7 @@ from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
 from orip.multimodel.table import object_ground
 from orip.records.solution import Solution
-from orip.workflow.drive.table import DriveTableOutcome, load_drive_table, write_drive_table
+from orip.workflow.drive.table import DriveTableOutcome, load_drive_table
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:

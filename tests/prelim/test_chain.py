@@ -17,7 +17,7 @@ from orip.records.block import Block, PhotoPoints
 from orip.records.control import Control
 from orip.records.preliminary import PreliminaryValues
 from orip.records.project import StereoModel
-from orip.workflow.adjust.starting_values import started_block
+from orip.solving.starting_values import started_block
 
 SCENES: tuple[Scene, ...] = ("strip", "convergent", "terrestrial")
 

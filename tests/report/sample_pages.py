@@ -11,11 +11,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from workflow.commands import report
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.records.solution import Solution
-from orip.workflow.adjust.report import report
 
 SAMPLES = ("zurich_city_hall", "dcs260_calibration", "small_frame_block")
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")

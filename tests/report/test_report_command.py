@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from workflow.commands import project_status
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project, replace_in, two_bundles
 
 from orip.report.run_mark import run_of_page
-from orip.workflow.status import project_status
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.sample_projects import sample
+from workflow.commands import initialise, measure, write_drive_table
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
@@ -19,10 +20,9 @@ from orip.link.protocol import answer, greeting
 from orip.link.reply_values import greeting_of
 from orip.link.station import bare_stages
 from orip.workflow.digitise import operator as digitise_operator
-from orip.workflow.digitise.films import films_at_hand, films_of
+from orip.workflow.digitise.films import films_of, mounted_films
 from orip.workflow.digitise.ground import GroundChoice, digitise_ground
 from orip.workflow.digitise.marks import digitise_photos, digitise_template
-from orip.workflow.digitise.means import Means, log_file, rehearsal
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Script,
@@ -32,10 +32,9 @@ from orip.workflow.digitise.operator import (
     typed_requests,
 )
 from orip.workflow.digitise.points import digitise_points
+from orip.workflow.digitise.setup import DigitisingSetup, log_file, rehearsal
 from orip.workflow.digitise.wanted import PointChoice
-from orip.workflow.drive.table import load_drive_table, write_drive_table
-from orip.workflow.observations.measure import measure
-from orip.workflow.records.initialise import initialise
+from orip.workflow.drive.table import load_drive_table
 
 LOG = Path("NEW.MEA")
 DAY1, DAY2 = Path("films/DAY1.MEA"), Path("films/DAY2.MEA")
@@ -106,7 +105,7 @@ class Bench:
             self.operator = Recorded(found, self.line)
             return self.operator
 
-        return Means(lambda: nullcontext(self.link), of, log_file, self.said.append)
+        return DigitisingSetup(lambda: nullcontext(self.link), of, log_file, self.said.append)
 
     def template(self, name, operator, **options):
         return digitise_template(self.folder, LOG, self.means(operator), name, **options)
@@ -208,7 +207,7 @@ def test_without_any_orientation_the_plate_is_taken_for_the_template(new_cliff):
     found = new_cliff.template("RIGHT", (DAY1,))
     assert found.entries[0].driven == (-105.012, -104.987)
     assert all(guide == "LOWER" for _, _, guide, _, _ in new_cliff.operator.seen)
-    outcome = measure(new_cliff.folder)
+    outcome = measure(new_cliff.folder).outcome
     assert outcome.counts.templates == 1
     assert outcome.interior.complaints == ()
 
@@ -253,7 +252,7 @@ def test_again_drives_to_the_old_marks_and_keeps_them(cliff):
         ("TemplateRecord", "LEFT", "4"): truth["TemplateRecord", "LEFT", "4"],  # not visited: kept
     }
     assert "TEMPLATE LEFT C UPPER" in cliff.log
-    assert measure(cliff.folder).interior.complaints == ()
+    assert measure(cliff.folder).outcome.interior.complaints == ()
 
 
 def test_nothing_is_written_where_all_is_kept(cliff):
@@ -392,7 +391,7 @@ def test_a_strip_beside_gets_its_points_in_two_steps(cliff):
     assert [entry.known for entry in found.entries] == ["predicted"] * 2
     for entry in found.entries:
         assert entry.driven == pytest.approx(entry.xy, abs=0.02)  # by the adjustment: its residuals
-    films = films_at_hand(cliff.folder, LOG)
+    films = mounted_films(cliff.folder, LOG)
     at = films.points_on_plate("MAIN")
     (first, second) = cliff.operator.seen
     sought, locked, guide, plates, model = first
@@ -412,9 +411,9 @@ def test_again_goes_point_by_point(cliff):
     assert {entry.known for entry in found.entries} == {"measured before"}
     assert len(cliff.operator.seen[0][0]) == 2
     assert found.warnings == ()
-    before = films_at_hand(cliff.folder, Path("NONE.MEA")).measured.observations["MAIN"]
-    assert measure(cliff.folder).counts.remeasured >= len(names)
-    after = films_at_hand(cliff.folder, LOG).measured.observations["MAIN"]
+    before = mounted_films(cliff.folder, Path("NONE.MEA")).measured.observations["MAIN"]
+    assert measure(cliff.folder).outcome.counts.remeasured >= len(names)
+    after = mounted_films(cliff.folder, LOG).measured.observations["MAIN"]
     assert after.points == before.points
     np.testing.assert_allclose(after.measured, before.measured, atol=1e-4)
 
@@ -469,7 +468,7 @@ def test_with_one_eye_the_left_foot_skips_and_deletes(cliff):
     )  # fmt: skip
     assert did(found) == [("1102", "skipped"), ("1103", "digitised"), ("1104", "kept")]
     assert "KILL POINT MAIN 101 1102" in cliff.log
-    after = films_at_hand(cliff.folder, LOG).points_on_plate("MAIN")
+    after = mounted_films(cliff.folder, LOG).points_on_plate("MAIN")
     assert ("101", "1102") not in after
     assert after["101", "1103"] == pytest.approx(found.entries[1].xy, abs=LAST_DIGIT)
     assert found.warnings == ()

@@ -9,6 +9,7 @@ import pytest
 from cli.command_line import orip
 from files.any_project import project_definitions
 from hypothesis import given, settings
+from workflow.commands import initialise
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, UsageError
@@ -23,7 +24,6 @@ from orip.workflow.project.folder import open_project
 from orip.workflow.records.commands import add_record, delete_record, edit_record, rename_record
 from orip.workflow.records.edits import RecordName
 from orip.workflow.records.export_toml import export_toml
-from orip.workflow.records.initialise import initialise
 
 pytestmark = pytest.mark.usefixtures("initialised")
 

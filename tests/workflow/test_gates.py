@@ -127,7 +127,7 @@ def test_unknown_names_fail_with_the_nearest_known_one(solution: Solution) -> No
         assert math.isnan(result.value)
         assert f"did you mean {near}?" in str(result)
     (result,) = check_solution(solution, ["qqq<1"])
-    assert result.reason == "no figure is called so; 'orip check --help' lists all"
+    assert result.reason == "there is no figure of this name; 'orip check --help' lists all"
 
 
 def test_malformed_expressions(solution: Solution) -> None:

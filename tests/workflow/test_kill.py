@@ -21,13 +21,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from workflow.commands import initialise, measure
 from workflow.killed_orip import MOMENT
 from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import contents, film_project, replace_in
 
 from orip.files.stores.dump import dump
-from orip.workflow.observations.measure import measure
-from orip.workflow.records.initialise import initialise
 
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
 MOMENTS = {"init": 1, "measure": 2, "solve": 5}

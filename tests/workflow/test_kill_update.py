@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from workflow.commands import update
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
 
 from orip.files.stores.dump import dump
-from orip.workflow.adjust.update import What, update
+from orip.workflow.adjust.update import What
 
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")

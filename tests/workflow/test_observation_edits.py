@@ -16,12 +16,12 @@ from cli.command_line import orip
 from files.hand_built_solutions import empty
 from interior.template_project import film_with_blunder, plate_coordinates
 from support.aerial_block_in_crs import CRS, PRINCIPAL_DISTANCE, aerial_block
+from workflow.commands import edit_observations, list_observations, measure, measure_again, remeasure
 from workflow.small_projects import film_project, replace_in
 
 from orip.bundle.local_frame import ground_system
 from orip.bundle.prediction import predict_photo_coordinates
 from orip.errors import InputError, LockedError
-from orip.files.log.edits_text import read_edits
 from orip.files.stores import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
@@ -29,11 +29,12 @@ from orip.interior.distortion import corrected_with_partials
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.ground import PLAIN
 from orip.records.solution import Estimates, Solution
-from orip.workflow.observations.at_hand import bundle_at_hand
-from orip.workflow.observations.edits import edit_observations, remeasure
-from orip.workflow.observations.listed import list_observations
-from orip.workflow.observations.measure import measure
-from orip.workflow.observations.todo import measure_again
+from orip.workflow.observations.edits import EDITED_FROM
+from orip.workflow.observations.edits import edit_observations as edited
+from orip.workflow.observations.listed import LISTED_FROM
+from orip.workflow.project.bundle_state import read_bundle
+from orip.workflow.project.commit import commit
+from orip.workflow.project.state import read_project
 
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
@@ -298,18 +299,20 @@ def test_stores_with_measurements_that_no_file_of_the_project_has_are_not_replay
 
 def test_locked_stores_leave_the_text_alone(film: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = dumps(film)
-    monkeypatch.setattr("orip.workflow.observations.measure.writing", lambda paths: writing(paths, timeout=0.0))
+    monkeypatch.setattr("orip.workflow.project.commit.writing", lambda paths: writing(paths, timeout=0.0))
     with writing([film / "MAIN.EXO"]), pytest.raises(LockedError):
         edit_observations(film, "KILL", "POINT", "left", ["1"])
     assert (edits(film), dumps(film)) == (None, before)
 
 
-def test_text_that_another_run_has_changed_meanwhile_is_not_written_over(film: Path) -> None:
-    text = read_edits(film / "EDITS.MEA", "EDITS.MEA")
+def test_text_that_another_run_has_changed_is_not_overwritten(film: Path) -> None:
+    change = edited(read_project(film, *EDITED_FROM), "DISREGARD", "TICK", "T1", ["2"])
     (film / "EDITS.MEA").write_text("! somebody else's\n")
-    with pytest.raises(LockedError, match="has changed meanwhile"):
-        text.append(["KILL POINT MAIN left 1"])
+    before = dumps(film)
+    with pytest.raises(LockedError, match=r"another run has changed EDITS.MEA in the meantime"):
+        commit(change)
     assert edits(film) == "! somebody else's\n"
+    assert dumps(film) == before
 
 
 # killed
@@ -364,14 +367,14 @@ def test_killed_at_every_step(tmp_path: Path, film: Path) -> None:
 
 def predicted_against_residuals(folder: Path) -> float:
     """Return the largest difference (mm) of predicted and observed plus residual, at corrected coordinates if so."""
-    at_hand = bundle_at_hand(folder, None)
-    solution = at_hand.solution
+    bundle = read_bundle(folder, None, *LISTED_FROM)
+    solution = bundle.solution
     assert solution is not None
     worst = 0.0
     place = {name: row for row, name in enumerate(solution.points.names)}
     found = solution.residuals
     for photo in solution.photos.names:
-        camera = at_hand.definitions.camera_of(at_hand.definitions.photos[photo.upper()])
+        camera = bundle.records.camera_of(bundle.records.photos[photo.upper()])
         xy = predict_photo_coordinates(solution, photo, camera, solution.points.values, PLAIN)
         rows = [row for row, kind in enumerate(found.kind) if kind == "photo" and found.photo[row] == photo]
         observed = found.observed[rows].reshape(-1, 2)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from workflow.commands import initialise, measure
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project, replace_in
-
-from orip.workflow.observations.measure import measure
-from orip.workflow.records.initialise import initialise
 
 
 def test_a_lost_listing_is_the_same_again(tmp_path: Path) -> None:

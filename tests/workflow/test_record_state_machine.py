@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+from workflow.commands import initialise
 from workflow.killed_here import Killed, killed_at
 from workflow.plain_records import PlainRecords, Refusal, Table
 
@@ -27,7 +28,6 @@ from orip.workflow.records.commands import add_record, copy_record, delete_recor
 from orip.workflow.records.document import checked, stored_document
 from orip.workflow.records.edits import RecordName
 from orip.workflow.records.export_toml import export_toml
-from orip.workflow.records.initialise import initialise
 from orip.workflow.records.lists import list_records
 
 BEGUN = """

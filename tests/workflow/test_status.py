@@ -7,12 +7,9 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
+from workflow.commands import initialise, measure, project_status
 from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import contents, film_project, replace_in
-
-from orip.workflow.observations.measure import measure
-from orip.workflow.records.initialise import initialise
-from orip.workflow.status import project_status
 
 INIT, MEASURE, SOLVE = "orip init", "orip measure", "orip solve"
 
@@ -113,7 +110,7 @@ def test_killed_between_commit_and_outputs(project: Path) -> None:
     before = contents(project)
     replace_in(project / "FIRST.PNT", "1012.40", "1012.41")
     with (
-        patch("orip.workflow.adjust.solve.write_solution_outputs", side_effect=KeyboardInterrupt),
+        patch("orip.workflow.project.commit.write_output", side_effect=KeyboardInterrupt),
         pytest.raises(KeyboardInterrupt),
     ):
         solve_quietly(project)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from workflow.commands import initialise, project_status
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
 
@@ -16,8 +17,6 @@ from orip.files.stores import cameras, exterior, photos
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera
 from orip.records.photo import Photo
-from orip.workflow.records.initialise import initialise
-from orip.workflow.status import project_status
 
 LENGTHENED = "c = 35.2"
 

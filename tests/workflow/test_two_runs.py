@@ -6,9 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from workflow.commands import project_status
 from workflow.small_projects import contents, film_project, replace_in
-
-from orip.workflow.status import project_status
 
 RUN = [sys.executable, "-m", "orip.cli.main", "-q", "-C"]
 

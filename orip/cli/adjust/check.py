@@ -31,9 +31,10 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     def check_command(invocation: Invocation, expressions: Expressions = None, bundle: BundleOption = None) -> None:
-        from orip.workflow.adjust.gates import check
+        from orip.workflow.adjust.check import CHECKED, check
+        from orip.workflow.project.bundle_state import read_bundle
 
-        outcome = check(invocation.folder, bundle, expressions or ())
+        outcome = check(read_bundle(invocation.folder, bundle, *CHECKED), expressions or ())
         terminal = invocation.terminal
         terminal.warn(outcome.warnings)
         if terminal.json:

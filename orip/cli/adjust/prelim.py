@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -21,7 +22,8 @@ from orip.cli.options import BundleOption, Invocation, command, without_command
 from orip.errors import NotSolvableError, UsageError
 
 if TYPE_CHECKING:
-    from orip.workflow.adjust.prelim_steps import Similarities
+    from orip.workflow.adjust.prelim_steps import PrelimInput, Similarities
+    from orip.workflow.project.bundle_state import BundleState
 
 Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="This one alone, point by point; none: all.")]
 Rows = Annotated[list[int] | None, typer.Argument(metavar="[ROW ROW]", help="These two alone; none: all.")]
@@ -68,10 +70,10 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     Example: orip prelim relative M12
     """
     from orip.files.listings.preliminary_steps import relative_orientation_lines, relative_overview, relative_remarks
-    from orip.workflow.adjust.prelim_steps import open_prelim, relative_orientations
+    from orip.workflow.adjust.prelim_steps import relative_orientations
 
     with limited_threads(invocation.terminal):
-        found = relative_orientations(open_prelim(invocation.folder, bundle), model)
+        found = relative_orientations(_given(invocation, bundle), model)
     if invocation.terminal.json:
         invocation.terminal.document(relative_document(found))
     else:
@@ -87,10 +89,10 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOp
 
     Example: orip prelim bridge M12
     """
-    from orip.workflow.adjust.prelim_steps import bridges, open_prelim
+    from orip.workflow.adjust.prelim_steps import bridges
 
     with limited_threads(invocation.terminal):
-        found = bridges(open_prelim(invocation.folder, bundle), model)
+        found = bridges(_given(invocation, bundle), model)
     _show_similarities(invocation, found, alone=model is not None, nothing="bridge: no row has two models")
 
 
@@ -100,14 +102,14 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOpt
 
     Example: orip prelim connect 1 2
     """
-    from orip.workflow.adjust.prelim_steps import connections, open_prelim
+    from orip.workflow.adjust.prelim_steps import connections
 
     if rows and len(set(rows)) != 2:
         message = f"two different rows are connected, not {' '.join(map(str, rows))}: orip prelim connect ROW ROW"
         raise UsageError(message)
     with limited_threads(invocation.terminal):
         pair = (rows[0], rows[1]) if rows else None
-        found = connections(open_prelim(invocation.folder, bundle), pair)
+        found = connections(_given(invocation, bundle), pair)
     _show_similarities(invocation, found, alone=pair is not None, nothing="connect: there is one row of models")
 
 
@@ -118,12 +120,12 @@ def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> Non
     Example: orip prelim absolute
     """
     from orip.files.listings.preliminary_steps import similarity_lines
-    from orip.workflow.adjust.prelim_steps import open_prelim, values_of
-    from orip.workflow.adjust.starting_values import not_oriented
+    from orip.solving.starting_values import not_oriented
+    from orip.workflow.adjust.prelim_steps import values_of
 
     terminal = invocation.terminal
     with limited_threads(terminal):
-        given = open_prelim(invocation.folder, bundle)
+        given = _given(invocation, bundle)
         values = values_of(given)
     if terminal.json:
         terminal.document(absolute_document(values))
@@ -142,10 +144,10 @@ def show_command(invocation: Invocation, after: After = "absolute", bundle: Bund
     Example: orip prelim show --after bridged
     """
     from orip.files.listings.preliminary_steps import model_coordinate_lines
-    from orip.workflow.adjust.prelim_steps import model_coordinates, open_prelim
+    from orip.workflow.adjust.prelim_steps import model_coordinates
 
     with limited_threads(invocation.terminal):
-        given = open_prelim(invocation.folder, bundle)
+        given = _given(invocation, bundle)
         found = model_coordinates(given, after)
     if invocation.terminal.json:
         invocation.terminal.document(coordinates_document(found))
@@ -153,12 +155,27 @@ def show_command(invocation: Invocation, after: After = "absolute", bundle: Bund
         invocation.terminal.data("\n".join(model_coordinate_lines(found, given.project.definition.ground_unit)))
 
 
+def _given(invocation: Invocation, bundle: str | None) -> PrelimInput:
+    from orip.workflow.adjust.prelim_steps import prelim_input
+
+    return prelim_input(_bundle(invocation, bundle))
+
+
+def _bundle(invocation: Invocation, bundle: str | None) -> BundleState:
+    from orip.workflow.adjust.solve import ADJUSTED_FROM
+    from orip.workflow.project.bundle_state import read_bundle
+
+    return read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
+
+
 def _chain(invocation: Invocation, bundle: str | None) -> None:
-    from orip.workflow.adjust.prelim import prelim
-    from orip.workflow.adjust.starting_values import not_oriented
+    from orip.solving.starting_values import not_oriented
+    from orip.workflow.adjust.prelim import keep_values, prelim
+    from orip.workflow.project.commit import carry_out
 
     with limited_threads(invocation.terminal):
-        outcome = prelim(invocation.folder, bundle)
+        given = _bundle(invocation, bundle)
+        outcome = carry_out(given.state, partial(keep_values, prelim(given))).outcome
     tell_chain(invocation.terminal, outcome)
     if invocation.terminal.json:
         invocation.terminal.document(chain_document(outcome))

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from orip.records.preliminary import PreliminaryValues
     from orip.records.solution import IterationPass
     from orip.report.trust import Level
-    from orip.workflow.adjust.solve import SolveWatcher
-    from orip.workflow.adjust.solve_checked import CheckedSolve
+    from orip.solving.solve import SolveWatcher
+    from orip.workflow.adjust.solve import SolveOutcome
+    from orip.workflow.project.commit import Committed
 
 _VERDICT_STYLES: dict[Level, Style] = {"good": "bold", "caution": "bold yellow", "bad": "bold red"}
 _STYLES: dict[Level, Style | None] = {"good": None, "caution": "yellow", "bad": "red"}
@@ -29,7 +30,7 @@ _NARROW_HEADING = "pass    ENP   down  sing      sigma0"
 
 def solve_watcher(terminal: Terminal) -> SolveWatcher:
     """Return who tells the terminal of an adjustment and lets Ctrl-C stop it."""
-    from orip.workflow.adjust.solve import SolveWatcher
+    from orip.solving.solve import SolveWatcher
 
     return SolveWatcher(
         oriented=partial(tell_preliminary_values, terminal),
@@ -107,29 +108,29 @@ def _is_narrow(terminal: Terminal) -> bool:
     return terminal.columns is not None and terminal.columns < len(_HEADING) + len(" *")
 
 
-def tell_solution(terminal: Terminal, checked: CheckedSolve) -> None:
+def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
     """Print the summary of an adjustment."""
     from orip.report.summary import summary
 
-    outcome = checked.outcome
+    outcome = solved.outcome
     solution = outcome.solution
     terminal.warn(ProjectWarning(*row) for row in solution.warnings)
     project, files = outcome.project, outcome.files
-    for line in summary(solution, checked.gates, project.shown(files[1])):
+    for line in summary(solution, outcome.gates, project.shown(files[1])):
         style = None if line.level is None else _STYLES[line.level]
         if line.label == "status":
             terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
         else:
             terminal.point(line.label, line.text, style)
-    same = "" if outcome.changed else "; unchanged: the store holds this solution already"
+    same = "" if solved.changed else "; unchanged: the store holds this solution already"
     terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
 
 
-def exit_code(checked: CheckedSolve) -> int:
+def exit_code(outcome: SolveOutcome) -> int:
     """Return the exit code that an adjustment deserves."""
-    status = checked.outcome.solution.status
+    status = outcome.solution.status
     if status == "stopped":
         return INTERRUPTED
     if status == "not_converged":
         return NotSolvableError.exit_code
-    return 0 if all(gate.passed for gate in checked.gates) else GateError.exit_code
+    return 0 if all(gate.passed for gate in outcome.gates) else GateError.exit_code

@@ -39,8 +39,11 @@ def register(app: typer.Typer) -> None:
         Example: orip report --output outcrop.html
         """
         from orip.workflow.adjust.report import report
+        from orip.workflow.project.bundle_state import read_bundle
+        from orip.workflow.project.commit import commit
 
-        written = report(invocation.folder, bundle, output)
+        given = read_bundle(invocation.folder, bundle, "definitions", "solutions")
+        written = commit(report(given, output)).outcome
         terminal = invocation.terminal
         if terminal.json:
             terminal.document(

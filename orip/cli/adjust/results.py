@@ -25,8 +25,9 @@ def register(app: typer.Typer) -> None:
         Example: orip results photos st1 st2
         """
         from orip.workflow.adjust.results import results
+        from orip.workflow.project.bundle_state import read_bundle
 
-        shown = results(invocation.folder, bundle, what, names or ())
+        shown = results(read_bundle(invocation.folder, bundle, "solutions").adjusted, what, names or ())
         if invocation.terminal.json:
             invocation.terminal.document(shown.document)
         else:

@@ -58,8 +58,10 @@ def register(app: typer.Typer) -> None:
         from orip.bundle.methods import Method
         from orip.bundle.snooping import SnoopingSettings
         from orip.files.result.json_text import result_text
-        from orip.workflow.adjust.report import write_report
-        from orip.workflow.adjust.solve_checked import solve_checked
+        from orip.workflow.adjust.report import report_of
+        from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
+        from orip.workflow.project.bundle_state import read_bundle
+        from orip.workflow.project.commit import commit
 
         if not snoop and (sigma0 is not None or alpha is not None):
             message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
@@ -67,10 +69,12 @@ def register(app: typer.Typer) -> None:
         method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
         terminal = invocation.terminal
         with limited_threads(terminal):
-            checked = solve_checked(invocation.folder, bundle, solve_watcher(terminal), method, check or ())
-        tell_solution(terminal, checked)
+            given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
+            solved = commit(solve(given, solve_watcher(terminal), method, check or ()))
+        tell_solution(terminal, solved)
+        outcome = solved.outcome
         if report:
-            tell_report(terminal, write_report(checked.outcome.project, checked.outcome.solution, checked.gates))
+            tell_report(terminal, commit(report_of(given.state, outcome.solution, outcome.gates)).outcome)
         if terminal.json:
-            terminal.data(result_text(checked.outcome.solution))
-        raise typer.Exit(exit_code(checked))
+            terminal.data(result_text(outcome.solution))
+        raise typer.Exit(exit_code(outcome))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -37,9 +38,12 @@ def register(app: typer.Typer) -> None:
 
         Example: orip update photos st1 st2
         """
-        from orip.workflow.adjust.update import update
+        from orip.workflow.adjust.update import UPDATED_FROM, update
+        from orip.workflow.project.bundle_state import read_bundle
+        from orip.workflow.project.commit import carry_out
 
-        outcome = update(invocation.folder, what, names or (), bundle, force=force)
+        given = read_bundle(invocation.folder, bundle, *UPDATED_FROM)
+        outcome = carry_out(given, partial(update, what=what, names=names or (), force=force)).outcome
         tell(invocation.terminal, outcome)
         if invocation.terminal.json:
             invocation.terminal.document(

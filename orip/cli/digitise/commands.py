@@ -12,7 +12,7 @@ from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.workflow.digitise.means import Means
+    from orip.workflow.digitise.setup import DigitisingSetup
 
 LinkOption = Annotated[str | None, typer.Option("--link", metavar="URL", help="As tcp://127.0.0.1:4788.")]
 LogOption = Annotated[Path, typer.Option("--log", metavar="FILE", help="Measurement file that is written to.")]
@@ -190,8 +190,8 @@ def _register_ground(group: typer.Typer) -> None:
 
 def _means(
     invocation: Invocation, link: str | None, simulate: list[Path] | None, script: Path | None, *, dry_run: bool
-) -> Means:
-    from orip.workflow.digitise.means import by_link, rehearsal
+) -> DigitisingSetup:
+    from orip.workflow.digitise.setup import by_link, rehearsal
 
     if simulate and script is not None:
         message = "the operator is simulated, or does what a script says; give --simulate or --script"

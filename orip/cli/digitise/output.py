@@ -13,7 +13,7 @@ from orip.cli.terminal import Terminal, warning_rows
 if TYPE_CHECKING:
     from orip.records.interior import MarkAdjustment
     from orip.workflow.digitise.ground import GroundDigitised
-    from orip.workflow.digitise.means import Digitised
+    from orip.workflow.digitise.setup import Digitised
 
 
 def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> None:

@@ -39,9 +39,11 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
 
     Example: orip drive table
     """
-    from orip.workflow.drive.table import write_drive_table
+    from orip.workflow.drive.table import DRIVEN_FROM, make_drive_table
+    from orip.workflow.project.bundle_state import read_bundle
+    from orip.workflow.project.commit import commit
 
-    outcome = write_drive_table(invocation.folder, bundle)
+    outcome = commit(make_drive_table(read_bundle(invocation.folder, bundle, *DRIVEN_FROM))).outcome
     tell_table(invocation.terminal, outcome)
     if invocation.terminal.json:
         document = {

@@ -54,9 +54,11 @@ def _register_list(group: typer.Typer) -> None:
 
         Example: orip observations list --point 1001 --all --partners
         """
-        from orip.workflow.observations.listed import list_observations
+        from orip.workflow.observations.listed import LISTED_FROM, list_observations
+        from orip.workflow.project.bundle_state import read_bundle
 
-        found = list_observations(invocation.folder, bundle, photo, point, every=every, with_partners=partners)
+        given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
+        found = list_observations(given, photo, point, every=every, with_partners=partners)
         if invocation.terminal.json:
             invocation.terminal.document(list_document(found))
         else:
@@ -107,15 +109,16 @@ def _documented(verb: Verb) -> str:
 def _edit(
     invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], *, bundle: str | None, dry_run: bool
 ) -> None:
-    from orip.workflow.observations.edits import edit_observations
+    from orip.workflow.observations.edits import EDITED_FROM, edit_observations
+    from orip.workflow.project.commit import commit
+    from orip.workflow.project.state import read_project
 
     if bundle is not None and what != "point":
         message = f"a {what} belongs to no bundle; leave --bundle out"
         raise UsageError(message)
-    edited = edit_observations(
-        invocation.folder, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run
-    )
-    tell_edited(invocation.terminal, verb, edited)
+    state = read_project(invocation.folder, *EDITED_FROM)
+    change = edit_observations(state, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run)
+    tell_edited(invocation.terminal, verb, commit(change).outcome)
 
 
 def _register_again(group: typer.Typer) -> None:
@@ -130,9 +133,13 @@ def _register_again(group: typer.Typer) -> None:
 
         Example: orip observations todo --output again.txt
         """
+        from orip.workflow.observations.listed import LISTED_FROM
         from orip.workflow.observations.todo import measure_again
+        from orip.workflow.project.bundle_state import read_bundle
+        from orip.workflow.project.commit import commit
 
-        todo = measure_again(invocation.folder, bundle, output, overwrite=force)
+        given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
+        todo = commit(measure_again(given, output, overwrite=force)).outcome
         if invocation.terminal.json:
             invocation.terminal.document(todo_document(todo))
         else:
@@ -148,9 +155,12 @@ def _register_again(group: typer.Typer) -> None:
 
         Example: orip observations remeasure again.txt
         """
-        from orip.workflow.observations.edits import remeasure
+        from orip.workflow.observations.edits import EDITED_FROM, remeasure
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_project
 
-        tell_edited(invocation.terminal, "remeasure", remeasure(invocation.folder, file, is_trial=dry_run))
+        change = remeasure(read_project(invocation.folder, *EDITED_FROM), file, is_trial=dry_run)
+        tell_edited(invocation.terminal, "remeasure", commit(change).outcome)
 
 
 _ACTIONS: dict[Verb, Literal["DISREGARD", "INCLUDE", "KILL"]] = {

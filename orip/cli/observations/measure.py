@@ -12,6 +12,7 @@ from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
     from orip.workflow.observations.measure import MeasureOutcome
+    from orip.workflow.project.commit import Committed
 
 Files = Annotated[
     list[Path] | None,
@@ -28,16 +29,24 @@ def register(app: typer.Typer) -> None:
 
         Example: orip measure
         """
-        from orip.workflow.observations.measure import measure
+        from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, measure, measure_on_top
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_project
+        from orip.workflow.project.texts import read_log
 
-        outcome = measure(invocation.folder, files or ())
-        tell(invocation.terminal, outcome)
+        if files:
+            state = read_project(invocation.folder, *MEASURED_ON_TOP)
+            change = measure_on_top(state, read_log(state.project, [state.project.folder / path for path in files]))
+        else:
+            change = measure(read_project(invocation.folder, *MEASURED_FROM))
+        measured = commit(change)
+        tell(invocation.terminal, measured)
         if invocation.terminal.json:
-            counts = outcome.counts
+            outcome, counts = measured.outcome, measured.outcome.counts
             invocation.terminal.document(
                 {
                     "command": "measure",
-                    "unchanged": not outcome.changed,
+                    "unchanged": not measured.changed,
                     "files": [outcome.project.shown(path) for path in outcome.files],
                     "templates": counts.templates,
                     "photos": counts.photos,
@@ -48,8 +57,9 @@ def register(app: typer.Typer) -> None:
             )
 
 
-def tell(terminal: Terminal, outcome: MeasureOutcome) -> None:
+def tell(terminal: Terminal, measured: Committed[MeasureOutcome]) -> None:
     """Say how much is measured."""
+    outcome = measured.outcome
     terminal.warn(outcome.warnings)
     counts = outcome.counts
     parts = [f"{count} photo points of {bundle}" for bundle, count in counts.points]
@@ -57,7 +67,7 @@ def tell(terminal: Terminal, outcome: MeasureOutcome) -> None:
         parts.insert(0, f"{counts.templates} templates and {counts.photos} photos oriented by marks")
     if counts.remeasured:
         parts.append(f"{counts.remeasured} measured again")
-    unchanged = "" if outcome.changed else "unchanged: "
+    unchanged = "" if measured.changed else "unchanged: "
     nothing = "nothing is measured yet"
     if not outcome.files:
         nothing += f": no file is called {' or '.join(outcome.project.definition.measurement_files)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -55,9 +56,12 @@ def register(app: typer.Typer) -> None:
         if name is not None:
             message = f"{name!r} is too much: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
             raise UsageError(message)
-        from orip.workflow.records.initialise import initialise
+        from orip.workflow.project.commit import carry_out
+        from orip.workflow.project.state import read_checked_project
+        from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 
-        outcome = initialise(invocation.folder, prefer)
+        state = read_checked_project(invocation.folder, *INITIALISED_FROM)
+        outcome = carry_out(state, partial(initialise, prefer=prefer)).outcome
         tell(invocation.terminal, outcome)
         if invocation.terminal.json:
             invocation.terminal.document(

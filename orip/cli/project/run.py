@@ -27,7 +27,10 @@ def register(app: typer.Typer) -> None:
         Example: orip -C zurich_city_hall run
         """
         from orip.files.result.json_text import result_document, result_text
-        from orip.workflow.adjust.report import write_report
+        from orip.workflow.adjust.report import report_of
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_checked_project
+        from orip.workflow.records.initialise import INITIALISED_FROM
         from orip.workflow.run import RunWatcher, run
 
         terminal = invocation.terminal
@@ -40,12 +43,15 @@ def register(app: typer.Typer) -> None:
             not_tabled=partial(tell_no_table, terminal),
         )
         with limited_threads(terminal):
-            checked = run(invocation.folder, prefer, watcher)
-        for each in checked if report else ():
-            tell_report(terminal, write_report(each.outcome.project, each.outcome.solution, each.gates))
-        solutions = [each.outcome.solution for each in checked]
+            state = read_checked_project(invocation.folder, *INITIALISED_FROM)
+            outcomes = run(state, prefer, watcher)
+        if report and outcomes:
+            state = state.read_again("definitions")
+            for outcome in outcomes:
+                tell_report(terminal, commit(report_of(state, outcome.solution, outcome.gates)).outcome)
+        solutions = [outcome.solution for outcome in outcomes]
         if terminal.json and len(solutions) == 1:
             terminal.data(result_text(solutions[0]))
         elif terminal.json:
             terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
-        raise typer.Exit(max(map(exit_code, checked), default=0))
+        raise typer.Exit(max(map(exit_code, outcomes), default=0))

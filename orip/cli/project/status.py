@@ -22,9 +22,10 @@ def register(app: typer.Typer) -> None:
 
 def show(invocation: Invocation) -> None:
     """Print the state of the project on stdout."""
-    from orip.workflow.status import observation_loop, project_status
+    from orip.workflow.project.state import read_project
+    from orip.workflow.status import STATUS_FROM, observation_loop, project_status
 
-    found = project_status(invocation.folder)
+    found = project_status(read_project(invocation.folder, *STATUS_FROM))
     terminal = invocation.terminal
     if terminal.json:
         terminal.document(

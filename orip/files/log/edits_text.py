@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from orip.errors import InputError, LockedError
-from orip.files.text.atomic import replace_text, reporting_failure
+from orip.errors import InputError
 from orip.files.text.lines import read_bytes
 from orip.records.measurement import EditRecord
 
@@ -39,25 +38,15 @@ class EditsText:
 
     def digest_with(self, lines: Sequence[str]) -> str:
         """Return the SHA-256 of the file with lines appended."""
-        return sha256(self._with(lines).encode()).hexdigest()
+        return sha256(self.text_with(lines).encode()).hexdigest()
 
-    def append(self, lines: Sequence[str]) -> None:
-        """Append lines, as a whole or not at all; what is there stays to the letter.
+    @property
+    def digest(self) -> str | None:
+        """Return the SHA-256 of the file as it was read; None if there was none."""
+        return None if self.text is None else sha256(self.text.encode()).hexdigest()
 
-        Raises
-        ------
-        LockedError
-            If the file has changed since it was read.
-        OripError
-            If it cannot be written.
-        """
-        if read_edits(self.path, self.shown).text != self.text:
-            message = f"{self.shown} has changed meanwhile; nothing was written, repeat the command"
-            raise LockedError(message)
-        with reporting_failure(self.shown, "it is as it was, and so are the stores"):
-            replace_text(self.path, self._with(lines))
-
-    def _with(self, lines: Sequence[str]) -> str:
+    def text_with(self, lines: Sequence[str]) -> str:
+        """Return the text with lines appended; what is there stays to the letter."""
         return self._lines_end() + "".join(f"{line}{self._line_end}" for line in lines)
 
     def _lines_end(self) -> str:

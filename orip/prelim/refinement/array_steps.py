@@ -59,12 +59,14 @@ class ArraySolver:
         # what the points take away is the product of these with themselves
         coupling = self._sparse(half[self._network.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
         point_right = (half @ self._by_points(rows.by_point, rows.misclosure)).ravel()
-        point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(3 * points, -1)
+        point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(
+            3 * points, state.corrections.size
+        )
         blocks = _damped(self._by_photos(rows.by_photo, rows.by_photo), damping)
         equations = ReducedEquations(
             _band(blocks[order], coupling),
             self._by_photos(rows.by_photo, rows.misclosure)[order].ravel() - coupling.T @ point_right,
-            self._by_photos(rows.by_photo, rows.by_camera)[order].reshape(6 * len(order), -1)
+            self._by_photos(rows.by_photo, rows.by_camera)[order].reshape(6 * len(order), state.corrections.size)
             - coupling.T @ point_border,
             np.einsum("nki,nkj->ij", rows.by_camera, rows.by_camera) - point_border.T @ point_border,
             np.einsum("nki,nkj->i", rows.by_camera, rows.misclosure) - point_border.T @ point_right,

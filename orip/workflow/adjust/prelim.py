@@ -9,20 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.control.preliminary_text import read_preliminary
 from orip.files.stores.definitions import StoredRecord
-from orip.files.stores.transaction import writing
 from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.preliminary import PreliminaryValues
 from orip.units import DEGREES_PER_RADIAN
-from orip.workflow.adjust.prelim_steps import PrelimInput, open_prelim, values_of
-from orip.workflow.adjust.update import write_points
-from orip.workflow.project.definitions import read_definitions, write_definitions
-from orip.workflow.project.folder import Project
-from orip.workflow.project.preliminary_outputs import listed_values, write_preliminary_listing
-from orip.workflow.project.texts import raise_complaints
+from orip.workflow.adjust.prelim_steps import PrelimInput, prelim_input, values_of
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.commit import Change
+from orip.workflow.project.preliminary_outputs import ListedValues, listed_values, preliminary_output
+from orip.workflow.project.preliminary_text import read_preliminary_text
+from orip.workflow.project.state import ProjectState, StoredParts
 
 _SAME = 1e-6
 """Of the distance from photos to points, and in radians: below it values are the same, found a second time."""
@@ -57,26 +55,65 @@ class PrelimOutcome:
     listing: Path
 
 
-def prelim(folder: Path, bundle: str | None) -> PrelimOutcome:
-    """Find preliminary values, list how, and keep them: orientations in the photo store, coordinates in BUNDLE.PRE.
+@dataclass(frozen=True, slots=True)
+class FoundValues:
+    """What the whole chain found of a bundle, and from what."""
+
+    given: PrelimInput
+    values: PreliminaryValues
+    listed: ListedValues
+
+
+def prelim(bundle: BundleState) -> FoundValues:
+    """Find preliminary values of a bundle.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With definitions, marks and observations.
+
+    Raises
+    ------
+    InputError, UsageError
+    """
+    given = prelim_input(bundle)
+    values = values_of(given)
+    return FoundValues(given, values, listed_values(values, given.block.ground))
+
+
+def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome]:
+    """Take preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
 
     Of the photos the elements that are not constant take the values; points of BUNDLE.PRE that were not computed stay.
     Values that are there already are not written again.
 
-    Raises
-    ------
-    InputError, UsageError, LockedError
+    Parameters
+    ----------
+    found : FoundValues
+    state : ProjectState
+        With definitions; they may have changed since the values were found.
     """
-    given = open_prelim(folder, bundle)
-    project = given.project
-    values = values_of(given)
-    found = listed_values(values, given.block.ground)
-    orientations, points = found.orientations, found.points
+    project, bundle = state.project, found.given.bundle
+    orientations, points = found.listed.orientations, found.listed.points
     same = _SAME * _distance(orientations, points)
-    changed_photos = _update_photos(project, values, orientations, same)
-    changed_points, others = _update_points(given, points, same)
-    listing = write_preliminary_listing(project, given.bundle, found)
-    return PrelimOutcome(given, values, orientations, points, changed_photos, changed_points, others, listing)
+    before = state.definitions
+    photos = _updated_photos(before.photos, found.values, orientations, same)
+    pairs = zip(before.photos, photos, strict=True)
+    changed_photos = tuple(new.record.name for old, new in pairs if new.record != old.record)
+    text = read_preliminary_text(project, bundle)
+    known = {point.name: point for point in text.points}
+    changed = {point.name: point for point in points if not _is_same(point, known.get(point.name), same)}
+    listing = preliminary_output(project, bundle, found.listed)
+    outputs = [listing]
+    if changed:
+        outputs.insert(0, text.output(tuple({**known, **changed}.values()), project.definition.ground_unit))
+    others = len(set(known) - {point.name for point in points})
+    outcome = PrelimOutcome(
+        found.given, found.values, orientations, points, changed_photos, tuple(changed), others, listing.path
+    )
+    return Change(
+        state, outcome, StoredParts(replace(before, photos=photos)), project.record_stores, outputs=tuple(outputs)
+    )
 
 
 def _distance(orientations: FloatArray, points: Sequence[PreliminaryPoint]) -> float:
@@ -88,21 +125,16 @@ def _distance(orientations: FloatArray, points: Sequence[PreliminaryPoint]) -> f
     return float(np.median(np.linalg.norm(orientations[found, :3] - middle, axis=1)))
 
 
-def _update_photos(
-    project: Project, values: PreliminaryValues, orientations: FloatArray, same: float
-) -> tuple[str, ...]:
-    """Give the photo records their new values; each stays bound to the text that it came from."""
+def _updated_photos(
+    photos: Sequence[StoredRecord[Photo]], values: PreliminaryValues, orientations: FloatArray, same: float
+) -> tuple[StoredRecord[Photo], ...]:
+    """Return the photo records with their new values; each stays bound to the text that it came from."""
     found = {
         record_key(photo.name): row.tolist()
         for photo, row in zip(values.photos, orientations, strict=True)
         if photo.rotation is not None
     }
-    with writing(project.record_stores) as stores:
-        old = read_definitions(project, stores)
-        photos = tuple(_with_values(each, found.get(record_key(each.record.name)), same) for each in old.photos)
-        write_definitions(project, stores, old, replace(old, photos=photos))
-    pairs = zip(old.photos, photos, strict=True)
-    return tuple(new.record.name for before, new in pairs if new.record != before.record)
+    return tuple(_with_values(stored, found.get(record_key(stored.record.name)), same) for stored in photos)
 
 
 def _with_values(stored: StoredRecord[Photo], values: list[float] | None, same: float) -> StoredRecord[Photo]:
@@ -118,19 +150,6 @@ def _with_values(stored: StoredRecord[Photo], values: list[float] | None, same: 
         for kind, old, new in zip(PHOTO_PARAMETERS, photo.orientation, values, strict=True)
     )
     return replace(stored, record=replace(photo, orientation=orientation))
-
-
-def _update_points(given: PrelimInput, points: Sequence[PreliminaryPoint], same: float) -> tuple[tuple[str, ...], int]:
-    project = given.project
-    path = project.preliminary(given.bundle)
-    shown = project.shown(path)
-    found = read_preliminary(path, shown)
-    raise_complaints(found.complaints)
-    before = {point.name: point for point in found.records}
-    changed = {point.name: point for point in points if not _is_same(point, before.get(point.name), same)}
-    if changed:
-        write_points(path, shown, tuple({**before, **changed}.values()), project.definition.ground_unit)
-    return tuple(changed), len(set(before) - {point.name for point in points})
 
 
 def _is_same(point: PreliminaryPoint, before: PreliminaryPoint | None, same: float) -> bool:

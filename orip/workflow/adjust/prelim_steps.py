@@ -1,14 +1,13 @@
-"""`orip prelim relative`, `bridge`, `connect`, `absolute`, `show`: one step to preliminary values, looked at alone.
+"""`orip prelim relative`, `bridge`, `connect`, `absolute`, `show`: a single step to preliminary values.
 
-Every step is computed from the measurements anew, with the steps before it: nothing of it is kept, and nothing is ever
-older than what was measured.
+Every step is computed from the measurements, with the steps before it. Nothing of it is stored, so that no result can
+be older than what was measured.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.prelim.image_rays import image_rays
@@ -31,20 +30,29 @@ from orip.records.preliminary import (
     SubBlock,
 )
 from orip.records.project import StereoModel
-from orip.workflow.adjust.bundle_input import gathered_block, read_stored
-from orip.workflow.adjust.starting_values import explained_preliminary_values, not_oriented
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.texts import raise_complaints, read_ground
+from orip.solving.starting_values import explained_preliminary_values, not_oriented
+from orip.workflow.adjust.gathering import gathered_block
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.folder import Project
 
 
 @dataclass(frozen=True, slots=True)
 class PrelimInput:
     """What preliminary values are computed from."""
 
-    project: Project
-    bundle: str
+    of: BundleState
     block: Block
     warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def project(self) -> Project:
+        """Return the project."""
+        return self.of.project
+
+    @property
+    def bundle(self) -> str:
+        """Return the name of the bundle."""
+        return self.of.name
 
     @property
     def models(self) -> tuple[StereoModel, ...]:
@@ -96,20 +104,20 @@ class Similarities:
     failures: tuple[NotOriented, ...]
 
 
-def open_prelim(folder: Path, bundle: str | None) -> PrelimInput:
-    """Read what preliminary values of a bundle are computed from.
+def prelim_input(bundle: BundleState) -> PrelimInput:
+    """Gather what preliminary values of a bundle are computed from.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With definitions, marks and observations.
 
     Raises
     ------
-    InputError, UsageError, LockedError
+    InputError
     """
-    project = open_project(folder)
-    name = project.bundle_name(bundle)
-    ground = read_ground(project, name)
-    raise_complaints(ground.complaints)
-    stored = read_stored(project, name)
-    block, warnings = gathered_block(project, stored, ground.records)
-    return PrelimInput(project, name, block, (*ground.warnings, *stored.warnings, *warnings))
+    gathered = gathered_block(bundle)
+    return PrelimInput(bundle, gathered.block, gathered.warnings)
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from orip.errors import InputError, UsageError
+from orip.errors import UsageError
 from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import result_document
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
 from orip.files.text.table import table_lines
 from orip.records.names import record_key
 from orip.records.solution import Estimates, Residuals, Solution
-from orip.workflow.project.folder import open_project
 
 What = Literal["cameras", "photos", "points", "residuals"]
 
@@ -31,32 +27,21 @@ class Results:
     document: dict[str, Any]
 
 
-def results(folder: Path, bundle: str | None, what: What, names: Sequence[str]) -> Results:
-    """Return part of the last solution of a bundle.
+def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
+    """Return part of a solution.
 
     Parameters
     ----------
-    folder : Path
-    bundle : str or None
-        None: the project's only one.
+    solution : Solution
     what : {"cameras", "photos", "points", "residuals"}
     names : sequence of str
         Cameras, photos or points to show; for residuals photos or points. Empty: all.
 
     Raises
     ------
-    InputError
-        If the bundle has not been adjusted.
     UsageError
         If a name is not in the solution.
     """
-    project = open_project(folder)
-    name = project.bundle_name(bundle)
-    with reading([project.exterior]) as stores:
-        solution = solutions.read(stores[project.exterior], name)
-    if solution is None:
-        message = f"bundle {name} has not been adjusted yet; run 'orip solve' first"
-        raise InputError.single(message)
     if what == "residuals":
         return _residuals(solution, names)
     chosen = _chosen(solution, what, names)
@@ -74,7 +59,7 @@ def _chosen(solution: Solution, what: Literal["cameras", "photos", "points"], na
     rows = _rows(estimates.names, what, names)
     part = Estimates(tuple(estimates.names[row] for row in rows), estimates.values[rows], estimates.sd[rows])
     if what == "cameras":
-        additional = tuple(each for each in solution.additional if each.camera in part.names)
+        additional = tuple(effect for effect in solution.additional if effect.camera in part.names)
         return replace(solution, cameras=part, additional=additional)
     if what == "photos":
         about_axes = tuple(solution.photo_rotation_sd_about_axes[row] for row in rows)

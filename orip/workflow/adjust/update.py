@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
 from pathlib import Path
 from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.files.control.preliminary_text import preliminary_text, read_preliminary
-from orip.files.stores import observations, solutions
 from orip.files.stores.definitions import Named, StoredRecord
-from orip.files.stores.transaction import Stores, reading, writing
-from orip.files.text.atomic import replace_text, reporting_failure
-from orip.files.text.lines import read_lines
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import PreliminaryPoint
-from orip.records.names import COMMENT_MARKS, record_key
+from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
 from orip.wording import first_names
@@ -31,15 +24,15 @@ from orip.workflow.adjust.updated_values import (
     updated_photo,
     updated_points,
 )
-from orip.workflow.project.definitions import (
-    StoredDefinitions,
-    read_definitions,
-    require_initialised,
-    write_definitions,
-)
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.run_id import digest_of_observations
-from orip.workflow.project.texts import CONTROL_EXTENSIONS, ground_digests, raise_complaints
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.commit import Change
+from orip.workflow.project.folder import Project
+from orip.workflow.project.preliminary_text import read_preliminary_text
+from orip.workflow.project.state import Part, StoredParts
+from orip.workflow.project.texts import CONTROL_EXTENSIONS, control_digests
+
+UPDATED_FROM: tuple[Part, ...] = ("definitions", "observations", "heads", "solutions")
+"""What an update needs of the stores."""
 
 What = Literal["cameras", "photos", "points"]
 Verdict = ChangedValue | KeptValue
@@ -88,21 +81,18 @@ class UpdateOutcome:
     warnings: tuple[ProjectWarning, ...]
 
 
-def update(
-    folder: Path, what: What, names: Sequence[str] = (), bundle: str | None = None, *, force: bool = False
-) -> UpdateOutcome:
+def update(bundle: BundleState, what: What, names: Sequence[str] = (), *, force: bool = False) -> Change[UpdateOutcome]:
     """Take the values of the last adjustment as preliminary values, those of its unknowns alone.
 
     Cameras and photos go into their stores, where they count as changed against orip.toml; points into BUNDLE.PRE.
 
     Parameters
     ----------
-    folder : Path
+    bundle : BundleState
+        With `UPDATED_FROM`.
     what : {"cameras", "photos", "points"}
     names : sequence of str
         Records to update; empty: all of the solution.
-    bundle : str or None
-        None: the project's only one.
     force : bool
         Also from an adjustment that did not converge.
 
@@ -114,48 +104,40 @@ def update(
         If the adjustment did not converge or was stopped, without `force`.
     UsageError
         If a name is not in the solution.
-    LockedError
     """
-    project = open_project(folder)
-    name = project.bundle_name(bundle)
-    with reading({*project.record_stores, project.observations(name)}) as stores:
-        require_initialised(project, read_definitions(project, stores))
-        warnings = tuple(_newer(project, stores, _solution(project, stores, name, force=force)))
-    # Read anew under the lock of the stores: another run may have changed them meanwhile.
-    with writing(project.record_stores) as stores:
-        solution = _solution(project, stores, name, force=force)
-        if what == "points":
-            outcome = _update_points(project, solution, names)
-        else:
-            outcome = _update_records(project, stores, solution, what, names)
-    return replace(outcome, warnings=warnings)
+    bundle.state.require_initialised()
+    solution = bundle.adjusted
+    if not force:
+        _require_converged(solution)
+    warnings = tuple(_changed_since(bundle, solution))
+    if what == "points":
+        return _updated_points(bundle, solution, names, warnings)
+    return _updated_records(bundle, solution, what, names, warnings)
 
 
-def _solution(project: Project, stores: Stores, bundle: str, *, force: bool) -> Solution:
-    solution = solutions.read(stores[project.exterior], bundle)
-    if solution is None:
-        message = f"bundle {bundle} has not been adjusted yet; run 'orip solve' first"
-        raise InputError.single(message)
-    if solution.status not in {"converged", "doubtful"} and not force:
+def _require_converged(solution: Solution) -> None:
+    if solution.status not in {"converged", "doubtful"}:
         ended = "was stopped" if solution.status == "stopped" else "did not converge"
         message = (
-            f"the last adjustment of {bundle} {ended}, so its values may be worse than the preliminary ones; "
-            f"solve it, or take them all the same with --force"
+            f"the last adjustment of {solution.bundle} {ended}, so its values may be worse than the preliminary ones; "
+            f"solve it, or use its values nevertheless with --force"
         )
         raise NotSolvableError(message)
-    return solution
 
 
 # cameras and photos: records in the stores
 
 
-def _update_records(
-    project: Project, stores: Stores, solution: Solution, what: Literal["cameras", "photos"], names: Sequence[str]
-) -> UpdateOutcome:
-    old = read_definitions(project, stores)
+def _updated_records(
+    bundle: BundleState,
+    solution: Solution,
+    what: Literal["cameras", "photos"],
+    names: Sequence[str],
+    warnings: tuple[ProjectWarning, ...],
+) -> Change[UpdateOutcome]:
+    project, old = bundle.project, bundle.state.definitions
     estimates: Estimates = getattr(solution, what)
     rows = _rows(estimates, what, names)
-    new: StoredDefinitions
     if what == "cameras":
         chosen = _estimates_by_key(estimates, rows, CAMERA_PARAMETERS)
         cameras, verdicts = _updated(old.cameras, chosen, updated_camera, what)
@@ -165,19 +147,19 @@ def _update_records(
         chosen = _estimates_by_key(estimates, rows, PHOTO_PARAMETERS)
         photos, verdicts = _updated(old.photos, chosen, updated_photo, what)
         new = replace(old, photos=photos)
-    write_definitions(project, stores, old, new)
-    values = tuple(each for each in verdicts if isinstance(each, ChangedValue))
-    return UpdateOutcome(
+    values = tuple(verdict for verdict in verdicts if isinstance(verdict, ChangedValue))
+    outcome = UpdateOutcome(
         project, solution.bundle, solution.run, what,
         path=project.cameras if what == "cameras" else project.photos,
         considered=len(rows),
-        changed=tuple(dict.fromkeys(each.name for each in values)),
+        changed=tuple(dict.fromkeys(value.name for value in values)),
         values=values,
-        kept=tuple(each for each in verdicts if isinstance(each, KeptValue)),
+        kept=tuple(verdict for verdict in verdicts if isinstance(verdict, KeptValue)),
         constant=_constant(estimates, rows),
         others=0,
-        warnings=(),
+        warnings=warnings,
     )  # fmt: skip
+    return Change(bundle.state, outcome, StoredParts(new), project.record_stores)
 
 
 def _estimates_by_key(
@@ -193,23 +175,23 @@ def _updated(
     what: What,
 ) -> tuple[tuple[StoredRecord[T], ...], list[Verdict]]:
     """Return the records with their new values; each stays bound to the text that it came from."""
-    gone = [key for key in estimates if key not in {record_key(each.record.name) for each in stored}]
+    gone = [key for key in estimates if key not in {record_key(item.record.name) for item in stored}]
     if gone:
         names = first_names(gone, _SHOWN_NAMES)
         message = f"no longer defined: {what} {names} of the last adjustment; run 'orip solve' first"
         raise InputError.single(message)
     records: list[StoredRecord[T]] = []
     verdicts: list[Verdict] = []
-    for each in stored:
-        key = record_key(each.record.name)
-        record, found = updated(each.record, estimates[key]) if key in estimates else (each.record, [])
-        records.append(replace(each, record=record))
+    for item in stored:
+        key = record_key(item.record.name)
+        record, found = updated(item.record, estimates[key]) if key in estimates else (item.record, [])
+        records.append(replace(item, record=record))
         verdicts += found
     return tuple(records), verdicts
 
 
 def _additional(solution: Solution, chosen: dict[str, tuple[Estimate, ...]]) -> Iterator[KeptValue]:
-    for name in dict.fromkeys(each.camera for each in solution.additional):
+    for name in dict.fromkeys(parameter.camera for parameter in solution.additional):
         if record_key(name) in chosen:
             yield KeptValue(name, "additional parameters", "they start at 0 in every adjustment")
 
@@ -217,37 +199,26 @@ def _additional(solution: Solution, chosen: dict[str, tuple[Estimate, ...]]) -> 
 # points: a text
 
 
-def _update_points(project: Project, solution: Solution, names: Sequence[str]) -> UpdateOutcome:
-    rows = _rows(solution.points, "points", names)
-    path = project.preliminary(solution.bundle)
-    shown = project.shown(path)
-    found = read_preliminary(path, shown)
-    raise_complaints(found.complaints)
-    outcome = updated_points(found.records, solution, set(names) if names else None)
-    if outcome.changed:
-        write_points(path, shown, outcome.points, solution.ground_unit)
+def _updated_points(
+    bundle: BundleState, solution: Solution, names: Sequence[str], warnings: tuple[ProjectWarning, ...]
+) -> Change[UpdateOutcome]:
+    project, rows = bundle.project, _rows(solution.points, "points", names)
+    text = read_preliminary_text(project, solution.bundle)
+    found = updated_points(text.points, solution, set(names) if names else None)
     known = set(solution.points.names)
-    return UpdateOutcome(
+    outcome = UpdateOutcome(
         project, solution.bundle, solution.run, "points",
-        path=path,
+        path=text.path,
         considered=len(rows),
-        changed=outcome.changed,
-        values=outcome.values,
-        kept=outcome.kept,
+        changed=found.changed,
+        values=found.values,
+        kept=found.kept,
         constant=_constant(solution.points, rows),
-        others=0 if names else sum(point.name not in known for point in found.records),
-        warnings=(),
+        others=0 if names else sum(point.name not in known for point in text.points),
+        warnings=warnings,
     )  # fmt: skip
-
-
-def write_points(path: Path, shown: str, points: Sequence[PreliminaryPoint], ground_unit: str) -> None:
-    """Replace a .PRE file; the comments that it begins with stay."""
-    lines = read_lines(path, shown, may_be_absent=True).records
-    comments = list(takewhile(lambda line: not line.strip() or line.strip().startswith(COMMENT_MARKS), lines))
-    if not any(line.strip() for line in comments):
-        comments = [f"! Preliminary coordinates, {ground_unit}: name X Y Z [sX sY sZ]"]
-    with reporting_failure(shown, "it is as it was"):
-        replace_text(path, "".join(f"{line}\n" for line in comments) + preliminary_text(points))
+    edited = (text.edited(found.points, solution.ground_unit),) if found.changed else ()
+    return Change(bundle.state, outcome, locks=project.record_stores, edited_texts=edited)
 
 
 # what both need
@@ -266,17 +237,17 @@ def _constant(estimates: Estimates, rows: Sequence[int]) -> int:
     return sum(bool((estimates.sd[row] != estimates.sd[row]).all()) for row in rows)
 
 
-def _newer(project: Project, stores: Stores, solution: Solution) -> Iterator[ProjectWarning]:
+def _changed_since(bundle: BundleState, solution: Solution) -> Iterator[ProjectWarning]:
     """Warn of control and measurements that are not those of the solution; records change with every update."""
+    project = bundle.project
     base = project.definition.control_files
     watched = [project.shown(project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
-    now = dict(ground_digests(project, solution.bundle))
-    path = project.observations(solution.bundle)
-    measured = observations.read(stores[path])
-    if measured is not None:
-        now[project.shown(path)] = digest_of_observations(measured)
+    now = dict(control_digests(project))
+    path = project.shown(project.observations(solution.bundle))
+    if bundle.is_measured:
+        now[path] = bundle.digest_of_observations
     before = dict(solution.inputs)
-    for name in [*watched, project.shown(path)]:
+    for name in [*watched, path]:
         if now.get(name) != before.get(name):
-            text = "has changed since the last adjustment, whose values are taken all the same"
+            text = "has changed since the last adjustment, whose values are used nevertheless"
             yield ProjectWarning("out-of-date", name, text)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from orip.errors import Complaint, InputError, ProjectWarning, UsageError
 from orip.files.control.forms import FORMS, REJECTED, UNKNOWN, ControlForm, ControlKind, Fields, with_words
@@ -15,11 +15,12 @@ from orip.files.stores.transaction import writing
 from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextLine
+from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.wording import listed_names
 from orip.workflow.control.names import unknown_name_warnings
 from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.texts import read_ground, read_ground_control
+from orip.workflow.project.texts import ProjectTexts
 from orip.workflow.records.measurements import is_written
 
 Weighting = Literal["disregard", "include", "reject"]
@@ -275,7 +276,8 @@ def _file(folder: Path, kind: ControlKind, bundle: str | None) -> _File:
 def _read(file: _File) -> ControlLines:
     """Return the lines of the file; one of the same name in other letters is not to be overlooked."""
     if not file.path.exists():
-        found = read_ground_control(file.project) if file.bundle is None else read_ground(file.project, file.bundle)
+        texts = ProjectTexts(file.project)
+        found: Parsed[Any] = texts.control if file.bundle is None else texts.control_input(file.bundle)
         same = [each for each in found.complaints if each.path.lower() == file.shown.lower()]
         if same:
             raise InputError(same)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatch
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -17,24 +16,22 @@ import numpy as np
 
 from orip.errors import ProjectWarning, UsageError
 from orip.files.log.text import read_measurements
-from orip.files.stores.transaction import reading
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.known_names import near_names
+from orip.interior.in_force import Interior
 from orip.interior.log_coordinates import stored_to_log
-from orip.interior.measured import Measured
 from orip.interior.pixels import scan_transformation
 from orip.interior.replay import replay
 from orip.multimodel.state import Position
-from orip.records.measurement import LogRecord, MeasuredMarks, PhotoRecord, TemplateRecord
-from orip.records.names import record_key
+from orip.records.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
+from orip.records.names import near_names, record_key
 from orip.records.photo import Photo, Scan, Stage, Template
 from orip.records.project import BundleDefinition
 from orip.records.stages import plan_stages
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.texts import EDITS_FILE, measurement_files, raise_complaints
+from orip.workflow.observations.measure import with_digitised
+from orip.workflow.project.folder import Project
+from orip.workflow.project.state import Part, ProjectState, read_project
+from orip.workflow.project.texts import is_measurement_file, raise_complaints
 
 Marked = TypeVar("Marked", TemplateRecord, PhotoRecord)
 Defined = TypeVar("Defined", Template, Photo)
@@ -43,32 +40,44 @@ _NO_MARKS = MeasuredMarks((), np.empty((0, 2)), np.empty(0, dtype=bool), np.empt
 
 
 @dataclass(frozen=True)
-class Films:
-    """Definitions, and what the texts leave measured of them.
+class MountedFilms:
+    """A project as its measurement texts leave it, with the log that is being written.
 
     Parameters
     ----------
-    project : Project
+    state : ProjectState
+        Its definitions have digitised marks, and what is measured comes from the texts instead of the stores.
     log : Path
         Where measurements are written to.
-    stored : StoredDefinitions
-    definitions : Definitions
-        With digitised marks.
     records : tuple of LogRecord
         Of all texts, in the order of replay.
-    measured : Measured
-    interior : Interior
     warnings : tuple of ProjectWarning
     """
 
-    project: Project
+    state: ProjectState
     log: Path
-    stored: StoredDefinitions
-    definitions: Definitions
     records: tuple[LogRecord, ...]
-    measured: Measured
-    interior: Interior
     warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def project(self) -> Project:
+        """Return the project."""
+        return self.state.project
+
+    @property
+    def definitions(self) -> Definitions:
+        """Return the records of the project by `record_key` of their names."""
+        return self.state.records
+
+    @property
+    def measured(self) -> Measured:
+        """Return what is measured."""
+        return self.state.measured
+
+    @property
+    def interior(self) -> Interior:
+        """Return the interior orientation."""
+        return self.state.interior
 
     @property
     def shown_log(self) -> str:
@@ -77,7 +86,7 @@ class Films:
 
     def bundle(self, name: str | None) -> BundleDefinition:
         """Return a bundle; None: the project's only one."""
-        return self.stored.bundle(self.project.bundle_name(name))
+        return self.state.definitions.bundle(self.project.bundle_name(name))
 
     def template(self, name: str) -> Template:
         """Return a template; raise UsageError, with names like it, if there is none."""
@@ -96,7 +105,7 @@ class Films:
             else template
             for key, template in self.definitions.templates.items()
         ]
-        models = [model for bundle in self.stored.bundles for model in bundle.record.models]
+        models = [model for bundle in self.state.definitions.bundles for model in bundle.record.models]
         return plan_stages(tuple(self.definitions.photos.values()), mounted, models).stages
 
     def stage_of(self, photo: str) -> Stage:
@@ -162,34 +171,33 @@ class Films:
         return None
 
 
-def films_at_hand(folder: Path, log: Path) -> Films:
+def mounted_films(folder: Path, log: Path, *parts: Part) -> MountedFilms:
     """Read a project, its measurement texts and the log, and replay them.
 
-    What keeps a replay from being complete, such as a template of which two tick marks are digitised yet, becomes a
-    warning: it may be what is digitised next.
+    What keeps a replay from being complete, such as a template of which only two tick marks are digitised yet, becomes
+    a warning: it may be what is digitised next.
 
     Parameters
     ----------
     folder : Path
     log : Path
         Where measurements will be written to, relative to the project folder; need not exist.
+    parts : Part
+        What to read of the stores besides the definitions.
 
     Raises
     ------
     InputError
         If the project is not initialised, or a text cannot be read.
     """
-    project = open_project(folder)
-    path = project.folder / log
-    with reading(project.record_stores) as stores:
-        stored = read_definitions(project, stores)
-    require_initialised(project, stored)
-    records = log_records(project, _files(project, path))
-    films = _replayed(project, path, stored, records)
-    return replace(films, warnings=(*_not_in_project(project, path), *films.warnings))
+    state = read_project(folder, "definitions", *parts)
+    state.require_initialised()
+    path = state.project.folder / log
+    films = _replayed(state, path, log_records(state.project, _files(state, path)))
+    return replace(films, warnings=(*_not_in_project(state.project, path), *films.warnings))
 
 
-def films_of(films: Films, files: Sequence[Path]) -> Films:
+def films_of(films: MountedFilms, files: Sequence[Path]) -> MountedFilms:
     """Return the same films as other measurement files leave them, relative ones in the project folder.
 
     Raises
@@ -198,24 +206,18 @@ def films_of(films: Films, files: Sequence[Path]) -> Films:
         If they cannot be read.
     """
     records = log_records(films.project, [films.project.folder / path for path in files])
-    return _replayed(films.project, films.log, films.stored, records)
+    return _replayed(films.state, films.log, records)
 
 
-def _replayed(project: Project, log: Path, stored: StoredDefinitions, records: tuple[LogRecord, ...]) -> Films:
-    by_name = stored.by_name()
-    replayed = replay(records, by_name, Measured())
-    measured = replayed.measured
-    definitions = replace(
-        by_name,
-        cameras={**by_name.cameras, **measured.cameras},
-        temticks={**by_name.temticks, **measured.temticks},
-    )
+def _replayed(state: ProjectState, log: Path, records: tuple[LogRecord, ...]) -> MountedFilms:
+    replayed = replay(records, state.records, Measured())
+    definitions = with_digitised(state.definitions, replayed.measured)
     unfinished = tuple(
-        ProjectWarning("not-complete", f"{each.path}:{each.line}" if each.line else each.path, each.message)
-        for each in replayed.complaints
+        ProjectWarning("not-complete", f"{fault.path}:{fault.line}" if fault.line else fault.path, fault.message)
+        for fault in replayed.complaints
     )
-    interior = interior_orientation(definitions, measured)
-    return Films(project, log, stored, definitions, records, measured, interior, unfinished)
+    mounted = state.with_stored(replace(state.stored, definitions=definitions, measured=replayed.measured))
+    return MountedFilms(mounted, log, records, unfinished)
 
 
 def log_records(project: Project, files: Sequence[Path]) -> tuple[LogRecord, ...]:
@@ -242,22 +244,21 @@ def position(transformation: PlaneTransformation, xy: Sequence[float] | np.ndarr
     return x, y
 
 
-def _files(project: Project, log: Path) -> list[Path]:
-    """Return the measurement files there are, the log among them."""
-    listed = list(measurement_files(project).records)
-    if log.exists() and log.resolve() not in {each.resolve() for each in listed}:
+def _files(state: ProjectState, log: Path) -> list[Path]:
+    """Return the measurement files that exist, with the log."""
+    listed = list(state.texts.measurement_files.records)
+    if log.exists() and log.resolve() not in {path.resolve() for path in listed}:
         listed.append(log)
     return listed
 
 
 def _not_in_project(project: Project, log: Path) -> Iterator[ProjectWarning]:
-    shown = project.shown(log)
-    if shown != EDITS_FILE and not any(fnmatch(shown, each) for each in project.definition.measurement_files):
+    if not is_measurement_file(project, log):
         text = (
             "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it; add it to "
             "measurement_files in orip.toml"
         )
-        yield ProjectWarning("not-in-project", shown, text)
+        yield ProjectWarning("not-in-project", project.shown(log), text)
 
 
 def _on_plate(marks: MeasuredMarks, scan: Scan | None) -> MeasuredMarks:

@@ -14,19 +14,18 @@ import numpy as np
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.control.forms import ControlKind
 from orip.files.log.work_list import read_work_list
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
 from orip.multimodel.table import object_ground
 from orip.records.drive_table import Triple
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.project import StereoModel
 from orip.workflow.control.edits import ControlTable, add_control, list_control
-from orip.workflow.digitise.films import Films, films_at_hand
-from orip.workflow.digitise.means import Means
+from orip.workflow.digitise.films import MountedFilms, mounted_films
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import Ending, Entry, Outcome, Session
+from orip.workflow.digitise.setup import DigitisingSetup
 from orip.workflow.digitise.wanted import model_named
+from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import Project
 from orip.workflow.project.texts import EDITS_FILE, raise_complaints
 
@@ -79,7 +78,7 @@ class GroundDigitised:
     warnings: tuple[ProjectWarning, ...]
 
 
-def digitise_ground(folder: Path, means: Means, bundle: str | None, choice: GroundChoice) -> GroundDigitised:
+def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, choice: GroundChoice) -> GroundDigitised:
     """Take ground coordinates from a model of the last adjustment; each is in its file before the next is asked for.
 
     Raises
@@ -89,16 +88,16 @@ def digitise_ground(folder: Path, means: Means, bundle: str | None, choice: Grou
     if choice.target == "PNT" and choice.error is None:
         message = "a control point needs an a-priori error; say --error 0.05 (0: constant, negative: check point)"
         raise UsageError(message)
-    films = films_at_hand(folder, Path(EDITS_FILE))
+    films = mounted_films(folder, Path(EDITS_FILE), "solutions")
     definition = films.bundle(bundle)
-    ground = _ground(films, definition.name)
+    ground = _ground(BundleState(films.state, definition.name))
     model = model_named(definition, choice.model)
     kind: ControlKind
     kind, of_bundle = ("points", None) if choice.target == "PNT" else ("preliminary", definition.name)
     table = list_control(folder, kind, of_bundle)
     names, file = _names(films, choice, table), table.shown
     points: list[GroundPoint] = []
-    with means.session(films, f"all of it is in {file}; go on with the points that are left") as session:
+    with setup.session(films, f"all of it is in {file}; go on with the points that are left") as session:
         session.link.change_model(model.name)
         session.link.guide("OBJECT")
         for name in names:
@@ -113,7 +112,9 @@ def digitise_ground(folder: Path, means: Means, bundle: str | None, choice: Grou
     return GroundDigitised(file, tuple(points), session.ending, (*ground.warnings, *session.warnings))
 
 
-def _take(session: Session, films: Films, model: StereoModel, name: str, ground: GroundSystem) -> GroundPoint | None:
+def _take(
+    session: Session, films: MountedFilms, model: StereoModel, name: str, ground: GroundSystem
+) -> GroundPoint | None:
     """Let the operator set the mark on a point; None where he ends."""
     session.tell(f"at ground point {name} in model {model.name}")
     sought = tuple(
@@ -129,13 +130,14 @@ def _take(session: Session, films: Films, model: StereoModel, name: str, ground:
     return GroundPoint(name, decision.outcome, (x, y, z), found.y_parallax)
 
 
-def _ground(films: Films, bundle: str) -> GroundSystem:
-    with reading([films.project.exterior]) as stores:
-        solution = solutions.read(stores[films.project.exterior], bundle)
+def _ground(bundle: BundleState) -> GroundSystem:
+    solution = bundle.solution
     if solution is None:
-        message = f"bundle {bundle} has not been adjusted yet: its models give no ground coordinates; run 'orip solve'"
+        message = (
+            f"bundle {bundle.name} has not been adjusted yet: its models give no ground coordinates; run 'orip solve'"
+        )
         raise InputError.single(message)
-    return object_ground(films.project.definition.crs, solution.ground_unit, solution)
+    return object_ground(bundle.project.definition.crs, solution.ground_unit, solution)
 
 
 def _words(xyz: Triple, error: float | None) -> list[str]:
@@ -143,7 +145,7 @@ def _words(xyz: Triple, error: float | None) -> list[str]:
     return words if error is None else [*words, *(f"a{axis}={error:g}" for axis in "XYZ")]
 
 
-def _names(films: Films, choice: GroundChoice, table: ControlTable) -> Iterable[str]:
+def _names(films: MountedFilms, choice: GroundChoice, table: ControlTable) -> Iterable[str]:
     """Return the names to ask for: those that were given, or a series that leaves out what is there."""
     there = {fields[0] for _, fields, _ in table.rows}
     given = [*choice.names, *(_listed(films.project, choice.file) if choice.file is not None else ())]

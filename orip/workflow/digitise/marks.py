@@ -27,10 +27,10 @@ from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template
-from orip.workflow.digitise.films import Films, films_at_hand, plate_of_log, position
-from orip.workflow.digitise.means import Digitised, Means
+from orip.workflow.digitise.films import MountedFilms, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import Entry, Outcome, Place, Session
+from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class _Sheet:
 def digitise_template(
     folder: Path,
     log: Path,
-    means: Means,
+    setup: DigitisingSetup,
     template: str,
     *,
     kind: TransformationKind | None = None,
@@ -79,7 +79,7 @@ def digitise_template(
     folder : Path
     log : Path
         Measurement text that is written to, relative to the project folder.
-    means : Means
+    setup : DigitisingSetup
     template : str
     kind : {"A", "C", "W"} or None
         None: as it was oriented before, else affine.
@@ -92,15 +92,15 @@ def digitise_template(
     ------
     UsageError, InputError, LinkError
     """
-    films = films_at_hand(folder, log)
+    films = mounted_films(folder, log)
     sheet = _template_sheet(films, films.template(template), kind, stage, again=again)
-    return _digitise(films, means, [sheet])
+    return _digitise(films, setup, [sheet])
 
 
 def digitise_photos(
     folder: Path,
     log: Path,
-    means: Means,
+    setup: DigitisingSetup,
     photos: Sequence[str],
     *,
     template: str | None = None,
@@ -122,7 +122,7 @@ def digitise_photos(
     ------
     UsageError, InputError, LinkError
     """
-    films = films_at_hand(folder, log)
+    films = mounted_films(folder, log)
     if bool(photos) == (template is not None):
         message = "name photos, or a template with --template whose photos are meant"
         raise UsageError(message)
@@ -133,10 +133,10 @@ def digitise_photos(
             message = f"photo {start} is not among those to digitise: {', '.join(each.name for each in chosen)}"
             raise UsageError(message)
         chosen = chosen[names.index(record_key(start)) :]
-    return _digitise(films, means, [_photo_sheet(films, each, kind, again=again) for each in chosen])
+    return _digitise(films, setup, [_photo_sheet(films, each, kind, again=again) for each in chosen])
 
 
-def _on_template(films: Films, template: str) -> list[Photo]:
+def _on_template(films: MountedFilms, template: str) -> list[Photo]:
     key = record_key(films.template(template).name)
     found = [each for each in films.definitions.photos.values() if record_key(each.template or "") == key]
     if not found:
@@ -146,7 +146,7 @@ def _on_template(films: Films, template: str) -> list[Photo]:
 
 
 def _template_sheet(
-    films: Films, template: Template, kind: TransformationKind | None, stage: Stage | None, *, again: bool
+    films: MountedFilms, template: Template, kind: TransformationKind | None, stage: Stage | None, *, again: bool
 ) -> _Sheet:
     known = films.measured.templates.get(record_key(template.name))
     before = films.ticks_on_plate(template)
@@ -168,7 +168,7 @@ def _template_sheet(
     )  # fmt: skip
 
 
-def _stage_of_template(films: Films, template: Template) -> Stage:
+def _stage_of_template(films: MountedFilms, template: Template) -> Stage:
     known = films.measured.templates.get(record_key(template.name))
     on_it = (films.stages.get(record_key(photo.name)) for photo in films.definitions.photos.values()
              if record_key(photo.template or "") == record_key(template.name))  # fmt: skip
@@ -179,7 +179,7 @@ def _stage_of_template(films: Films, template: Template) -> Stage:
     return stage
 
 
-def _photo_sheet(films: Films, photo: Photo, kind: TransformationKind | None, *, again: bool) -> _Sheet:
+def _photo_sheet(films: MountedFilms, photo: Photo, kind: TransformationKind | None, *, again: bool) -> _Sheet:
     camera = films.definitions.camera_of(photo)
     if not camera.fiducials:
         message = f"photo {photo.name} has no fiducial marks: its camera {camera.name} has none"
@@ -225,16 +225,16 @@ def _names(marks: Iterable[Mark]) -> frozenset[str]:
     return frozenset(mark.name for mark in marks)
 
 
-def _digitise(films: Films, means: Means, sheets: Sequence[_Sheet]) -> Digitised:
+def _digitise(films: MountedFilms, setup: DigitisingSetup, sheets: Sequence[_Sheet]) -> Digitised:
     going_on = f"all of it is in {films.shown_log}; repeat the command, photos of a template with --from PHOTO"
     orientations: list[MarkAdjustment] = []
-    with means.session(films, going_on) as session:
+    with setup.session(films, going_on) as session:
         for number, sheet in enumerate(sheets, start=1):
             session.tell(f"{sheet.title} on the {sheet.stage} stage ({number} of {len(sheets)})")
             orientations += _digitise_sheet(session, sheet)
             if session.ending != "complete":
                 break
-    return means.outcome(films, session, orientations)
+    return setup.outcome(films, session, orientations)
 
 
 class _Digitising:

@@ -19,7 +19,7 @@ from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import DriveCode
 from orip.records.photo import Stage
-from orip.workflow.digitise.films import Films
+from orip.workflow.digitise.films import MountedFilms
 
 PAUSE_S = 0.05
 """Between two questions for an event: shorter than a foot feels."""
@@ -204,7 +204,7 @@ def script_requests(lines: Sequence[str], shown: str) -> Parsed[list[str]]:
     return Parsed(requests, tuple(complaints))
 
 
-def places_of(films: Films) -> dict[tuple[str, str, str], Position]:
+def places_of(films: MountedFilms) -> dict[tuple[str, str, str], Position]:
     """Return by (what, owner, name) where everything that is measured is on its plate now."""
     places: dict[tuple[str, str, str], Position] = {}
     for key, template in films.definitions.templates.items():

@@ -13,11 +13,11 @@ from orip.multimodel.digitising import Step, Turn, from_point
 from orip.multimodel.state import Position, Side
 from orip.records.drive_table import DriveCode
 from orip.records.photo import Stage
-from orip.workflow.digitise.films import films_at_hand
-from orip.workflow.digitise.means import Digitised, Means
+from orip.workflow.digitise.films import mounted_films
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import Decision, Entry, Place, Session
-from orip.workflow.digitise.wanted import PointChoice, PointsAtHand, points_at_hand, wanted_points
+from orip.workflow.digitise.setup import Digitised, DigitisingSetup
+from orip.workflow.digitise.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
 
 Viewing = Literal["mono", "stereo"]
 
@@ -25,7 +25,7 @@ Viewing = Literal["mono", "stereo"]
 def digitise_points(
     folder: Path,
     log: Path,
-    means: Means,
+    setup: DigitisingSetup,
     bundle: str | None,
     choice: PointChoice,
     *,
@@ -42,7 +42,7 @@ def digitise_points(
     folder : Path
     log : Path
         Measurement text that is written to, relative to the project folder.
-    means : Means
+    setup : DigitisingSetup
     bundle : str or None
         None: the project's only one.
     choice : PointChoice
@@ -55,36 +55,36 @@ def digitise_points(
     ------
     UsageError, InputError, LinkError
     """
-    films = films_at_hand(folder, log)
-    at_hand = points_at_hand(films, bundle)
-    wanted = wanted_points(at_hand, choice)
+    films = mounted_films(folder, log, "solutions")
+    points = bundle_points(films, bundle)
+    wanted = wanted_points(points, choice)
     for photo in {photo for photos in wanted.values() for photo in photos}:
-        films.stage_of(at_hand.films.definitions.photos[photo].name)
-    viewing = viewing or ("stereo" if at_hand.block.models else "mono")
-    turns = _turns(at_hand, wanted, viewing, again=choice.again)
+        films.stage_of(points.films.definitions.photos[photo].name)
+    viewing = viewing or ("stereo" if points.block.models else "mono")
+    turns = _turns(points, wanted, viewing, again=choice.again)
     if start is not None:
         turns = _from(turns, start)
     repeat = "repeat the command, with --from POINT" if choice.again or choice.file else "repeat the command"
-    with means.session(films, f"all of it is in {films.shown_log}; {repeat}") as session:
-        digitising = _Digitising(session, at_hand, viewing, again=choice.again)
+    with setup.session(films, f"all of it is in {films.shown_log}; {repeat}") as session:
+        digitising = _Digitising(session, points, viewing, again=choice.again)
         if not turns:
-            session.warnings.append(_nothing_to_digitise(at_hand))
+            session.warnings.append(_nothing_to_digitise(points))
         for turn in turns:
             digitising.take(turn)
             if session.ending != "complete":
                 break
-    return means.outcome(films, session)
+    return setup.outcome(films, session)
 
 
-def _turns(at_hand: PointsAtHand, wanted: dict[str, list[str]], viewing: Viewing, *, again: bool) -> list[Turn]:
-    block = at_hand.block
+def _turns(points: BundlePoints, wanted: dict[str, list[str]], viewing: Viewing, *, again: bool) -> list[Turn]:
+    block = points.block
     if again:
         return list(block.turns_by_point(wanted))
     if viewing == "mono":
         return list(block.turns_by_photo(wanted))
     elsewhere = {
         point: [photo for photo in photos if photo not in wanted.get(point, ())]
-        for point, photos in at_hand.measured_photos.items()
+        for point, photos in points.measured_photos.items()
     }
     return list(block.turns_by_model(wanted, elsewhere))
 
@@ -97,20 +97,20 @@ def _from(turns: Sequence[Turn], start: str) -> list[Turn]:
     return list(rest)
 
 
-def _nothing_to_digitise(at_hand: PointsAtHand) -> ProjectWarning:
+def _nothing_to_digitise(points: BundlePoints) -> ProjectWarning:
     text = (
         "nothing to digitise: what these photos should show by the last adjustment is measured in them; name other "
         "points with --point or --list, or measure again with --again"
     )
-    return ProjectWarning("nothing-to-digitise", f"bundle {at_hand.bundle.name}", text)
+    return ProjectWarning("nothing-to-digitise", f"bundle {points.bundle.name}", text)
 
 
 class _Digitising:
     """The points of a session: what was measured before or is by now, and the blocks of the chapter in hand."""
 
-    def __init__(self, session: Session, at_hand: PointsAtHand, viewing: Viewing, *, again: bool) -> None:
-        self._session, self._at_hand, self._viewing, self._again = session, at_hand, viewing, again
-        self._measured = dict(at_hand.measured)
+    def __init__(self, session: Session, points: BundlePoints, viewing: Viewing, *, again: bool) -> None:
+        self._session, self._points, self._viewing, self._again = session, points, viewing, again
+        self._measured = dict(points.measured)
         self._blocks: dict[str, dict[str, str]] = {}
         self._chapter: str | None = None
         self._shown: dict[Stage, str] = {}
@@ -131,14 +131,14 @@ class _Digitising:
 
     def _stereo(self, turn: Turn) -> Step:
         measured = [photo for photo, point in self._measured if point == turn.point and photo not in turn.photos]
-        return self._at_hand.block.next_step(turn, measured)
+        return self._points.block.next_step(turn, measured)
 
     def _begin_chapter(self, model: str | None, step: Step) -> None:
         """Begin a chapter of the log with each model, or photo where models have no part."""
         if self._again:
             title = "orip digitise points --again"
         elif self._viewing == "mono":
-            title = f"orip digitise points, photo {self._at_hand.photos[step.photos[0]]}"
+            title = f"orip digitise points, photo {self._points.photos[step.photos[0]]}"
         else:
             title = "orip digitise points" + (f", model {model}" if model else "")
         if title != self._chapter:
@@ -146,7 +146,7 @@ class _Digitising:
             self._chapter, self._blocks = title, {}
 
     def _digitise(self, point: str, step: Step) -> None:
-        session, stages = self._session, self._at_hand.block.stages
+        session, stages = self._session, self._points.block.stages
         session.link.lock(None)
         self._change_model(step.model)
         if step.partner is not None:
@@ -155,7 +155,7 @@ class _Digitising:
         places = {photo: self._drive(photo, point) for photo in step.photos}
         self._prepare(step)
         against = f", against {step.partner}" if step.partner else ""
-        shown = " and ".join(f"{self._at_hand.photos[photo]} ({place.known})" for photo, place in places.items())
+        shown = " and ".join(f"{self._points.photos[photo]} ({place.known})" for photo, place in places.items())
         session.tell(f"at point {point} in {shown}{against}")
         sought = tuple(Sought("POINT", photo, point, stages[photo]) for photo in step.photos)
         decision = self._decision(sought, step)
@@ -165,7 +165,7 @@ class _Digitising:
 
     def _drive(self, photo: str, point: str) -> Place:
         """Drive to where a point may be; where nothing tells, to the middle of its photo unless that is shown."""
-        stage, place = self._at_hand.block.stages[photo], self._at_hand.place(photo, point, again=self._again)
+        stage, place = self._points.block.stages[photo], self._points.place(photo, point, again=self._again)
         if place.known == "middle" and self._shown.get(stage) == photo:
             place = Place("nowhere", None)
         self._shown[stage] = photo
@@ -183,16 +183,16 @@ class _Digitising:
 
     def _prepare(self, step: Step) -> None:
         """Guide the stages that are free, and lock that of the partner."""
-        stages = self._at_hand.block.stages
+        stages = self._points.block.stages
         self._session.link.guide(stages[step.photos[0]] if len(step.photos) == 1 else "BOTH")
         if step.partner is not None:
             self._session.link.lock(self._side(stages[step.partner]))
 
     def _side(self, stage: Stage) -> Side:
         """Return the side of the active model on which a stage is seen; without one it is as the eyepieces are."""
-        for each in self._at_hand.block.models:
+        for each in self._points.block.models:
             if each.model == self._active:
-                return "LEFT" if self._at_hand.block.stages.get(each.left) == stage else "RIGHT"
+                return "LEFT" if self._points.block.stages.get(each.left) == stage else "RIGHT"
         return "LEFT" if stage == "UPPER" else "RIGHT"
 
     def _decision(self, sought: tuple[Sought, ...], step: Step) -> Decision:
@@ -202,24 +202,24 @@ class _Digitising:
         link = self._session.link
 
         def left_switch() -> None:
-            side: Side = self._side(self._at_hand.block.stages[step.partner]) if step.partner else "LEFT"
+            side: Side = self._side(self._points.block.stages[step.partner]) if step.partner else "LEFT"
             link.lock(None if link.status().lock else side)
 
         return self._session.decision(Visit(sought, "KEY ENTER"), left_switch=left_switch)
 
     def _enter(self, photo: str, point: str, place: Place, decision: Decision) -> None:
         """Put what was decided into the log and the account."""
-        session, name, outcome = self._session, self._at_hand.photos[photo], decision.outcome or "kept"
+        session, name, outcome = self._session, self._points.photos[photo], decision.outcome or "kept"
         logged: Position | None = None
-        xy = decision.at(self._at_hand.block.stages[photo])
+        xy = decision.at(self._points.block.stages[photo])
         if xy is not None:
             self._measured[photo, point] = xy
-            logged = self._at_hand.to_log(photo, xy)
-            header = points_header(self._at_hand.bundle.name, name)
+            logged = self._points.to_log(photo, xy)
+            header = points_header(self._points.bundle.name, name)
             block = self._blocks.setdefault(header, {})
             block[point] = measurement_line(point, logged)
             session.log.put(header, block.values())
         elif outcome == "skipped" and self._measured.pop((photo, point), None) is not None:
-            session.log.edit(kill_line(self._at_hand.bundle.name, name, point))
+            session.log.edit(kill_line(self._points.bundle.name, name, point))
             self._blocks = {}
         session.enter(Entry("point", name, point, outcome, place.known, place.xy, logged))

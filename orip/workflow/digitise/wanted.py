@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.log.work_list import ListedPoint, read_work_list
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
 from orip.files.text.natural_order import natural_key
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.known_names import near_names
 from orip.multimodel.digitising import DigitisedBlock, PhotoPair
 from orip.multimodel.state import Position
-from orip.records.measurement import no_observations
-from orip.records.names import name_fault, record_key
+from orip.records.names import name_fault, near_names, record_key
 from orip.records.project import BundleDefinition, StereoModel
-from orip.workflow.digitise.films import Films, plate_of_log, position
+from orip.workflow.digitise.films import MountedFilms, plate_of_log, position
 from orip.workflow.digitise.session import Place
-from orip.workflow.observations.at_hand import BundleAtHand
 from orip.workflow.observations.places import Places
+from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 
 
@@ -53,14 +49,14 @@ class PointChoice:
 
 
 @dataclass(frozen=True)
-class PointsAtHand:
+class BundlePoints:
     """The points of a bundle: where they are measured on the plates, and where they should be; photos by key."""
 
-    films: Films
+    films: MountedFilms
     bundle: BundleDefinition
     measured: dict[tuple[str, str], Position]
     places: Places
-    photos: dict[str, str]
+    photos: Mapping[str, str]
 
     @cached_property
     def measured_photos(self) -> dict[str, list[str]]:
@@ -108,7 +104,7 @@ class PointsAtHand:
         return plate_of_log(self.films.scan_of(self.films.definitions.photos[photo]))
 
 
-def points_at_hand(films: Films, name: str | None) -> PointsAtHand:
+def bundle_points(films: MountedFilms, name: str | None) -> BundlePoints:
     """Return what is known of the points of a bundle (None: the project's only one).
 
     Raises
@@ -118,16 +114,12 @@ def points_at_hand(films: Films, name: str | None) -> PointsAtHand:
     InputError
         If the ground control or preliminary points are at fault.
     """
-    bundle = films.bundle(name)
-    with reading([films.project.exterior]) as stores:
-        solution = solutions.read(stores[films.project.exterior], bundle.name)
-    observations = films.measured.observations.get(record_key(bundle.name), no_observations(bundle.name))
-    at_hand = BundleAtHand(films.project, bundle, films.definitions, observations, films.interior, solution)
-    photos = at_hand.photos or {key: photo.name for key, photo in films.definitions.photos.items()}
-    return PointsAtHand(films, bundle, films.points_on_plate(bundle.name), Places(at_hand), photos)
+    bundle = BundleState(films.state, films.project.bundle_name(name))
+    photos = bundle.photos or {key: photo.name for key, photo in films.definitions.photos.items()}
+    return BundlePoints(films, bundle.definition, films.points_on_plate(bundle.name), Places(bundle), photos)
 
 
-def wanted_points(at_hand: PointsAtHand, choice: PointChoice) -> dict[str, list[str]]:
+def wanted_points(points: BundlePoints, choice: PointChoice) -> dict[str, list[str]]:
     """Return the photos in which each point is to be digitised, points in their order.
 
     Raises
@@ -137,13 +129,13 @@ def wanted_points(at_hand: PointsAtHand, choice: PointChoice) -> dict[str, list[
     InputError
         If the list is at fault.
     """
-    photos = _photos(at_hand, choice)
-    listed = _listed(at_hand, choice)
+    photos = _photos(points, choice)
+    listed = _listed(points, choice)
     named = [ListedPoint(point, None, None, 0) for point in choice.points]
     if not listed and not named:
         if choice.file is not None:
             return {}
-        return _all(at_hand, photos, again=choice.again)
+        return _all(points, photos, again=choice.again)
     wanted: dict[str, list[str]] = {}
     unknown: list[str] = []
     measured: list[str] = []
@@ -151,23 +143,23 @@ def wanted_points(at_hand: PointsAtHand, choice: PointChoice) -> dict[str, list[
         if each.photo is not None:
             found = [photo for photo in photos if photo == record_key(each.photo)]
         else:
-            found = list(_photos_of(at_hand, choice, photos, each.point))
+            found = list(_photos_of(points, choice, photos, each.point))
             if not found:
-                is_done = each.point in at_hand.measured_photos and not choice.again
+                is_done = each.point in points.measured_photos and not choice.again
                 (measured if is_done else unknown).append(each.point)
         of_point = wanted.setdefault(each.point, [])
         of_point += [photo for photo in found if photo not in of_point]
-    _refuse(at_hand, unknown, measured, again=choice.again)
+    _refuse(points, unknown, measured, again=choice.again)
     return {point: of_point for point, of_point in wanted.items() if of_point}
 
 
-def _photos(at_hand: PointsAtHand, choice: PointChoice) -> list[str]:
+def _photos(points: BundlePoints, choice: PointChoice) -> list[str]:
     """Return the photos that may be meant."""
-    photos = list(at_hand.photos)
+    photos = list(points.photos)
     if choice.photos:
-        photos = [record_key(at_hand.films.photo(name).name) for name in choice.photos]
+        photos = [record_key(points.films.photo(name).name) for name in choice.photos]
     if choice.model is not None:
-        model = model_named(at_hand.bundle, choice.model)
+        model = model_named(points.bundle, choice.model)
         photos = [photo for photo in photos if photo in (record_key(model.left), record_key(model.right))]
         if not photos:
             message = f"model {model.name} is made of {model.left} and {model.right}; name these with --photo, or none"
@@ -184,46 +176,46 @@ def model_named(bundle: BundleDefinition, name: str) -> StereoModel:
     raise UsageError(message)
 
 
-def _listed(at_hand: PointsAtHand, choice: PointChoice) -> list[ListedPoint]:
+def _listed(points: BundlePoints, choice: PointChoice) -> list[ListedPoint]:
     """Return the points of the list, those of other bundles left out."""
     if choice.file is None:
         return []
-    path = at_hand.films.project.folder / choice.file
-    shown = at_hand.films.project.shown(path)
+    path = points.films.project.folder / choice.file
+    shown = points.films.project.shown(path)
     found = read_work_list(path, shown)
     faults = [*found.complaints]
     mine = [
         each
         for each in found.records
-        if record_key(each.bundle or at_hand.bundle.name) == record_key(at_hand.bundle.name)
+        if record_key(each.bundle or points.bundle.name) == record_key(points.bundle.name)
     ]
     for each in {record_key(each.photo): each for each in mine if each.photo is not None}.values():
-        if record_key(each.photo or "") not in at_hand.films.definitions.photos:
-            known = (photo.name for photo in at_hand.films.definitions.photos.values())
+        if record_key(each.photo or "") not in points.films.definitions.photos:
+            known = (photo.name for photo in points.films.definitions.photos.values())
             message = f"photo {each.photo} is not defined; {near_names(each.photo or '', known)}"
             faults.append(Complaint(message, shown, each.line))
     raise_complaints(faults)
     return mine
 
 
-def _all(at_hand: PointsAtHand, photos: Sequence[str], *, again: bool) -> dict[str, list[str]]:
+def _all(points: BundlePoints, photos: Sequence[str], *, again: bool) -> dict[str, list[str]]:
     if again:
-        pairs = [pair for pair in at_hand.measured if pair[0] in photos]
+        pairs = [pair for pair in points.measured if pair[0] in photos]
     else:
         pairs = [
             (photo, point)
             for photo in photos
-            for point in at_hand.places.predicted(photo)
-            if (photo, point) not in at_hand.measured and at_hand.predicted(photo, point) is not None
+            for point in points.places.predicted(photo)
+            if (photo, point) not in points.measured and points.predicted(photo, point) is not None
         ]
-    points = sorted({point for _, point in pairs}, key=lambda point: (natural_key(point), point))
-    of_point: dict[str, list[str]] = {point: [] for point in points}
+    names = sorted({point for _, point in pairs}, key=lambda point: (natural_key(point), point))
+    of_point: dict[str, list[str]] = {point: [] for point in names}
     for photo, point in pairs:
         of_point[point].append(photo)
     return of_point
 
 
-def _photos_of(at_hand: PointsAtHand, choice: PointChoice, photos: Iterable[str], point: str) -> Iterator[str]:
+def _photos_of(points: BundlePoints, choice: PointChoice, photos: Iterable[str], point: str) -> Iterator[str]:
     """Yield the photos in which a point that was named is to be digitised.
 
     Photos that were named, or a model, are taken as they are; else it is those that should show the point.
@@ -231,13 +223,13 @@ def _photos_of(at_hand: PointsAtHand, choice: PointChoice, photos: Iterable[str]
     is_named = bool(choice.photos) or choice.model is not None
     for photo in photos:
         if choice.again:
-            if (photo, point) in at_hand.measured:
+            if (photo, point) in points.measured:
                 yield photo
-        elif (photo, point) not in at_hand.measured and (is_named or point in at_hand.places.predicted(photo)):
+        elif (photo, point) not in points.measured and (is_named or point in points.places.predicted(photo)):
             yield photo
 
 
-def _refuse(at_hand: PointsAtHand, unknown: Sequence[str], measured: Sequence[str], *, again: bool) -> None:
+def _refuse(points: BundlePoints, unknown: Sequence[str], measured: Sequence[str], *, again: bool) -> None:
     """Raise InputError for points that nothing can be done about, all of them."""
     complaints = [
         Complaint(f"point {point} is measured in all photos that are meant; --again measures it again")
@@ -248,7 +240,7 @@ def _refuse(at_hand: PointsAtHand, unknown: Sequence[str], measured: Sequence[st
         if fault is not None:
             complaints.append(Complaint(f"point {point}: {fault}"))
         elif again:
-            near = near_names(point, at_hand.measured_photos)
+            near = near_names(point, points.measured_photos)
             complaints.append(Complaint(f"point {point} is not measured in any photo that is meant; {near}"))
         else:
             text = f"nothing tells where point {point} is; name the photos with --photo, or a model with --model"

@@ -17,8 +17,6 @@ import numpy as np
 
 from orip.errors import LinkError, UsageError
 from orip.files.drive.table_text import read_drive_table
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link, open_link
 from orip.link.reply_values import ProfilePoint
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
@@ -28,8 +26,11 @@ from orip.records.drive_table import DriveCode, Triple
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.names import record_key
 from orip.records.solution import Solution
-from orip.workflow.drive.table import DriveTableOutcome, write_drive_table
+from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
+from orip.workflow.project.bundle_state import read_bundle
+from orip.workflow.project.commit import commit
 from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+from orip.workflow.project.state import read_state
 
 _NEAR = 10.0
 """Ground units; origins of object systems lie 100 apart or more, adjusted photos do not move as far."""
@@ -102,11 +103,11 @@ def download(folder: Path, bundle: str | None, url: str) -> Downloaded:
     Raises
     ------
     InputError
-        If there is no table to be made; see `write_drive_table`.
+        If no table can be made; see `orip.workflow.drive.table.make_drive_table`.
     LinkError
         If the plate processor is missing or busy, or refuses the table.
     """
-    outcome = write_drive_table(folder, bundle)
+    outcome = commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM))).outcome
     with open_link(url) as link:
         link.download(outcome.path.read_bytes())
         return Downloaded(outcome, link.digest())
@@ -127,7 +128,7 @@ def observing(folder: Path, bundle: str | None, url: str) -> Iterator[DrivenProj
 
 
 def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -> GroundSystem:
-    """Return the system of the project's drive table; outside a project coordinates are taken as they are."""
+    """Return the system of the project's drive table; outside a project coordinates are used as they are."""
     if not (folder / PROJECT_FILE).exists():
         return PLAIN
     project = open_project(folder)
@@ -135,8 +136,7 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
     if crs is None or link.greeting.state == "EMPTY":
         return PLAIN
     name = project.bundle_name(bundle)
-    with reading([project.exterior]) as stores:
-        solution = solutions.read(stores[project.exterior], name)
+    solution = read_state(project, {"solutions"}, [name]).solution(name)
     if solution is not None:
         ground = object_ground(crs, solution.ground_unit, solution)
         if _is_loaded(project, name, link) and _is_in_system(project, name, solution, ground):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,32 +11,30 @@ import numpy as np
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.drive.table_text import drive_table_text, read_drive_table
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
-from orip.files.text.atomic import replace_text, reporting_failure
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground
 from orip.multimodel.table_checks import drivable_name_fault, table_faults
 from orip.records.drive_table import DriveFault, DriveTable
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Stage
-from orip.records.project import BundleDefinition, StereoModel
-from orip.records.solution import Solution
+from orip.records.project import StereoModel
 from orip.records.stages import plan_stages
-from orip.workflow.adjust.bundle_input import stored_digests
-from orip.workflow.project.definitions import read_definitions, require_initialised
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.measurements import read_measured
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.commit import Change
+from orip.workflow.project.folder import Project
+from orip.workflow.project.state import Part
+from orip.workflow.project.step import Step
+from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import raise_complaints
+
+DRIVEN_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "solutions")
+"""What a drive table needs of the stores."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriveTableOutcome:
-    """A table that was written: its file, whether that has changed, and what is doubtful or left out."""
+    """A drive table: its file, whether that changes, and what is doubtful or left out."""
 
     project: Project
     table: DriveTable
@@ -44,26 +43,15 @@ class DriveTableOutcome:
     warnings: tuple[ProjectWarning, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Stored:
-    """What a table takes from the stores."""
+def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:
+    """Make BUNDLE.DRV with the values of the last adjustment and the interior orientation in force.
 
-    definitions: Definitions
-    bundle: BundleDefinition
-    measured: Measured
-    interior: Interior
-    solution: Solution
-    is_stale: bool
-
-
-def write_drive_table(folder: Path, bundle: str | None) -> DriveTableOutcome:
-    """Write BUNDLE.DRV with the values of the last adjustment and the interior orientation in force.
+    A file that holds this table already is not written again.
 
     Parameters
     ----------
-    folder : Path
-    bundle : str or None
-        None: the project's only one.
+    bundle : BundleState
+        With `DRIVEN_FROM`.
 
     Raises
     ------
@@ -71,51 +59,61 @@ def write_drive_table(folder: Path, bundle: str | None) -> DriveTableOutcome:
         If the bundle has not been adjusted or has no models that can be driven, or two photos of a model are on one
         stage.
     """
-    project = open_project(folder)
-    return write_bundle_drive_table(project, project.bundle_name(bundle))
+    table, warnings = _current_table(bundle)
+    path, text = bundle.project.beside_photos(bundle.name, "DRV"), drive_table_text(table)
+    changed = not _holds(path, text)
+    outputs = (TextOutput(path, lambda: [text], "remove the cause and try again"),) if changed else ()
+    return Change(bundle.state, DriveTableOutcome(bundle.project, table, path, changed, warnings), outputs=outputs)
 
 
-def write_bundle_drive_table(project: Project, name: str) -> DriveTableOutcome:
-    """Do what `write_drive_table` does for a bundle of a project that is open."""
-    table, warnings = _current_table(project, name)
-    path = project.beside_photos(name, "DRV")
-    return DriveTableOutcome(project, table, path, _write(project, path, table), warnings)
+def drive_step(bundle: BundleState) -> Step | None:
+    """Return whether the drive table has to be made; None where there is nothing to drive.
 
-
-def is_drive_table_current(project: Project, name: str) -> bool:
-    """Tell whether BUNDLE.DRV is what `write_drive_table` would write now.
-
-    Raises
-    ------
-    InputError
-        If it would write none.
+    Parameters
+    ----------
+    bundle : BundleState
+        With `DRIVEN_FROM`.
     """
-    path = project.beside_photos(name, "DRV")
-    table, _ = _current_table(project, name)
-    return path.is_file() and path.read_bytes() == drive_table_text(table).encode("ascii")
+    project = bundle.project
+    command = "orip drive table" if len(project.definition.bundles) == 1 else f"orip drive table {bundle.name}"
+    path = project.beside_photos(bundle.name, "DRV")
+    try:
+        table, _ = _current_table(bundle)
+    except InputError:
+        return None
+    shown = project.shown(path)
+    if _holds(path, drive_table_text(table)):
+        return Step(command, "up to date", f"{shown} holds the last adjustment")
+    return Step(command, "out of date", f"{shown} is missing, or older than the last adjustment or mounting")
 
 
-def _current_table(project: Project, name: str) -> tuple[DriveTable, tuple[ProjectWarning, ...]]:
-    stored = _read_stored(project, name)
-    to_photo = _plate_to_photo(stored)
-    models, warnings = _drivable_models(stored, to_photo)
+def _holds(path: Path, text: str) -> bool:
+    with suppress(OSError):
+        return path.read_bytes() == text.encode("ascii")
+    return False
+
+
+def _current_table(bundle: BundleState) -> tuple[DriveTable, tuple[ProjectWarning, ...]]:
+    bundle.state.require_initialised()
+    solution, crs = bundle.adjusted, bundle.project.definition.crs
+    to_photo = _plate_to_photo(bundle)
+    models, warnings = _drivable_models(bundle, to_photo)
     if not models:
-        raise InputError([*stored.interior.complaints, _no_models(stored)])
-    ground = object_ground(project.definition.crs, stored.solution.ground_unit, stored.solution)
+        raise InputError([*bundle.interior.complaints, _no_models(bundle)])
+    ground = object_ground(crs, solution.ground_unit, solution)
     ingredients = TableIngredients(
-        stored.solution, models, stored.definitions.cameras, stored.definitions.photos, _stages(stored, models),
-        to_photo, ground,
-    )  # fmt: skip
+        solution, models, bundle.records.cameras, bundle.records.photos, _stages(bundle, models), to_photo, ground
+    )
     raise_complaints(tuple(_name_complaints(ingredients)))
     table = drive_table(ingredients)
     raise_complaints([Complaint(f"{fault.text}; the table cannot be driven with") for fault in table_faults(table)])
-    warnings += [*_solution_warnings(stored, ingredients), *ground.warnings]
-    if project.definition.crs is not None:
+    warnings += [*_solution_warnings(bundle, ingredients), *ground.warnings]
+    if crs is not None:
         text = (
-            f"holds object coordinates in a local frame (east, north, up) instead of {project.definition.crs}, in "
-            "which straight rays would be curved"
+            f"holds object coordinates in a local frame (east, north, up) instead of {crs}, in which straight rays "
+            "would be curved"
         )
-        warnings.append(ProjectWarning("local-object-frame", f"{name}.DRV", text))
+        warnings.append(ProjectWarning("local-object-frame", f"{bundle.name}.DRV", text))
     return table, tuple(warnings)
 
 
@@ -128,44 +126,25 @@ def load_drive_table(data: bytes) -> Loaded | tuple[DriveFault, ...]:
     return read.faults if read.table is None else load(read.table)
 
 
-def _read_stored(project: Project, name: str) -> _Stored:
-    with reading([*project.record_stores, project.observations(name)]) as stores:
-        stored = read_definitions(project, stores)
-        require_initialised(project, stored)
-        measured = read_measured(project, stores, [name])
-        solution = solutions.read(stores[project.exterior], name)
-    if solution is None:
-        message = f"bundle {name} has not been adjusted yet; run 'orip solve' first"
-        raise InputError.single(message)
-    observations = measured.observations.get(record_key(name))
-    inputs = dict(solution.inputs)
-    is_stale = observations is None or any(
-        inputs.get(key) != digest for key, digest in stored_digests(project, name, stored, measured, observations)
-    )
-    definitions = stored.by_name()
-    interior = interior_orientation(definitions, measured)
-    return _Stored(definitions, stored.bundle(name), measured, interior, solution, is_stale)
-
-
-def _plate_to_photo(stored: _Stored) -> dict[str, PlaneTransformation]:
+def _plate_to_photo(bundle: BundleState) -> dict[str, PlaneTransformation]:
     """Return the transformations of all photos that are oriented on a plate, by `record_key`."""
     found = {}
-    for key, to_photo in stored.interior.to_photo.items():
-        template = stored.definitions.photos[key].template
+    for key, to_photo in bundle.interior.to_photo.items():
+        template = bundle.records.photos[key].template
         if template is None:
             found[key] = to_photo
-        elif record_key(template) in stored.interior.to_template:
-            found[key] = to_photo.after(stored.interior.to_template[record_key(template)])
+        elif record_key(template) in bundle.interior.to_template:
+            found[key] = to_photo.after(bundle.interior.to_template[record_key(template)])
     return found
 
 
 def _drivable_models(
-    stored: _Stored, to_photo: Mapping[str, PlaneTransformation]
+    bundle: BundleState, to_photo: Mapping[str, PlaneTransformation]
 ) -> tuple[tuple[StereoModel, ...], list[ProjectWarning]]:
     """Return the models of which both photos are adjusted and oriented, and warnings of all that is left out."""
-    adjusted = set(map(record_key, stored.solution.photos.names))
+    adjusted = set(map(record_key, bundle.adjusted.photos.names))
     models, warnings = [], []
-    for model in stored.bundle.models:
+    for model in bundle.definition.models:
         missing = [_missing(name, adjusted, to_photo) for name in (model.left, model.right)]
         reasons = [reason for reason in missing if reason is not None]
         if reasons:
@@ -174,7 +153,7 @@ def _drivable_models(
         else:
             models.append(model)
     used = {record_key(name) for model in models for name in (model.left, model.right)}
-    alone = [name for name in stored.solution.photos.names if record_key(name) not in used]
+    alone = [name for name in bundle.adjusted.photos.names if record_key(name) not in used]
     if models and alone:
         text = f"in no model of the drive table, and not in it: {', '.join(alone)}"
         warnings.append(ProjectWarning("photo-left-out", "photos", text))
@@ -187,9 +166,9 @@ def _missing(name: str, adjusted: set[str], to_photo: Mapping[str, PlaneTransfor
     return None if record_key(name) in to_photo else f"photo {name} has no valid interior orientation"
 
 
-def _no_models(stored: _Stored) -> Complaint:
-    name = stored.bundle.name
-    if not stored.bundle.models:
+def _no_models(bundle: BundleState) -> Complaint:
+    name = bundle.name
+    if not bundle.definition.models:
         return Complaint(
             f"bundle {name} has no models to drive in; define them as [[bundle.model]] in orip.toml, then run "
             "'orip init'"
@@ -200,15 +179,15 @@ def _no_models(stored: _Stored) -> Complaint:
     )
 
 
-def _stages(stored: _Stored, models: tuple[StereoModel, ...]) -> Mapping[str, Stage]:
+def _stages(bundle: BundleState, models: tuple[StereoModel, ...]) -> Mapping[str, Stage]:
     """Return the stage of every photo in a model: as mounted, else as defined, else by turns."""
     mounted = [
-        replace(template, stage=stored.measured.templates[key].stage or template.stage)
-        if key in stored.measured.templates
+        replace(template, stage=bundle.state.measured.templates[key].stage or template.stage)
+        if key in bundle.state.measured.templates
         else template
-        for key, template in stored.definitions.templates.items()
+        for key, template in bundle.records.templates.items()
     ]
-    plan = plan_stages(tuple(stored.definitions.photos.values()), mounted, models)
+    plan = plan_stages(tuple(bundle.records.photos.values()), mounted, models)
     raise_complaints(
         [
             Complaint(
@@ -243,9 +222,9 @@ def _name_complaints(ingredients: TableIngredients) -> Iterator[Complaint]:
         )
 
 
-def _solution_warnings(stored: _Stored, ingredients: TableIngredients) -> Iterator[ProjectWarning]:
-    solution = stored.solution
-    if stored.is_stale:
+def _solution_warnings(bundle: BundleState, ingredients: TableIngredients) -> Iterator[ProjectWarning]:
+    solution = bundle.adjusted
+    if _is_stale(bundle):
         text = "was adjusted before the stores changed; run 'orip solve', then make the table again"
         yield ProjectWarning("stale-solution", f"bundle {solution.bundle}", text)
     if solution.status in ("not_converged", "stopped"):
@@ -263,11 +242,6 @@ def _solution_warnings(stored: _Stored, ingredients: TableIngredients) -> Iterat
             yield ProjectWarning("no-frame", f"camera {camera.name}", text)
 
 
-def _write(project: Project, path: Path, table: DriveTable) -> bool:
-    """Write the table if that changes the file; tell whether it did."""
-    text = drive_table_text(table)
-    with reporting_failure(project.shown(path), "remove the cause and try again"):
-        if path.is_file() and path.read_bytes() == text.encode("ascii"):
-            return False
-        replace_text(path, text)
-    return True
+def _is_stale(bundle: BundleState) -> bool:
+    inputs = dict(bundle.adjusted.inputs)
+    return not bundle.is_measured or any(inputs.get(name) != digest for name, digest in bundle.digests)

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError
-from orip.files.stores import solutions
-from orip.files.stores.transaction import reading
 from orip.link.watch import AXES, LOCAL_AXES, Watch
 from orip.link.watch_processor import LinkedProcessor, OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
 from orip.multimodel.processor import Loaded
 from orip.multimodel.table import object_ground
-from orip.workflow.drive.table import load_drive_table, write_bundle_drive_table
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.drive.table import DRIVEN_FROM, load_drive_table, make_drive_table
+from orip.workflow.project.bundle_state import BundleState, read_bundle
+from orip.workflow.project.commit import commit
 
 
 def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
@@ -37,26 +36,25 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     LinkError
         If the plate processor cannot be reached, or has another table.
     """
-    project = open_project(folder)
-    name = project.bundle_name(bundle)
-    path = project.beside_photos(name, "DRV")
+    state = read_bundle(folder, bundle, "solutions")
+    project = state.project
+    path = project.beside_photos(state.name, "DRV")
     if not path.is_file():
-        write_bundle_drive_table(project, name)
+        commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM)))
     data = path.read_bytes()
     loaded = load_drive_table(data)
     if not isinstance(loaded, Loaded):
         remedy = "run 'orip drive table' to make it again"
         raise InputError([Complaint(f"{fault.text}; {remedy}", project.shown(path)) for fault in loaded])
-    plan = plan_view(loaded.block, _points(project, name))
+    plan = plan_view(loaded.block, _points(state))
     processor = OwnProcessor(loaded) if link is None else LinkedProcessor(link, hashlib.sha256(data).hexdigest())
     return Watch(loaded.block, plan, processor, AXES if project.definition.crs is None else LOCAL_AXES)
 
 
-def _points(project: Project, bundle: str) -> BlockPoints:
+def _points(bundle: BundleState) -> BlockPoints:
     """Return the adjusted points in the object system of the drive table; none without a solution."""
-    with reading([project.exterior]) as stores:
-        solution = solutions.read(stores[project.exterior], bundle)
+    solution = bundle.solution
     if solution is None:
         return BlockPoints((), (), np.empty((0, 3)))
-    ground = object_ground(project.definition.crs, solution.ground_unit, solution)
+    ground = object_ground(bundle.project.definition.crs, solution.ground_unit, solution)
     return BlockPoints(solution.points.names, solution.point_kinds, ground.to_local(solution.points.values))

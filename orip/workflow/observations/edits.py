@@ -6,7 +6,7 @@ then to the stores. A command that is killed between the two leaves a text that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,23 +14,23 @@ from typing import Literal
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.log.edits_text import EditsText, edit_line, read_edits
 from orip.files.log.text import read_measurements
-from orip.files.stores.provenance import read_inputs
-from orip.files.stores.transaction import reading
 from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
-from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
-from orip.records.measurement import EditRecord, LogRecord, Place
+from orip.records.measurement import EditRecord, LogRecord, Measured, Place
 from orip.records.names import record_key
-from orip.workflow.observations.measure import measure_project, measurement_inputs
+from orip.workflow.observations.measure import MEASURED_ON_TOP, measurement_inputs, replay_log
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
 from orip.workflow.observations.rays import LeftAlone, left_alone
-from orip.workflow.project.definitions import read_definitions, require_initialised
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.measurements import measured_stores, read_measured
+from orip.workflow.project.commit import Change
+from orip.workflow.project.folder import Project
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
-from orip.workflow.project.texts import EDITS_FILE, MeasurementLog, measurement_files, raise_complaints, read_log
+from orip.workflow.project.state import ProjectState
+from orip.workflow.project.text_output import EditedText
+from orip.workflow.project.texts import EDITS_FILE, MeasurementLog, raise_complaints
+
+EDITED_FROM = MEASURED_ON_TOP
+"""What an edit needs of the stores."""
 
 Action = Literal["DISREGARD", "INCLUDE", "KILL"]
 What = Literal["POINT", "MARK", "TICK"]
@@ -66,23 +66,22 @@ class Edited:
 
 
 @dataclass(frozen=True, slots=True)
-class _Before:
-    """The log and what it leaves, before anything is added."""
+class _Log:
+    """The log of a project, replayed, before anything is added to it."""
 
-    project: Project
+    state: ProjectState
     edits: EditsText
     log: MeasurementLog
-    definitions: Definitions
     replayed: Replayed
     warnings: tuple[ProjectWarning, ...]
 
     def replay_with(self, further: Sequence[LogRecord]) -> Replayed:
         """Replay the log with further records at its end."""
-        return replay((*self.log.records, *further), self.definitions, Measured())
+        return replay((*self.log.records, *further), self.state.records, Measured())
 
 
 def edit_observations(
-    folder: Path,
+    state: ProjectState,
     action: Action,
     what: What,
     owner: str,
@@ -90,12 +89,13 @@ def edit_observations(
     *,
     bundle: str | None = None,
     is_trial: bool = False,
-) -> Edited:
+) -> Change[Edited]:
     """Disregard, include or kill points, marks or ticks, now and whenever the log is replayed.
 
     Parameters
     ----------
-    folder : Path
+    state : ProjectState
+        With `EDITED_FROM`.
     action : {"DISREGARD", "INCLUDE", "KILL"}
     what : {"POINT", "MARK", "TICK"}
     owner : str
@@ -105,44 +105,45 @@ def edit_observations(
     bundle : str or None
         Of points; None: the project's only one.
     is_trial : bool
-        Look and tell, but write nothing.
+        The change writes nothing.
 
     Raises
     ------
     InputError
-        If a name is not known, or what is left does not orient a film any more; nothing is written then.
-    LockedError, UsageError
+        If a name is not known, or what is left does not orient a film any more.
+    UsageError
     """
-    before = _read(folder)
-    of_bundle = before.project.bundle_name(bundle) if what == "POINT" else None
-    named = Named(what, of_bundle, edited_owner(what, owner, before.definitions))
-    chosen = chosen_names(action, named, names, before.log.records, before.definitions, before.replayed.measured)
+    before = _replayed_log(state)
+    of_bundle = state.project.bundle_name(bundle) if what == "POINT" else None
+    named = Named(what, of_bundle, edited_owner(what, owner, state.records))
+    chosen = chosen_names(action, named, names, before.log.records, state.records, before.replayed.measured)
     first = before.edits.line_count + 1
     records = [
         EditRecord(Place(before.edits.shown, first + row), action, what, of_bundle, named.owner, name)
         for row, name in enumerate(chosen)
     ]
-    return _applied(before, of_bundle, records, [edit_line(each) for each in records], is_trial=is_trial)
+    return _applied(before, of_bundle, records, [edit_line(record) for record in records], is_trial=is_trial)
 
 
-def remeasure(folder: Path, file: Path, *, is_trial: bool = False) -> Edited:
+def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[Edited]:
     """Append a measurement file to EDITS.MEA, so that it counts after all edits that are there already.
 
     Parameters
     ----------
-    folder : Path
+    state : ProjectState
+        With `EDITED_FROM`.
     file : Path
         Relative to the project folder.
     is_trial : bool
-        Look and tell, but write nothing.
+        The change writes nothing.
 
     Raises
     ------
-    InputError, LockedError
+    InputError
     """
-    before = _read(folder)
-    path = before.project.folder / file
-    shown = before.project.shown(path)
+    before, project = _replayed_log(state), state.project
+    path = project.folder / file
+    shown = project.shown(path)
     found = read_measurements(path, shown)
     raise_complaints(found.complaints)
     if path.resolve() == before.edits.path.resolve():
@@ -152,44 +153,40 @@ def remeasure(folder: Path, file: Path, *, is_trial: bool = False) -> Edited:
         message = "there are no measurements in this file; write some, as in any .MEA file"
         raise InputError.single(message, shown)
     lines = [line.rstrip() for line in read_lines(path, shown).records]
-    done = _applied(before, None, found.records, [f"! from {shown}", *lines], is_trial=is_trial)
-    return replace(done, warnings=(*done.warnings, *_replayed_twice(before, path)))
+    change = _applied(before, None, found.records, [f"! from {shown}", *lines], is_trial=is_trial)
+    warnings = (*change.outcome.warnings, *_replayed_twice(before, path))
+    return replace(change, outcome=replace(change.outcome, warnings=warnings))
 
 
-def _replayed_twice(before: _Before, path: Path) -> list[ProjectWarning]:
-    if path.resolve() not in {each.resolve() for each in before.log.files}:
+def _replayed_twice(before: _Log, path: Path) -> list[ProjectWarning]:
+    if path.resolve() not in {file.resolve() for file in before.log.files}:
         return []
     text = f"is among the project's measurement files too, and is replayed twice; remove it: {EDITS_FILE} has it all"
-    return [ProjectWarning("replayed-twice", before.project.shown(path), text)]
+    return [ProjectWarning("replayed-twice", before.state.project.shown(path), text)]
 
 
-def _read(folder: Path) -> _Before:
-    """Read the log and replay it.
+def _replayed_log(state: ProjectState) -> _Log:
+    """Replay the log of a project.
 
     Raises
     ------
     InputError
         If it is at fault already, or the stores hold measurements that a replay would lose.
     """
-    project = open_project(folder)
+    project = state.project
     edits = read_edits(project.folder / EDITS_FILE, EDITS_FILE)
-    log = read_log(project)
+    log = state.texts.log
     raise_complaints(log.complaints)
-    bundles = [each.name for each in project.definition.bundles]
-    with reading({*project.record_stores, *measured_stores(project)}) as stores:
-        definitions = read_definitions(project, stores)
-        stored = read_measured(project, stores, bundles)
-        inputs = read_inputs(stores[project.photos], "measure")
-    require_initialised(project, definitions)
-    by_name = definitions.by_name()
-    replayed = replay(log.records.records, by_name, Measured())
+    state.require_initialised()
+    replayed = replay(log.records.records, state.records, Measured())
     raise_complaints(replayed.complaints)
-    now = measurement_inputs(project, log.records.digests, definitions)
-    _require_no_loss([name for name, _ in inputs if name not in dict(now)], stored, replayed.measured)
-    changed = [name for name, digest in now if inputs and dict(inputs).get(name) != digest]
+    inputs = dict(state.replay.inputs)
+    now = dict(measurement_inputs(project, log.records.digests, state.definitions))
+    _require_no_loss([name for name in inputs if name not in now], state.measured, replayed.measured)
+    changed = [name for name, digest in now.items() if inputs and inputs.get(name) != digest]
     text = "changed since the last 'orip measure'; all measurement files are replayed into the stores"
     news = (ProjectWarning("all-replayed", ", ".join(changed), text),) if changed else ()
-    return _Before(project, edits, log.records, by_name, replayed, news)
+    return _Log(state, edits, log.records, replayed, news)
 
 
 def _require_no_loss(gone: Sequence[str], stored: Measured, replayed: Measured) -> None:
@@ -213,38 +210,42 @@ def _names(measured: Measured) -> set[tuple[str, ...]]:
 
 
 def _applied(
-    before: _Before, bundle: str | None, records: Sequence[LogRecord], lines: Sequence[str], *, is_trial: bool
-) -> Edited:
-    """Append lines to the log and replay it into the stores; a log that says the same anyway stays as it is."""
+    before: _Log, bundle: str | None, records: Sequence[LogRecord], lines: Sequence[str], *, is_trial: bool
+) -> Change[Edited]:
+    """Append lines to the log and replay it; lines that change nothing of what is measured are not appended."""
     after = before.replay_with(records)
-    raise_complaints([_of_the_command(each, before) for each in after.complaints])
+    raise_complaints([_of_the_command(complaint, before) for complaint in after.complaints])
     if _state(after.measured) == _state(before.replayed.measured):
         records, lines, after = (), (), before.replayed
     alone = left_alone(before.replayed.measured, after.measured)
-    news = (each for each in after.warnings if each not in before.replayed.warnings)
-    warnings = (*before.warnings, *news)
-    edited = Edited(before.project, bundle, tuple(lines), is_trial, False, alone, warnings)
+    news = (warning for warning in after.warnings if warning not in before.replayed.warnings)
+    edited = Edited(before.state.project, bundle, tuple(lines), is_trial, False, alone, (*before.warnings, *news))
     if is_trial:
-        return edited
-    append: Callable[[], None] = (lambda: before.edits.append(lines)) if lines else (lambda: None)
-    outcome = measure_project(before.project, Parsed(_longer(before, records, lines)), on_top=False, write_log=append)
-    return replace(edited, brought_up_to_date=outcome.changed and not lines)
+        return Change(before.state, edited)
+    measured = replay_log(before.state, Parsed(_longer(before, records, lines)))
+    texts = (_edited_text(before.edits, lines),) if lines else ()
+    is_behind = bool(measured.locks) and not lines
+    return replace(measured, edited_texts=texts).with_outcome(replace(edited, brought_up_to_date=is_behind))
 
 
-def _longer(before: _Before, records: Sequence[LogRecord], lines: Sequence[str]) -> MeasurementLog:
+def _edited_text(edits: EditsText, lines: Sequence[str]) -> EditedText:
+    remedy = "it is as it was, and so are the stores"
+    return EditedText(edits.path, edits.digest, edits.text_with(lines), remedy)
+
+
+def _longer(before: _Log, records: Sequence[LogRecord], lines: Sequence[str]) -> MeasurementLog:
     """Return the log as it will be read after lines were appended."""
     if not lines:
         return before.log
     edits, log = before.edits, before.log
+    files = [path for path in log.files if path != edits.path]
     digests = [item for item in log.digests if item[0] != edits.shown]
     return MeasurementLog(
-        tuple(measurement_files(before.project).records),
-        (*log.records, *records),
-        (*digests, (edits.shown, edits.digest_with(lines))),
+        (*files, edits.path), (*log.records, *records), (*digests, (edits.shown, edits.digest_with(lines)))
     )
 
 
-def _of_the_command(complaint: Complaint, before: _Before) -> Complaint:
+def _of_the_command(complaint: Complaint, before: _Log) -> Complaint:
     """Return a complaint without a line that does not stand in the file yet."""
     if complaint.path == before.edits.shown and (complaint.line or 0) > before.edits.line_count:
         return Complaint(complaint.message)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from orip.adjustment.reliability import reliability
 from orip.arrays import FloatArray
-from orip.errors import InputError, ProjectWarning
+from orip.bundle.reliability import reliability
+from orip.errors import InputError, ProjectWarning, UsageError
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.records.solution import Solution
-from orip.workflow.observations.at_hand import BundleAtHand, bundle_at_hand
 from orip.workflow.observations.places import NOWHERE, Places
 from orip.workflow.observations.rays import photos_of_points
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.state import Part
+
+LISTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "solutions")
+"""What lists of photo observations need of the stores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +34,7 @@ class ObservationList:
 
 
 def list_observations(
-    folder: Path,
-    bundle: str | None = None,
+    bundle: BundleState,
     photo: str | None = None,
     point: str | None = None,
     *,
@@ -43,13 +45,12 @@ def list_observations(
 
     Parameters
     ----------
-    folder : Path
-    bundle : str or None
-        None: the project's only one.
+    bundle : BundleState
+        With `LISTED_FROM`.
     photo, point : str or None
         That photo or point alone.
     every : bool
-        All observations, not the down-weighted ones alone.
+        All observations, not only the down-weighted ones.
     with_partners : bool
         Also the photos that show these points, and where.
 
@@ -60,32 +61,67 @@ def list_observations(
     UsageError
         If a name is not known.
     """
-    at_hand = bundle_at_hand(folder, bundle)
-    if at_hand.solution is None and not every:
+    require_observations(bundle)
+    if bundle.solution is None and not every:
         message = (
-            f"bundle {at_hand.name} has not been adjusted, and nothing is down-weighted yet; run 'orip solve' first, "
+            f"bundle {bundle.name} has not been adjusted, and nothing is down-weighted yet; run 'orip solve' first, "
             "or see all that is measured with --all"
         )
         raise InputError.single(message)
-    key = at_hand.photo_key(photo) if photo is not None else None
+    key = _photo_key(bundle, photo) if photo is not None else None
     if point is not None:
-        at_hand.require_point(point)
+        _require_point(bundle, point)
     rows = tuple(
-        each
-        for each in listed_observations(at_hand)
-        if (every or each.is_down_weighted)
-        and (key is None or record_key(each.photo) == key)
-        and (point is None or each.point == point)
+        row
+        for row in listed_observations(bundle)
+        if (every or row.is_down_weighted)
+        and (key is None or record_key(row.photo) == key)
+        and (point is None or row.point == point)
     )
-    partners = tuple(stereo_partners(at_hand, rows, Places(at_hand))) if with_partners else ()
-    run = at_hand.solution.run if at_hand.solution else None
-    return ObservationList(at_hand.name, run, rows, partners, at_hand.warnings)
+    partners = tuple(stereo_partners(bundle, rows, Places(bundle))) if with_partners else ()
+    run = bundle.solution.run if bundle.solution else None
+    return ObservationList(bundle.name, run, rows, partners, outdated_warnings(bundle))
 
 
-def listed_observations(at_hand: BundleAtHand) -> Iterator[ListedObservation]:
+def require_observations(bundle: BundleState) -> None:
+    """Raise InputError unless the project is initialised and something of the bundle is measured or adjusted."""
+    bundle.state.require_initialised()
+    if not bundle.observations.points and bundle.solution is None:
+        raise bundle.not_measured()
+
+
+def outdated_warnings(bundle: BundleState) -> tuple[ProjectWarning, ...]:
+    """Return a warning if the photo observations are not those that were adjusted."""
+    if bundle.solution is None:
+        return ()
+    path = bundle.project.shown(bundle.project.observations(bundle.name))
+    if dict(bundle.solution.inputs).get(path) == bundle.digest_of_observations:
+        return ()
+    text = "has changed since the last adjustment, whose residuals and weights are shown; run 'orip solve'"
+    return (ProjectWarning("out-of-date", path, text),)
+
+
+def _photo_key(bundle: BundleState, name: str) -> str:
+    """Return the `record_key` of a photo that the bundle has; raise UsageError, with names like it, if none."""
+    key = record_key(name)
+    if key not in bundle.photos:
+        message = f"bundle {bundle.name} has no photo {name}; {near_names(name, bundle.photos.values())}"
+        raise UsageError(message)
+    return key
+
+
+def _require_point(bundle: BundleState, name: str) -> None:
+    """Raise UsageError, with names like it, unless a point of this name is measured."""
+    points = bundle.observations.points
+    if name not in points:
+        message = f"bundle {bundle.name} has no point {name}; {near_names(name, points)}"
+        raise UsageError(message)
+
+
+def listed_observations(bundle: BundleState) -> Iterator[ListedObservation]:
     """Yield all photo observations of a bundle in their order, with what the last adjustment says of them."""
-    found = at_hand.observations
-    adjusted = _Adjusted(at_hand.solution)
+    found = bundle.observations
+    adjusted = _Adjusted(bundle.solution)
     rays = photos_of_points(found)
     rows = zip(
         found.photos, found.points, found.measured.tolist(), found.errors.tolist(), found.disregarded.tolist(),
@@ -128,24 +164,22 @@ class _Adjusted:
         return x, y
 
 
-def stereo_partners(
-    at_hand: BundleAtHand, rows: Sequence[ListedObservation], places: Places
-) -> Iterator[StereoPartner]:
+def stereo_partners(bundle: BundleState, rows: Sequence[ListedObservation], places: Places) -> Iterator[StereoPartner]:
     """Yield for each observation the other photos that show its point: those of its models first.
 
     A partner in which the point is not measured is found by prediction, within its frame; one of a model is named even
     where the position is not known.
     """
-    measured = _measured_places(at_hand)
-    shown = _photos_that_show(at_hand, {row.point for row in rows}, places)
-    order = {key: place for place, key in enumerate(at_hand.photos)}
+    measured = _measured_places(bundle)
+    shown = _photos_that_show(bundle, {row.point for row in rows}, places)
+    order = {key: place for place, key in enumerate(bundle.photos)}
     for row in rows:
         key = record_key(row.photo)
-        models = at_hand.models_of(key)
+        models = bundle.models_of_photos.get(key, {})
         of_point = measured.get(row.point, {})
         others = ({*models, *of_point, *shown.get(row.point, ())} & order.keys()) - {key}
-        for other in sorted(others, key=lambda each: (each not in models, order[each])):
-            partner = (row.photo, row.point, at_hand.photos[other], models.get(other))
+        for other in sorted(others, key=lambda photo: (photo not in models, order[photo])):
+            partner = (row.photo, row.point, bundle.photos[other], models.get(other))
             predicted = places.predicted(other).get(row.point)
             if other in of_point:
                 yield StereoPartner(*partner, "measured", *places.measured(other, of_point[other]))
@@ -155,9 +189,9 @@ def stereo_partners(
                 yield StereoPartner(*partner, "not known", NOWHERE, NOWHERE)
 
 
-def _measured_places(at_hand: BundleAtHand) -> dict[str, dict[str, Pair]]:
+def _measured_places(bundle: BundleState) -> dict[str, dict[str, Pair]]:
     """Return the stored coordinates of each point by photo (`record_key`), disregarded ones left out."""
-    found = at_hand.observations
+    found = bundle.observations
     places: dict[str, dict[str, Pair]] = {}
     rows = zip(found.photos, found.points, found.measured.tolist(), found.disregarded.tolist(), strict=True)
     for photo, point, (x, y), disregarded in rows:
@@ -166,9 +200,9 @@ def _measured_places(at_hand: BundleAtHand) -> dict[str, dict[str, Pair]]:
     return places
 
 
-def _photos_that_show(at_hand: BundleAtHand, points: set[str], places: Places) -> dict[str, list[str]]:
+def _photos_that_show(bundle: BundleState, points: set[str], places: Places) -> dict[str, list[str]]:
     shown: dict[str, list[str]] = {}
-    for photo in at_hand.photos if points else ():
+    for photo in bundle.photos if points else ():
         for point in points & places.predicted(photo).keys():
             shown.setdefault(point, []).append(photo)
     return shown

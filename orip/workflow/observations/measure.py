@@ -6,30 +6,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orip.errors import LockedError, ProjectWarning
+from orip.errors import ProjectWarning
 from orip.files.stores.definitions import StoredRecord
-from orip.files.stores.provenance import read_inputs, write_inputs
-from orip.files.stores.transaction import Stores, reading, writing
 from orip.files.text.parsed import Parsed
-from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
+from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.camera import Camera
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.photo import Temtick
-from orip.workflow.project.definitions import (
-    StoredDefinitions,
-    read_definitions,
-    require_initialised,
-    write_definitions,
-)
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.measurements import measured_stores, read_measured, runs_of_measurements, write_measured
-from orip.workflow.project.outputs import rewrite_stale_outputs, write_interior_listing
+from orip.wording import counted
+from orip.workflow.project.commit import Change
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import Project
+from orip.workflow.project.measurements import measured_stores
+from orip.workflow.project.outputs import interior_output, is_interior_listing_stale
 from orip.workflow.project.run_id import digest_of_records, run_id
-from orip.workflow.project.texts import Digests, MeasurementLog, measurement_files, raise_complaints, read_log
+from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts
+from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
+from orip.workflow.project.texts import Digests, MeasurementLog, log_digests, raise_complaints
+
+MEASURED_FROM: tuple[Part, ...] = ("definitions", "replay")
+"""What a replay of the whole log needs of the stores."""
+
+MEASURED_ON_TOP: tuple[Part, ...] = (*MEASURED_FROM, "marks", "observations")
+"""What a replay on top of the stores needs of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,150 +47,155 @@ class MeasurementCounts:
 
 @dataclass(frozen=True, slots=True)
 class MeasureOutcome:
-    """What `orip measure` did."""
+    """What `orip measure` found."""
 
     project: Project
     files: tuple[Path, ...]
-    changed: bool
     counts: MeasurementCounts
     interior: Interior
     warnings: tuple[ProjectWarning, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Before:
-    """What the stores held when a replay began."""
-
-    definitions: StoredDefinitions
-    measured: Measured
-    inputs: Digests
-    runs: tuple[str | None, ...]
-
-
-def measure(folder: Path, files: Sequence[Path] = ()) -> MeasureOutcome:
-    """Replay measurement files into the stores and write INTERIOR_RESULT.OUT.
+def measure(state: ProjectState) -> Change[MeasureOutcome]:
+    """Replay the measurement files of a project from the beginning.
 
     Parameters
     ----------
-    folder : Path
-    files : sequence of Path
-        Empty: the project's list, replayed from the beginning. Else these, on top of what the stores hold; relative
-        ones are relative to the project folder.
+    state : ProjectState
+        With `MEASURED_FROM`.
 
     Raises
     ------
     InputError
-        With everything that is wrong; nothing is written then.
-    LockedError
+        With everything that is wrong.
     """
-    project = open_project(folder)
-    log = read_log(project, [project.folder / path for path in files])
-    return measure_project(project, log, on_top=bool(files))
+    return replay_log(state, state.texts.log)
+
+
+def measure_on_top(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[MeasureOutcome]:
+    """Replay other measurement files on top of what the stores hold.
+
+    Parameters
+    ----------
+    state : ProjectState
+        With `MEASURED_ON_TOP`.
+    log : Parsed of MeasurementLog
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong.
+    """
+    change = _replayed(state, log, state.measured, _provenance_on_top)
+    warnings = (*log.warnings, *_outside_project(state, log.records.files), *change.outcome.warnings)
+    return replace(change, outcome=replace(change.outcome, warnings=warnings))
+
+
+def replay_log(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[MeasureOutcome]:
+    """Replay a log from the beginning, see `measure`."""
+    change = _replayed(state, log, Measured(), _provenance)
+    return replace(change, outcome=replace(change.outcome, warnings=(*log.warnings, *change.outcome.warnings)))
 
 
 @stage("replaying measurements")
-def measure_project(
-    project: Project,
-    log: Parsed[MeasurementLog],
-    *,
-    on_top: bool,
-    write_log: Callable[[], None] = lambda: None,
-) -> MeasureOutcome:
-    """Do what `measure` does with a log that has been read.
-
-    `write_log` writes what the log has and no file has yet. It is called when nothing can be refused any more, with the
-    stores locked and before they change: killed in between, the text is ahead of the stores, and the next replay gives
-    what this one would have.
-    """
+def _replayed(
+    state: ProjectState, log: Parsed[MeasurementLog], before: Measured, provenance: Callable[..., _Provenance]
+) -> Change[MeasureOutcome]:
+    """Replay a log; a log that the stores hold already does not touch them."""
     raise_complaints(log.complaints)
-    before = _read_before(project, with_observations=on_top)
-    require_initialised(project, before.definitions)
-    outcome = replay(log.records.records, before.definitions.by_name(), before.measured if on_top else Measured())
+    state.require_initialised()
+    project = state.project
+    outcome = replay(log.records.records, state.records, before)
     raise_complaints(outcome.complaints)
-    digitised = _with_digitised(before.definitions, outcome.measured)
-    by_name = digitised.by_name()
-    interior = interior_orientation(by_name, outcome.measured)
+    digitised = with_digitised(state.definitions, outcome.measured)
+    after = state.with_stored(StoredParts(digitised, outcome.measured))
+    interior = after.interior
     raise_complaints(interior.complaints)
-    found = measurement_warnings(by_name, outcome.measured, interior)
-    run, inputs = _provenance(project, before, log.records, digitised, on_top=on_top)
-    changed = any(each != run for each in before.runs)
-    if changed:
-        with writing({*project.record_stores, *measured_stores(project)}) as stores:
-            _require_unchanged(project, stores, before)
-            write_log()
-            write_definitions(project, stores, before.definitions, digitised)
-            write_measured(project, stores, outcome.measured, run)
-            write_inputs(stores[project.photos], "measure", inputs)
-    write_interior_listing(project, interior, run)
-    rewrite_stale_outputs(project)
-    outside = _outside_project(project, log.records.files) if on_top else []
-    warnings = (*log.warnings, *outside, *outcome.warnings, *found)
-    return MeasureOutcome(project, log.records.files, changed, _counts(project, outcome), interior, warnings)
+    warnings = (*outcome.warnings, *measurement_warnings(after.records, outcome.measured, interior))
+    run, inputs = provenance(state, measurement_inputs(project, log.records.digests, digitised))
+    found = MeasureOutcome(project, log.records.files, _counts(project, outcome), interior, warnings)
+    change = Change(state, found, outputs=(interior_output(project, interior, run),), restores_outputs=True)
+    if all(stored == run for stored in state.replay.runs):
+        return change
+    replayed = ReplayRecord(inputs, (run,) * len(state.replay.runs))
+    locks = tuple(dict.fromkeys((*project.record_stores, *measured_stores(project))))
+    return replace(change, stored=StoredParts(digitised, outcome.measured, replayed), locks=locks)
+
+
+_Provenance = tuple[str, Digests]
+"""The run id, and the inputs to remember."""
+
+
+def _provenance(_state: ProjectState, inputs: Digests) -> _Provenance:
+    return run_id("measure", inputs), inputs
+
+
+def _provenance_on_top(state: ProjectState, inputs: Digests) -> _Provenance:
+    """Return the run id and the inputs of a log that adds to what the stores were replayed from."""
+    known = dict(inputs)
+    kept = tuple(item for item in state.replay.inputs if item[0] not in known)
+    return run_id("measure", state.replay.runs, inputs), (*kept, *inputs)
+
+
+def measure_step(state: ProjectState) -> Step:
+    """Return whether the log has to be replayed.
+
+    Parameters
+    ----------
+    state : ProjectState
+        With `MEASURED_FROM`.
+    """
+    project, command = state.project, "orip measure"
+    log = log_digests(project, state.texts.measurement_files.records)
+    files = counted(len(log), "measurement file")
+    runs = set(state.replay.runs)
+    if runs == {None}:
+        what = f"{files} to replay" if log else "there are no measurement files (*.MEA) yet"
+        return Step(command, "missing", what)
+    if len(runs) > 1:
+        return Step(command, "out of date", "some of its stores are missing or come from elsewhere")
+    if changed := changed_inputs(state.replay.inputs, measurement_inputs(project, log, state.definitions)):
+        return Step(command, "out of date", f"changed since: {', '.join(changed)}")
+    if is_interior_listing_stale(project, str(runs.pop())):
+        shown = project.shown(project.interior_listing)
+        return Step(command, "out of date", f"{shown} is missing or not of the last run; {WRITTEN_BY}")
+    return Step(command, "up to date", f"{files} in the stores")
 
 
 def measurement_inputs(project: Project, log: Digests, definitions: StoredDefinitions) -> Digests:
     """Return the digests of what a replay depends on: the log, and the definitions it refers to."""
-    records: list[Sequence[StoredRecord[Camera] | StoredRecord[Temtick]]] = [definitions.cameras, definitions.temticks]
-    marks = digest_of_records(
-        item.record.fiducials if isinstance(item.record, Camera) else item.record for each in records for item in each
-    )
+    kinds: list[Sequence[StoredRecord[Camera] | StoredRecord[Temtick]]] = [definitions.cameras, definitions.temticks]
+    marked = (item.record for records in kinds for item in records)
+    marks = digest_of_records(record.fiducials if isinstance(record, Camera) else record for record in marked)
     places = digest_of_records(
-        [each.record for each in definitions.templates]
-        + [replace(each.record, orientation=(), constant=()) for each in definitions.photos]
+        [template.record for template in definitions.templates]
+        + [replace(photo.record, orientation=(), constant=()) for photo in definitions.photos]
     )
     return (*log, ("fiducial and tick marks", marks), ("photos on templates", places), project.heading_digest)
 
 
-def _read_before(project: Project, *, with_observations: bool) -> _Before:
-    bundles = [each.name for each in project.definition.bundles] if with_observations else []
-    with reading({*project.record_stores, *measured_stores(project)}) as stores:
-        return _Before(
-            read_definitions(project, stores),
-            read_measured(project, stores, bundles),
-            read_inputs(stores[project.photos], "measure"),
-            runs_of_measurements(project, stores),
-        )
-
-
-def _require_unchanged(project: Project, stores: Stores, before: _Before) -> None:
-    """Raise LockedError if another run has changed the stores while this one was replaying."""
-    if read_definitions(project, stores) != before.definitions or runs_of_measurements(project, stores) != before.runs:
-        message = "another run of orip has changed the record stores meanwhile; nothing was written, repeat the command"
-        raise LockedError(message)
-
-
-def _provenance(
-    project: Project, before: _Before, log: MeasurementLog, definitions: StoredDefinitions, *, on_top: bool
-) -> tuple[str, Digests]:
-    """Return the run id and the inputs to remember; a log on top of the stores adds to what they came from."""
-    inputs = measurement_inputs(project, log.digests, definitions)
-    if not on_top:
-        return run_id("measure", inputs), inputs
-    known = dict(inputs)
-    kept = tuple(item for item in before.inputs if item[0] not in known)
-    return run_id("measure", before.runs, inputs), (*kept, *inputs)
-
-
-def _with_digitised(definitions: StoredDefinitions, measured: Measured) -> StoredDefinitions:
+def with_digitised(definitions: StoredDefinitions, measured: Measured) -> StoredDefinitions:
     """Return the definitions with digitised fiducial and tick marks taken into their records."""
     return replace(
         definitions,
         cameras=tuple(
-            replace(each, record=measured.cameras.get(record_key(each.record.name), each.record))
-            for each in definitions.cameras
+            replace(camera, record=measured.cameras.get(record_key(camera.record.name), camera.record))
+            for camera in definitions.cameras
         ),
         temticks=tuple(
-            replace(each, record=measured.temticks.get(record_key(each.record.name), each.record))
-            for each in definitions.temticks
+            replace(temtick, record=measured.temticks.get(record_key(temtick.record.name), temtick.record))
+            for temtick in definitions.temticks
         ),
     )
 
 
-def _outside_project(project: Project, files: Sequence[Path]) -> list[ProjectWarning]:
-    known = {path.resolve() for path in measurement_files(project).records}
+def _outside_project(state: ProjectState, files: Sequence[Path]) -> list[ProjectWarning]:
+    known = {path.resolve() for path in state.texts.measurement_files.records}
     text = "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it"
     return [
-        ProjectWarning("not-in-project", project.shown(path), text) for path in files if path.resolve() not in known
+        ProjectWarning("not-in-project", state.project.shown(path), text)
+        for path in files
+        if path.resolve() not in known
     ]
 
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.bundle.local_frame import ground_system
 from orip.bundle.prediction import predict_photo_coordinates
-from orip.interior.frame import frame_corners
+from orip.interior.fiducial_system import frame_corners
 from orip.interior.log_coordinates import stored_to_log
 from orip.records.listed_observation import Pair
 from orip.records.names import record_key
-from orip.workflow.observations.at_hand import BundleAtHand
-from orip.workflow.project.texts import raise_complaints, read_ground
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.texts import raise_complaints
 
 NOWHERE: Pair = (np.nan, np.nan)
 
@@ -39,27 +39,27 @@ class Places:
         If the ground control or preliminary points are at fault.
     """
 
-    def __init__(self, at_hand: BundleAtHand) -> None:
-        self._at_hand = at_hand
-        self._known = _ground_coordinates(at_hand) if at_hand.solution else {}
+    def __init__(self, bundle: BundleState) -> None:
+        self._bundle = bundle
+        self._known = _ground_coordinates(bundle) if bundle.solution else {}
         self._predicted: dict[str, dict[str, Place]] = {}
         self._anywhere: dict[str, dict[str, Place]] = {}
 
     def measured(self, photo: str, stored: Pair) -> Place:
         """Return the place of a point with stored coordinates in a photo (`record_key`)."""
         xy = np.array([stored])
-        to_photo = self._at_hand.interior.to_photo.get(photo)
+        to_photo = self._bundle.interior.to_photo.get(photo)
         return Place(_pair(to_photo.apply(xy)[0]) if to_photo else NOWHERE, _pair(self._log(photo, xy)[0]))
 
     def can_predict(self, photo: str, point: str) -> bool:
         """Tell whether it is known if and where a photo (`record_key`) shows a point."""
-        solution = self._at_hand.solution
+        solution = self._bundle.solution
         return solution is not None and point in self._known and photo in map(record_key, solution.photos.names)
 
     def predicted(self, photo: str) -> dict[str, Place]:
         """Return by name the points that a photo (`record_key`) should show within its frame."""
         if photo not in self._predicted:
-            corners = frame_corners(self._at_hand.definitions.camera_of(self._at_hand.definitions.photos[photo]))
+            corners = frame_corners(self._bundle.records.camera_of(self._bundle.records.photos[photo]))
             found = self.anywhere(photo)
             inside = _inside(corners, np.array([place.photo_xy for place in found.values()]).reshape(-1, 2))
             self._predicted[photo] = {name: found[name] for name, seen in zip(found, inside, strict=True) if seen}
@@ -72,16 +72,16 @@ class Places:
         return self._anywhere[photo]
 
     def _predict(self, photo: str) -> dict[str, Place]:
-        at_hand, definitions = self._at_hand, self._at_hand.definitions
-        solution = at_hand.solution
+        bundle, definitions = self._bundle, self._bundle.records
+        solution = bundle.solution
         if solution is None or not self._known or photo not in map(record_key, solution.photos.names):
             return {}
         record = definitions.photos[photo]
         camera = definitions.camera_of(record)
-        definition = at_hand.project.definition
+        definition = bundle.project.definition
         ground = ground_system(definition.crs, definition.ground_unit, (), solution.photos.values[:, :3])
         xy = predict_photo_coordinates(solution, record.name, camera, np.array([*self._known.values()]), ground)
-        to_photo = at_hand.interior.to_photo.get(photo)
+        to_photo = bundle.interior.to_photo.get(photo)
         log = self._log(photo, to_photo.inverse().apply(xy)) if to_photo else np.full_like(xy, np.nan)
         names = list(self._known)
         return {
@@ -90,8 +90,8 @@ class Places:
         }
 
     def _log(self, photo: str, stored: FloatArray) -> FloatArray:
-        definitions = self._at_hand.definitions
-        back = stored_to_log(definitions.photos[photo], definitions, self._at_hand.interior.to_template)
+        definitions = self._bundle.records
+        back = stored_to_log(definitions.photos[photo], definitions, self._bundle.interior.to_template)
         return back.apply(stored) if back else np.full_like(stored, np.nan)
 
 
@@ -105,9 +105,9 @@ def _pair(xy: FloatArray) -> Pair:
     return float(xy[0]), float(xy[1])
 
 
-def _ground_coordinates(at_hand: BundleAtHand) -> dict[str, tuple[float, float, float]]:
+def _ground_coordinates(bundle: BundleState) -> dict[str, tuple[float, float, float]]:
     """Return the project's coordinates of points: adjusted from two rays or more, else given."""
-    found = read_ground(at_hand.project, at_hand.name)
+    found = bundle.state.texts.control_input(bundle.name)
     raise_complaints(found.complaints)
     known: dict[str, tuple[float, float, float]] = {}
     for point in found.records.preliminary:
@@ -116,7 +116,7 @@ def _ground_coordinates(at_hand: BundleAtHand) -> dict[str, tuple[float, float, 
         x, y, z = control.coordinates
         if not control.rejected and x is not None and y is not None and z is not None:
             known[control.name] = x, y, z
-    solution = at_hand.solution
+    solution = bundle.solution
     if solution is not None:
         rows = zip(solution.points.names, solution.points.values.tolist(), solution.point_rays, strict=True)
         known.update({name: (x, y, z) for name, (x, y, z), rays in rows if rays >= _LEAST_RAYS})

@@ -33,16 +33,21 @@ class StoredDefinitions:
     def by_name(self) -> Definitions:
         """Return the records by `record_key` of their names."""
         return Definitions(
-            {record_key(each.record.name): each.record for each in self.cameras},
-            {record_key(each.record.name): each.record for each in self.temticks},
-            {record_key(each.record.name): each.record for each in self.templates},
-            {record_key(each.record.name): each.record for each in self.photos},
-            {record_key(each.record.name): each.record.name for each in self.bundles},
+            {record_key(stored.record.name): stored.record for stored in self.cameras},
+            {record_key(stored.record.name): stored.record for stored in self.temticks},
+            {record_key(stored.record.name): stored.record for stored in self.templates},
+            {record_key(stored.record.name): stored.record for stored in self.photos},
+            {record_key(stored.record.name): stored.record.name for stored in self.bundles},
         )
 
     def bundle(self, name: str) -> BundleDefinition:
         """Return the definition of a bundle that is there."""
-        return next(each.record for each in self.bundles if record_key(each.record.name) == record_key(name))
+        return next(stored.record for stored in self.bundles if record_key(stored.record.name) == record_key(name))
+
+    @property
+    def are_empty(self) -> bool:
+        """Tell whether no command has written definitions yet."""
+        return not any((self.cameras, self.photos, self.bundles))
 
 
 def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
@@ -75,7 +80,7 @@ def require_initialised(project: Project, definitions: StoredDefinitions) -> Non
 
     A store may be missing, or come from elsewhere.
     """
-    if not any((definitions.cameras, definitions.photos, definitions.bundles)):
+    if definitions.are_empty:
         message = "the project has no record stores yet; run 'orip init' first (or 'orip run' for everything)"
         raise InputError.single(message)
     missing = list(dict.fromkeys((*_not_in_stores(project, definitions), *_dangling(definitions))))
@@ -94,7 +99,7 @@ def _not_in_stores(project: Project, definitions: StoredDefinitions) -> Iterator
         ("bundle", text.bundles, stored.bundles),
     ]
     for kind, records, there in kinds:
-        yield from (f"{kind} {each.name}" for each in records if record_key(each.name) not in there)
+        yield from (f"{kind} {record.name}" for record in records if record_key(record.name) not in there)
 
 
 def _dangling(definitions: StoredDefinitions) -> Iterator[str]:

@@ -57,6 +57,11 @@ class Project:
         return self.folder / PROJECT_FILE
 
     @property
+    def bundle_names(self) -> tuple[str, ...]:
+        """Return the names of the bundles of orip.toml."""
+        return tuple(bundle.name for bundle in self.definition.bundles)
+
+    @property
     def heading_digest(self) -> tuple[str, str]:
         """Return the name, in messages, and the digest of what stands on every output."""
         definition = self.definition

@@ -2,45 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from orip.files.stores import observations, photos, templates
-from orip.files.stores.provenance import run_of, set_run
+from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import Stores
-from orip.interior.measured import Measured
-from orip.records.measurement import no_observations
+from orip.records.measurement import Measured, no_observations
 from orip.records.names import record_key
 from orip.workflow.project.folder import Project
 
 
 def measured_stores(project: Project) -> tuple[Path, ...]:
     """Return the stores that a replay writes."""
-    bundles = (project.observations(each.name) for each in project.definition.bundles)
+    bundles = (project.observations(name) for name in project.bundle_names)
     return project.templates, project.photos, *bundles
 
 
-def read_measured(project: Project, stores: Stores, bundles: Sequence[str]) -> Measured:
-    """Return what the stores hold of measurements, photo observations of the named bundles alone."""
-    found = {}
-    for bundle in bundles:
-        each = observations.read(stores[project.observations(bundle)])
-        if each is not None:
-            found[record_key(bundle)] = each
+def read_marks(project: Project, stores: Stores) -> Measured:
+    """Return the orientations by marks that the stores hold; no photo observations."""
     return Measured(
-        templates.read_orientations(stores[project.templates]), photos.read_orientations(stores[project.photos]), found
+        templates.read_orientations(stores[project.templates]), photos.read_orientations(stores[project.photos])
     )
 
 
-def write_measured(project: Project, stores: Stores, measured: Measured, run: str) -> None:
-    """Replace what the stores hold of measurements; they then carry the id of the run."""
+def write_measured(project: Project, stores: Stores, measured: Measured) -> None:
+    """Replace what the stores hold of measurements."""
     templates.write_orientations(stores[project.templates], measured.templates.values())
     photos.write_orientations(stores[project.photos], measured.photos.values())
-    for bundle in project.definition.bundles:
-        found = measured.observations.get(record_key(bundle.name), no_observations(bundle.name))
-        observations.write(stores[project.observations(bundle.name)], found)
-    for path in measured_stores(project):
-        set_run(stores[path], run)
+    for bundle in project.bundle_names:
+        found = measured.observations.get(record_key(bundle), no_observations(bundle))
+        observations.write(stores[project.observations(bundle)], found)
 
 
 def runs_of_measurements(project: Project, stores: Stores) -> tuple[str | None, ...]:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 from orip.arrays import FloatArray
 from orip.files.listings.preliminary import preliminary_listing
-from orip.files.text.atomic import replace_text, reporting_failure
 from orip.prelim.in_project import orientations_in_project, points_in_project
 from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem
 from orip.records.preliminary import PreliminaryValues
 from orip.workflow.project.folder import Project
 from orip.workflow.project.run_id import run_id
+from orip.workflow.project.text_output import TextOutput
 
 _DIGITS = 3
 """Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""
@@ -57,24 +56,20 @@ def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
     return PreliminaryPoint(point.name, (x, y, z), (sx, sy, sz))
 
 
-def write_preliminary_listing(project: Project, bundle: str, found: ListedValues) -> Path:
-    """Write PRELIM_RESULT.OUT of a bundle and return its path.
-
-    Raises
-    ------
-    OripError
-        If the file cannot be written.
-    """
+def preliminary_output(project: Project, bundle: str, found: ListedValues) -> TextOutput:
+    """Return PRELIM_RESULT.OUT of a bundle."""
     definition = project.definition
-    path, orientations = project.preliminary_listing(bundle), found.orientations.tolist()
-    text = preliminary_listing(
-        found.values,
-        orientations,
-        found.points,
-        definition.ground_unit,
-        (("Project", definition.name), ("User", definition.user), ("Bundle", bundle)),
-        run_id("prelim", orientations),
-    )
-    with reporting_failure(project.shown(path), "remove the cause, then repeat it"):
-        replace_text(path, text)
-    return path
+    orientations = found.orientations.tolist()
+
+    def listing() -> list[str]:
+        text = preliminary_listing(
+            found.values,
+            orientations,
+            found.points,
+            definition.ground_unit,
+            (("Project", definition.name), ("User", definition.user), ("Bundle", bundle)),
+            run_id("prelim", orientations),
+        )
+        return [text]
+
+    return TextOutput(project.preliminary_listing(bundle), listing, "remove the cause, then repeat the command")

@@ -1,14 +1,15 @@
-"""Reading the text files of a project, so that everything that is wrong in them is said at once.
+"""The text files of a project, each read once, so that everything that is wrong in them is said at once.
 
-A text's digest is taken before it is read: whatever is saved meanwhile shows as a change later.
+A text's digest is taken before it is read: what is saved while a command runs shows as a change afterwards.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ class MeasurementLog:
 
 
 @dataclass(frozen=True, slots=True)
-class GroundTexts:
+class ControlInput:
     """What the text files say of the ground points of one bundle."""
 
     control: Control
@@ -48,16 +49,65 @@ class GroundTexts:
     digests: Digests
 
 
-@dataclass(frozen=True, slots=True)
-class Texts:
-    """All text files of a project but orip.toml; `ground` by bundle name."""
+class ProjectTexts:
+    """All text files of a project but orip.toml; each is read when it is first asked for, and once.
 
-    log: MeasurementLog
-    ground: Mapping[str, Parsed[GroundTexts]]
+    Parameters
+    ----------
+    project : Project
+    """
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._control_input: dict[str, Parsed[ControlInput]] = {}
+
+    @cached_property
+    def measurement_files(self) -> Parsed[tuple[Path, ...]]:
+        """Return the measurement files in the order of replay."""
+        return measurement_files(self._project)
+
+    @cached_property
+    def log(self) -> Parsed[MeasurementLog]:
+        """Return the measurement log."""
+        return _read_log(self._project, self.measurement_files)
+
+    @cached_property
+    def _control_with_digests(self) -> tuple[Digests, Parsed[Control]]:
+        return control_digests(self._project), read_ground_control(self._project)
+
+    @property
+    def control(self) -> Parsed[Control]:
+        """Return the ground control."""
+        return self._control_with_digests[1]
+
+    def control_input(self, bundle: str) -> Parsed[ControlInput]:
+        """Return the ground control with a bundle's preliminary coordinates; files that are missing are empty."""
+        if bundle not in self._control_input:
+            self._control_input[bundle] = self._read_control_input(bundle)
+        return self._control_input[bundle]
+
+    def faults(self) -> Parsed[None]:
+        """Read all texts; return the complaints and warnings of all of them, each once."""
+        of_bundles: list[Parsed[Any]] = [self.control_input(name) for name in self._project.bundle_names]
+        outcomes: list[Parsed[Any]] = [self.log, *(of_bundles or [self.control])]
+        complaints = dict.fromkeys(complaint for outcome in outcomes for complaint in outcome.complaints)
+        warnings = dict.fromkeys(warning for outcome in outcomes for warning in outcome.warnings)
+        return Parsed(None, tuple(complaints), tuple(warnings))
+
+    def _read_control_input(self, bundle: str) -> Parsed[ControlInput]:
+        path = self._project.preliminary(bundle)
+        of_preliminary = _digests(self._project, [path])
+        digests, control = self._control_with_digests
+        preliminary = _read_preliminary(self._project, path)
+        return Parsed(
+            ControlInput(control.records, preliminary.records, (*digests, *of_preliminary)),
+            (*control.complaints, *preliminary.complaints),
+            (*control.warnings, *preliminary.warnings),
+        )
 
 
-def open_project_with_texts(folder: Path) -> tuple[Project, Parsed[Texts]]:
-    """Read orip.toml and all other text files.
+def open_checked_project(folder: Path) -> Project:
+    """Read orip.toml; where it is wrong, read all other text files too, to tell what is wrong in them.
 
     Raises
     ------
@@ -65,21 +115,10 @@ def open_project_with_texts(folder: Path) -> tuple[Project, Parsed[Texts]]:
         If orip.toml is missing or wrong; then also with what is wrong in any text file of the folder.
     """
     try:
-        project = open_project(folder)
+        return open_project(folder)
     except InputError as error:
         others = _faults_in_folder(folder) if (folder / PROJECT_FILE).is_file() else ()
         raise InputError([*error.complaints, *others]) from None
-    return project, read_texts(project)
-
-
-def read_texts(project: Project) -> Parsed[Texts]:
-    """Read every text file of a project but orip.toml, with the complaints and warnings of all."""
-    log = read_log(project)
-    ground = {bundle.name: read_ground(project, bundle.name) for bundle in project.definition.bundles}
-    outcomes: list[Parsed[Any]] = [log, *(ground.values() or [read_ground_control(project)])]
-    complaints = dict.fromkeys(complaint for outcome in outcomes for complaint in outcome.complaints)
-    warnings = dict.fromkeys(warning for outcome in outcomes for warning in outcome.warnings)
-    return Parsed(Texts(log.records, ground), tuple(complaints), tuple(warnings))
 
 
 def raise_complaints(complaints: Sequence[Complaint]) -> None:
@@ -99,28 +138,21 @@ def read_ground_control(project: Project) -> Parsed[Control]:
     return Parsed(control.records, (*_given(misspelt), *control.complaints), control.warnings)
 
 
-def read_ground(project: Project, bundle: str) -> Parsed[GroundTexts]:
-    """Read the control files and a bundle's preliminary coordinates; missing ones are empty."""
-    digests = ground_digests(project, bundle)
-    control = read_ground_control(project)
-    path = project.preliminary(bundle)
-    preliminary: Parsed[tuple[PreliminaryPoint, ...]] = (
-        read_preliminary(path, project.shown(path))
-        if path.exists()
-        else Parsed((), tuple(_given([_misspelt(project, path)])))
-    )
-    return Parsed(
-        GroundTexts(control.records, preliminary.records, digests),
-        (*control.complaints, *preliminary.complaints),
-        (*control.warnings, *preliminary.warnings),
-    )
+def _read_preliminary(project: Project, path: Path) -> Parsed[tuple[PreliminaryPoint, ...]]:
+    if path.exists():
+        return read_preliminary(path, project.shown(path))
+    return Parsed((), tuple(_given([_misspelt(project, path)])))
 
 
-def ground_digests(project: Project, bundle: str) -> Digests:
-    """Return the digests of the control files and of a bundle's preliminary coordinates, as far as they exist."""
+def control_digests(project: Project) -> Digests:
+    """Return the digests of the control files that exist."""
     base = project.definition.control_files
-    paths = [project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS]
-    return _digests(project, [*paths, project.preliminary(bundle)])
+    return _digests(project, [project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS])
+
+
+def control_input_digests(project: Project, bundle: str) -> Digests:
+    """Return the digests of the control files and of a bundle's preliminary coordinates, as far as they exist."""
+    return (*control_digests(project), *_digests(project, [project.preliminary(bundle)]))
 
 
 def _misspelt(project: Project, path: Path) -> Complaint | None:
@@ -172,14 +204,30 @@ def _nearly_matching(project: Project, pattern: str, matches: Sequence[Path]) ->
     suffixes = ("",) if matches else ("", ".txt")
     likely = [f"{pattern}{suffix}".lower() for suffix in suffixes]
     for path in sorted(project.folder.iterdir()):
-        if path not in matches and any(fnmatchcase(path.name.lower(), each) for each in likely):
+        if path not in matches and any(fnmatchcase(path.name.lower(), name) for name in likely):
             message = f"this file is not read: measurement files are called {pattern}; rename it, or name it in "
             yield Complaint(f"{message}measurement_files of orip.toml", project.shown(path))
 
 
-def read_log(project: Project, files: Sequence[Path] = ()) -> Parsed[MeasurementLog]:
-    """Read measurement files as one log; none: those of the project."""
-    listed = Parsed(tuple(files)) if files else measurement_files(project)
+def is_measurement_file(project: Project, path: Path) -> bool:
+    """Tell whether a file, which need not exist, is among the measurement files of a project by its name."""
+    shown = Path(project.shown(path))
+    return any(_has_pattern(shown, pattern) for pattern in (*project.definition.measurement_files, EDITS_FILE))
+
+
+def _has_pattern(shown: Path, pattern: str) -> bool:
+    if "**" in pattern:
+        return fnmatchcase(str(shown), pattern)
+    parts = Path(pattern).parts  # as in a glob, no wildcard stands for several folders
+    return len(parts) == len(shown.parts) and all(map(fnmatchcase, shown.parts, parts))
+
+
+def read_log(project: Project, files: Sequence[Path]) -> Parsed[MeasurementLog]:
+    """Read measurement files as one log."""
+    return _read_log(project, Parsed(tuple(files)))
+
+
+def _read_log(project: Project, listed: Parsed[tuple[Path, ...]]) -> Parsed[MeasurementLog]:
     digests = _digests(project, listed.records)
     outcomes = [read_measurements(path, project.shown(path)) for path in listed.records]
     return Parsed(
@@ -189,9 +237,9 @@ def read_log(project: Project, files: Sequence[Path] = ()) -> Parsed[Measurement
     )
 
 
-def log_digests(project: Project) -> Digests:
-    """Return the digests of the project's measurement files."""
-    return _digests(project, measurement_files(project).records)
+def log_digests(project: Project, files: Sequence[Path]) -> Digests:
+    """Return the digests of measurement files."""
+    return _digests(project, files)
 
 
 def _digests(project: Project, paths: Iterable[Path]) -> Digests:

@@ -12,7 +12,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
-from orip.workflow.records.reconcile import Change, Conflict, Prefer, reconcile
+from orip.workflow.records.reconcile import AppliedChange, Conflict, Prefer, reconcile
 
 _POLYNOMIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
 
@@ -22,7 +22,7 @@ class TextApplied:
     """The definitions after orip.toml is applied, what that changes, and a complaint for every conflict."""
 
     definitions: StoredDefinitions
-    changes: tuple[Change, ...]
+    changes: tuple[AppliedChange, ...]
     complaints: tuple[Complaint, ...]
 
 

@@ -4,25 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from orip.errors import Complaint, ProjectWarning
-from orip.files.stores.transaction import reading, writing
-from orip.files.text.parsed import Parsed
 from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.replay import replay
 from orip.progress import stage
-from orip.records.measurement import EditRecord, FiducialsRecord, LogRecord, PhotoRecord, PointsRecord, TemplateRecord
+from orip.records.measurement import (
+    EditRecord,
+    FiducialsRecord,
+    LogRecord,
+    Measured,
+    PhotoRecord,
+    PointsRecord,
+    TemplateRecord,
+)
 from orip.records.names import record_key
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions, write_definitions
+from orip.workflow.project.commit import Change
+from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
-from orip.workflow.project.outputs import rewrite_stale_outputs
-from orip.workflow.project.texts import Texts, open_project_with_texts, raise_complaints
+from orip.workflow.project.state import Part, ProjectState, StoredParts
+from orip.workflow.project.step import Step
+from orip.workflow.project.texts import ProjectTexts, raise_complaints
 from orip.workflow.records.apply_text import TextApplied, apply_text
 from orip.workflow.records.changes import RecordChange, record_changes
 from orip.workflow.records.document import stored_document
-from orip.workflow.records.reconcile import Change, Prefer
+from orip.workflow.records.reconcile import AppliedChange, Prefer, counted_changes
+
+INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
+"""What `initialise` needs of the stores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,45 +39,53 @@ class Initialised:
     """What `orip init` did: the changes of records (none: nothing had changed), value by value, and what to know."""
 
     project: Project
-    changes: tuple[Change, ...]
+    changes: tuple[AppliedChange, ...]
     differences: tuple[RecordChange, ...]
     warnings: tuple[ProjectWarning, ...]
 
 
-def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
-    """Apply orip.toml to the stores; records that its text has not changed since stay as they are.
+@stage("checking the texts")
+def initialise(state: ProjectState, prefer: Prefer | None = None) -> Change[Initialised]:
+    """Apply orip.toml to the stores; records whose text has not changed since it was last applied stay as they are.
 
     Parameters
     ----------
-    folder : Path
+    state : ProjectState
+        With `INITIALISED_FROM`.
     prefer : {"text", "store"} or None
         Which side wins where text and store have both changed a record.
 
     Raises
     ------
     InputError
-        With everything that is wrong in any text file, or with all conflicts; nothing is written then.
-    LockedError
+        With everything that is wrong in any text file, or with all conflicts.
     """
-    project, texts = open_project_with_texts(folder)
-    return initialise_project(project, texts, prefer)
-
-
-@stage("checking the texts")
-def initialise_project(project: Project, texts: Parsed[Texts], prefer: Prefer | None) -> Initialised:
-    """Do what `initialise` does with texts that have been read."""
-    # All faults are found before a store is opened for writing, so that a refused project is left without new files.
-    with reading(project.record_stores) as stores:
-        applied = apply_text(project, read_definitions(project, stores), prefer)
-    raise_complaints([*texts.complaints, *_log_complaints(texts, applied), *applied.complaints])
-    with writing(project.record_stores) as stores:
-        old = read_definitions(project, stores)
-        applied = apply_text(project, old, prefer)  # another run may have changed them meanwhile
-        raise_complaints(applied.complaints)
-        write_definitions(project, stores, old, applied.definitions)
-    rewrite_stale_outputs(project)
+    project, old = state.project, state.definitions
+    texts, applied = state.texts.faults(), apply_text(project, old, prefer)
+    log_complaints = _log_complaints(state.texts, applied, is_complete=not texts.complaints)
+    raise_complaints([*texts.complaints, *log_complaints, *applied.complaints])
     differences = _differences(project, old, applied) if applied.changes else ()
-    return Initialised(project, applied.changes, differences, (*project.warnings, *texts.warnings))
+    warnings = (*project.warnings, *texts.warnings)
+    return Change(
+        state,
+        Initialised(project, applied.changes, differences, warnings),
+        StoredParts(applied.definitions),
+        project.record_stores,
+        restores_outputs=True,
+    )
+
+
+def initialise_step(state: ProjectState) -> Step:
+    """Return whether orip.toml has to be applied to the stores."""
+    applied, command = apply_text(state.project, state.definitions, prefer=None), "orip init"
+    if applied.complaints:
+        text = f"changed both in orip.toml and in the stores: {len(applied.complaints)} of the records"
+        return Step(command, "out of date", text)
+    if applied.changes and state.definitions.are_empty:
+        return Step(command, "missing", "orip.toml has not been applied to the stores")
+    if applied.changes:
+        return Step(command, "out of date", f"to be applied to the stores: {counted_changes(applied.changes)}")
+    return Step(command, "up to date", "the stores hold what orip.toml says")
 
 
 def _differences(project: Project, old: StoredDefinitions, applied: TextApplied) -> tuple[RecordChange, ...]:
@@ -76,11 +93,11 @@ def _differences(project: Project, old: StoredDefinitions, applied: TextApplied)
     return record_changes(before, after, None, project.definition.ground_unit)
 
 
-def _log_complaints(texts: Parsed[Texts], applied: TextApplied) -> Sequence[Complaint]:
+def _log_complaints(texts: ProjectTexts, applied: TextApplied, *, is_complete: bool) -> Sequence[Complaint]:
     """Return what a replay of the measurements will complain of."""
-    definitions, records = applied.definitions.by_name(), texts.records.log.records
-    if texts.complaints or applied.complaints:
-        # lines that could not be read may be missing from the replay: wrong names alone are certain
+    definitions, records = applied.definitions.by_name(), texts.log.records.records
+    if applied.complaints or not is_complete:
+        # lines that could not be read may be missing from the replay: only wrong names are certain
         records = tuple(_with_unknown_names(records, definitions))
     return replay(records, definitions, Measured()).complaints
 

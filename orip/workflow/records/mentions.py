@@ -17,7 +17,7 @@ from orip.records.measurement import (
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
-from orip.workflow.project.texts import read_ground_control, read_log
+from orip.workflow.project.texts import ProjectTexts
 from orip.workflow.records.changes import RecordChange
 
 
@@ -34,7 +34,8 @@ def mention_warnings(
     ]
     if not gone:
         return
-    log, elements = read_log(project).records.records, read_ground_control(project).records.elements
+    texts = ProjectTexts(project)
+    log, elements = texts.log.records.records, texts.control.records.elements
     control = f"{project.definition.control_files}.ELE"
     for change in gone:
         name = change.old_name or change.name

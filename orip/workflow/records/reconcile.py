@@ -21,7 +21,7 @@ T = TypeVar("T", bound=Named)
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class AppliedChange:
     """What applying the text does to one record."""
 
     kind: str
@@ -43,11 +43,11 @@ class Reconciled(Generic[T]):
     """The records that the store should hold (unchanged where there is a conflict), the changes, and the conflicts."""
 
     records: tuple[StoredRecord[T], ...]
-    changes: tuple[Change, ...]
+    changes: tuple[AppliedChange, ...]
     conflicts: tuple[Conflict, ...]
 
 
-def counted_changes(changes: Sequence[Change]) -> str:
+def counted_changes(changes: Sequence[AppliedChange]) -> str:
     """Return '1 camera changed, 15 photos added'."""
     counts = Counter((change.kind, change.action) for change in changes)
     return ", ".join(f"{counted(count, kind)} {action}" for (kind, action), count in counts.items())
@@ -82,7 +82,7 @@ def reconcile(
     """
     by_key = {record_key(item.record.name): item for item in stored}
     records: list[StoredRecord[T]] = []
-    changes: list[Change] = []
+    changes: list[AppliedChange] = []
     conflicts: list[Conflict] = []
     for text in texts:
         old = by_key.pop(record_key(text.name), None)
@@ -93,7 +93,7 @@ def reconcile(
             continue
         records.append(verdict)
         if old is None or verdict.record != old.record:
-            changes.append(Change(kind, text.name, "added" if old is None else "changed"))
+            changes.append(AppliedChange(kind, text.name, "added" if old is None else "changed"))
     for old in by_key.values():
         gone = old.text_digest is not None and old.origin == project
         edited = gone and record_digest(old.record) != old.text_digest
@@ -101,12 +101,12 @@ def reconcile(
             records.append(old)
         elif shared or (edited and prefer == "store"):
             records.append(StoredRecord(old.record))
-            changes.append(Change(kind, old.record.name, "detached"))
+            changes.append(AppliedChange(kind, old.record.name, "detached"))
         elif edited and prefer is None:
             conflicts.append(Conflict(kind, old.record.name, "is gone from the text but was changed in the store"))
             records.append(old)
         else:
-            changes.append(Change(kind, old.record.name, "removed"))
+            changes.append(AppliedChange(kind, old.record.name, "removed"))
     return Reconciled(tuple(records), tuple(changes), tuple(conflicts))
 
 

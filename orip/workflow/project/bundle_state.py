@@ -1,0 +1,156 @@
+"""A project seen from one of its bundles: its photo observations, what it is adjusted from, and its last adjustment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from orip.errors import InputError
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
+from orip.records.measurement import PhotoObservations, no_observations
+from orip.records.names import record_key
+from orip.records.project import BundleDefinition
+from orip.records.solution import Solution
+from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.run_id import digest_of_observations, digest_of_records
+from orip.workflow.project.state import Part, ProjectState, read_state
+from orip.workflow.project.texts import Digests
+
+
+@dataclass(frozen=True)
+class BundleState:
+    """A bundle of a project state; it holds nothing of its own but the name."""
+
+    state: ProjectState
+    name: str
+
+    @property
+    def project(self) -> Project:
+        """Return the project."""
+        return self.state.project
+
+    @property
+    def definition(self) -> BundleDefinition:
+        """Return the bundle's record in the stores."""
+        return self.state.definitions.bundle(self.name)
+
+    @property
+    def records(self) -> Definitions:
+        """Return the records of the stores by `record_key` of their names."""
+        return self.state.records
+
+    @property
+    def interior(self) -> Interior:
+        """Return the interior orientation in force."""
+        return self.state.interior
+
+    @property
+    def is_measured(self) -> bool:
+        """Tell whether the stores hold photo observations of the bundle."""
+        return record_key(self.name) in self.state.measured.observations
+
+    @cached_property
+    def observations(self) -> PhotoObservations:
+        """Return the photo observations; none where nothing is measured."""
+        return self.state.measured.observations.get(record_key(self.name), no_observations(self.name))
+
+    @property
+    def solution(self) -> Solution | None:
+        """Return the last solution; None before the first adjustment."""
+        return self.state.solution(self.name)
+
+    @property
+    def adjusted(self) -> Solution:
+        """Return the last solution.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if self.solution is None:
+            message = f"bundle {self.name} has not been adjusted yet; run 'orip solve' first"
+            raise InputError.single(message)
+        return self.solution
+
+    @property
+    def command(self) -> str:
+        """Return the command that adjusts the bundle."""
+        return "orip solve" if len(self.project.definition.bundles) == 1 else f"orip solve {self.name}"
+
+    def read_again(self) -> BundleState:
+        """Read the same parts of the stores again."""
+        return BundleState(self.state.read_again(), self.name)
+
+    def require_measured(self) -> None:
+        """Raise InputError unless something is measured."""
+        if not self.is_measured:
+            raise self.not_measured()
+
+    def not_measured(self) -> InputError:
+        """Return the error of a bundle of which nothing is measured."""
+        return InputError.single(f"bundle {self.name} has no photo observations yet; run 'orip measure' first")
+
+    @cached_property
+    def digests(self) -> Digests:
+        """Return the digests of what a solution depends on in the stores, and of the project's crs if it has one."""
+        project, definitions = self.project, self.state.definitions
+        cameras = [stored.record for stored in definitions.cameras]
+        photos = [stored.record for stored in definitions.photos]
+        return (
+            (project.shown(project.cameras), digest_of_records(cameras)),
+            (project.shown(project.photos), digest_of_records([*photos, *self.state.measured.photos.values()])),
+            (project.shown(project.exterior), digest_of_records([self.definition])),
+            (project.shown(project.observations(self.name)), self.digest_of_observations),
+            *project.crs_digest,
+        )
+
+    @cached_property
+    def digest_of_observations(self) -> str:
+        """Return the digest of the photo observations."""
+        return digest_of_observations(self.observations)
+
+    @cached_property
+    def photos(self) -> Mapping[str, str]:
+        """Return the names of the bundle's photos by `record_key`: those of its models, observations and solution."""
+        of_models = [photo for model in self.definition.models for photo in (model.left, model.right)]
+        adjusted = self.solution.photos.names if self.solution else ()
+        mine = {record_key(name) for name in (*of_models, *self.observations.photos, *adjusted)}
+        return {key: photo.name for key, photo in self.records.photos.items() if key in mine}
+
+    @cached_property
+    def models_of_photos(self) -> Mapping[str, Mapping[str, str]]:
+        """Return the names of the models of each photo in one, by the `record_key` of this and of the other photo."""
+        models: dict[str, dict[str, str]] = {}
+        for model in self.definition.models:
+            left, right = record_key(model.left), record_key(model.right)
+            models.setdefault(left, {}).setdefault(right, model.name)
+            models.setdefault(right, {}).setdefault(left, model.name)
+        return models
+
+
+def read_bundle(folder: Path, bundle: str | None, *parts: Part) -> BundleState:
+    """Read a project for a command on one bundle; see `orip.workflow.project.state`.
+
+    Parameters
+    ----------
+    folder : Path
+    bundle : str or None
+        None: the project's only one.
+    parts : Part
+        What is read of the stores; observations and solution of this bundle.
+
+    Raises
+    ------
+    InputError
+        With everything that is wrong in orip.toml, or if a store is damaged.
+    UsageError
+        If there is no such folder or bundle.
+    LockedError
+    """
+    project = open_project(folder)
+    name = project.bundle_name(bundle)
+    return BundleState(read_state(project, parts, [name]), name)

@@ -1,0 +1,74 @@
+"""Text files that a command writes after its stores have committed, and texts of the user's that it edits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.files.text.atomic import replace_text_in_pieces, reporting_failure
+from orip.files.text.digest import file_digest
+from orip.workflow.project.folder import Project
+
+
+@dataclass(frozen=True, slots=True)
+class TextOutput:
+    """A text file that a command writes as a whole.
+
+    Parameters
+    ----------
+    path : Path
+    pieces : callable
+        Gives the text; called when it is written.
+    remedy : str
+        What to do if it cannot be written, the last part of the message.
+    """
+
+    path: Path
+    pieces: Callable[[], Iterable[str]]
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class EditedText:
+    """A text of the user's with an edit.
+
+    Parameters
+    ----------
+    path : Path
+    before : str or None
+        Digest of the text that was edited; None: there was none.
+    text : str
+        With the edit.
+    remedy : str
+        As of a `TextOutput`.
+    """
+
+    path: Path
+    before: str | None
+    text: str
+    remedy: str
+
+    def output(self) -> TextOutput:
+        """Return the file to write."""
+        return TextOutput(self.path, lambda: [self.text], self.remedy)
+
+
+def write_output(project: Project, output: TextOutput) -> None:
+    """Write a text file.
+
+    Raises
+    ------
+    OripError
+        If it cannot be written; it is then as it was.
+    """
+    with reporting_failure(project.shown(output.path), output.remedy):
+        replace_text_in_pieces(output.path, output.pieces())
+
+
+def digest_of_text(path: Path) -> str | None:
+    """Return the digest of a text file; None if there is none or it cannot be read."""
+    with suppress(OSError):
+        return file_digest(path)
+    return None

@@ -1,0 +1,74 @@
+"""Commands as the command line gives them: state read, change computed, change committed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from orip.workflow.adjust import report as _report
+from orip.workflow.adjust import update as _update
+from orip.workflow.adjust.report import WrittenReport
+from orip.workflow.adjust.update import UpdateOutcome, What
+from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
+from orip.workflow.observations import edits, listed, todo
+from orip.workflow.observations import measure as _measure
+from orip.workflow.observations.edits import EDITED_FROM, Edited
+from orip.workflow.observations.listed import LISTED_FROM, ObservationList
+from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, MeasureOutcome
+from orip.workflow.observations.todo import Todo
+from orip.workflow.project.bundle_state import read_bundle
+from orip.workflow.project.commit import Committed, carry_out, commit
+from orip.workflow.project.state import read_checked_project, read_project
+from orip.workflow.project.texts import read_log
+from orip.workflow.records import initialise as _initialise
+from orip.workflow.records.initialise import INITIALISED_FROM, Initialised
+from orip.workflow.records.reconcile import Prefer
+from orip.workflow.status import STATUS_FROM, ProjectStatus
+from orip.workflow.status import project_status as status_of
+
+
+def initialise(folder: Path, prefer: Prefer | None = None) -> Initialised:
+    state = read_checked_project(folder, *INITIALISED_FROM)
+    return carry_out(state, partial(_initialise.initialise, prefer=prefer)).outcome
+
+
+def measure(folder: Path, files: Sequence[Path] = ()) -> Committed[MeasureOutcome]:
+    if not files:
+        return commit(_measure.measure(read_project(folder, *MEASURED_FROM)))
+    state = read_project(folder, *MEASURED_ON_TOP)
+    return commit(_measure.measure_on_top(state, read_log(state.project, [folder / path for path in files])))
+
+
+def project_status(folder: Path) -> ProjectStatus:
+    return status_of(read_project(folder, *STATUS_FROM))
+
+
+def update(folder: Path, what: What, names: Sequence[str] = ()) -> UpdateOutcome:
+    bundle = read_bundle(folder, None, *_update.UPDATED_FROM)
+    return carry_out(bundle, partial(_update.update, what=what, names=names)).outcome
+
+
+def report(folder: Path, bundle: str | None, output: Path | None) -> WrittenReport:
+    return commit(_report.report(read_bundle(folder, bundle, "definitions", "solutions"), output)).outcome
+
+
+def edit_observations(folder: Path, *arguments: Any, **options: Any) -> Edited:
+    return commit(edits.edit_observations(read_project(folder, *EDITED_FROM), *arguments, **options)).outcome
+
+
+def remeasure(folder: Path, file: Path, *, is_trial: bool = False) -> Edited:
+    return commit(edits.remeasure(read_project(folder, *EDITED_FROM), file, is_trial=is_trial)).outcome
+
+
+def list_observations(folder: Path, bundle: str | None = None, *arguments: Any, **options: Any) -> ObservationList:
+    return listed.list_observations(read_bundle(folder, bundle, *LISTED_FROM), *arguments, **options)
+
+
+def measure_again(folder: Path, bundle: str | None = None, *arguments: Any, **options: Any) -> Todo:
+    return commit(todo.measure_again(read_bundle(folder, bundle, *LISTED_FROM), *arguments, **options)).outcome
+
+
+def write_drive_table(folder: Path, bundle: str | None) -> DriveTableOutcome:
+    return commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM))).outcome
