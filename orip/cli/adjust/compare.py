@@ -14,7 +14,7 @@ from orip.errors import GateError
 
 if TYPE_CHECKING:
     from orip.workflow.adjust.compare import CompareOutcome
-    from orip.workflow.adjust.differences import Comparison, Difference
+    from orip.solving.differences import Comparison, Difference
 
 A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, or a project folder with one.")]
 B = Annotated[Path, typer.Argument(metavar="B", help="The one to compare it with.")]
@@ -53,7 +53,7 @@ def register(app: typer.Typer) -> None:
         Example: orip compare before/result.json . --tolerance 0.001
         """
         from orip.workflow.adjust.compare import compare
-        from orip.workflow.adjust.differences import Tolerance
+        from orip.solving.differences import Tolerance
 
         outcome = compare(invocation.folder, a, b, Tolerance(tolerance, relative, sigma))
         terminal = invocation.terminal

@@ -14,7 +14,7 @@ from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
 from orip.wording import first_names
-from orip.workflow.adjust.updated_values import (
+from orip.solving.updated_values import (
     ChangedValue,
     Estimate,
     KeptValue,
