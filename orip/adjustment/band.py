@@ -1,4 +1,4 @@
-"""A symmetric matrix of reduced unknowns as a band with a border: photos beside one another, cameras at the end."""
+"""A symmetric matrix of reduced unknowns as a band with a border: photos in the band, cameras in the border."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def arranged(groups: IntArray, touched: csr_array) -> Arrangement | None:
 
 
 def _width(graph: coo_array, inner: IntArray, order: IntArray, sizes: IntArray) -> int:
-    """Return how many places apart coupled unknowns are at most, in an order of their groups."""
+    """Return the largest distance of coupled unknowns in an order of their groups."""
     begins = np.zeros(len(sizes), dtype=np.int64)
     begins[order] = np.cumsum(sizes[order]) - sizes[order]
     ends = begins + sizes - 1

@@ -1,7 +1,7 @@
 """Blocks fitted by themselves after a step: embedded point iterations (Jeong, Nistér, Steedly, Szeliski, Kweon 2010).
 
-A correction takes blocks and reduced unknowns along one straight line. Where the observations are curved, it is some
-blocks that end far off, and they make the step fail. With the reduced unknowns held a block depends on its own
+A correction moves blocks and reduced unknowns along a straight line. Where the observations are strongly non-linear,
+some blocks end far from their minimum and make the step fail. With the reduced unknowns held a block depends on its own
 observations alone: each has its own small least-squares problem, and its own damping.
 """
 
@@ -16,10 +16,10 @@ from orip.arrays import FloatArray
 _PASSES = 2
 _FIRST, _STEP = 1e-2, 10.0
 _LITTLE = 1e-4
-"""Part of the square sum; where a pass brings less, another one is not worth its while."""
+"""A further pass is made only if the last one lowered the square sum by at least this part."""
 _LEAST_PIVOT = 1e-14
 _OUT_OF_SIGHT = 4.0
-"""Times its former square that an observation counts which can no longer be computed."""
+"""An observation that can no longer be computed counts as this multiple of its former square."""
 
 
 def with_blocks_fitted(
@@ -33,7 +33,7 @@ def with_blocks_fitted(
     moved : Linearised
         Where a correction has led to.
     before : Equations
-        Where it began: observations that have gone out of sight since count as `judged_residuals` says.
+        Where it began: observations that can no longer be computed count as in `judged_residuals`.
     weights : array (n,)
         Weight factors of the iteration.
     """
@@ -97,6 +97,6 @@ def _inverse(pivot: FloatArray) -> FloatArray:
 
 
 def _normals(after: Equations, root: FloatArray, lost: FloatArray, layout: Layout) -> BlockNormals:
-    """Return the normal equations of the blocks; `root` (n,) of the weights, and residuals `lost` (n,) out of sight."""
+    """Return the normal equations of the blocks; `root` (n,) of the weights, and `lost` (n,) residuals of lost ones."""
     misclosure = -root * np.where(after.active, after.residual, lost)
     return after.rows.block_normals(np.where(after.active, root, 0.0), misclosure, layout)

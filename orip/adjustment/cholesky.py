@@ -114,7 +114,7 @@ def _factorise_regular(matrix: FloatArray) -> FloatArray | None:
 
 @dataclass(slots=True)
 class Elimination:
-    """A right-looking elimination in hand.
+    """A right-looking elimination in progress.
 
     Parameters
     ----------

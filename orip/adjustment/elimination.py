@@ -1,4 +1,4 @@
-"""Point blocks of three unknowns, eliminated from the normal equations all at once.
+"""Point blocks of three unknowns, eliminated from the normal equations together.
 
 Each block is scaled to a unit diagonal and factored with diagonal pivoting, so that a coordinate that nothing
 determines (the depth of a point with one ray) is found by the digits its pivot loses, and is removed alone.
@@ -17,7 +17,7 @@ from orip.adjustment.cholesky import LOST_ALL
 from orip.arrays import BoolArray, FloatArray
 
 _AS_LARGE = 1e-9
-"""Pivots that differ by less than this part are taken in their order: rounding is not to say which is removed."""
+"""Pivots that differ by less than this part are taken in order: rounding must not decide which is removed."""
 
 
 @dataclass(frozen=True, slots=True)

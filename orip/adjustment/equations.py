@@ -70,7 +70,7 @@ class BlockNormals(NamedTuple):
     square_sums: FloatArray
 
 
-class Rows(Protocol):
+class DesignMatrix(Protocol):
     """The design matrix: partials of n computed observations, divided by their a-priori errors.
 
     It need not be stored: the adjustment asks for normal equations and leverages.
@@ -100,7 +100,7 @@ class Equations:
 
     Parameters
     ----------
-    rows : Rows
+    rows : DesignMatrix
     residual : array (n,)
         Computed minus observed, divided by the a-priori error.
     active : array (n,) of bool
@@ -109,7 +109,7 @@ class Equations:
         Exact constraints: always full weight, counted in the redundancy, not in sigma0.
     """
 
-    rows: Rows
+    rows: DesignMatrix
     residual: FloatArray
     active: BoolArray
     exact: BoolArray

@@ -50,7 +50,7 @@ class OutlierTest:
             return float(np.sqrt(chdtri(size, self.alpha)))
         if self.redundancy <= size:
             return float("inf")
-        # fdtri wants the probability below the quantile
+        # fdtri takes the probability below the quantile
         return float(np.sqrt(fdtri(size, self.redundancy - size, 1.0 - self.alpha)))
 
     def group_statistic(self, residuals: FloatArray, cofactor: FloatArray) -> float:

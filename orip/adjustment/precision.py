@@ -102,5 +102,5 @@ def variance_of_unit_weight(
 
 
 def _root_of_mean(square_sum: float, redundancy: float) -> float:
-    # a redundancy that is zero but for rounding says nothing about the observations
+    # a redundancy that is zero within rounding gives no information about the observations
     return float(np.sqrt(square_sum / redundancy)) if redundancy > 1e-6 else float("nan")

@@ -24,8 +24,8 @@ from orip.units import RADIANS_PER_DEGREE
 
 
 @dataclass(frozen=True, slots=True)
-class Ingredients:
-    """What a block is made of.
+class BlockInput:
+    """The records and observations that a block is assembled from.
 
     Parameters
     ----------
@@ -55,53 +55,47 @@ class Ingredients:
     crs: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Assembled:
-    """A block, or the complaints that keep it from being one."""
-
-    block: Block | None
-    complaints: tuple[Complaint, ...]
-
-
-def gather(ingredients: Ingredients) -> Assembled:
-    """Gather what is measured and given of one bundle adjustment, before anything starts anywhere.
+def gather(inputs: BlockInput) -> Block:
+    """Return the block of what is measured and given, before starting values are computed.
 
     Returns
     -------
-    Assembled
-        A block in its frame whose points have no starting coordinates, and whose photos have NaN for every element that
-        is not known. Every fault is a complaint, all of them at once.
+    Block
+        In its frame; its points have no starting coordinates, and its photos have NaN for every element that is not
+        known.
+
+    Raises
+    ------
+    InputError
+        With every fault of the input.
     """
-    observations = ingredients.observations
+    observations = inputs.observations
     keys = tuple(dict.fromkeys(map(record_key, dict.fromkeys(observations.photos))))
-    complaints = _photo_complaints(keys, ingredients)
+    complaints = _photo_complaints(keys, inputs)
     if not keys:
         complaints.append(
             Complaint(
-                f"bundle {ingredients.definition.name} has no photo points; measure some "
-                f"(POINTS {ingredients.definition.name} photo ... in a .MEA file, then orip measure)"
+                f"bundle {inputs.definition.name} has no photo points; measure some "
+                f"(POINTS {inputs.definition.name} photo ... in a .MEA file, then orip measure)"
             )
         )
-    complaints += _set_complaints(keys, ingredients)
+    complaints += _set_complaints(keys, inputs)
     if complaints:
-        return Assembled(None, tuple(complaints))
-    try:
-        block = _block_in_project(keys, ingredients)
-    except InputError as error:
-        return Assembled(None, error.complaints)
-    if complaints := frame_complaints(block, ingredients.preliminary):
-        return Assembled(None, tuple(complaints))
-    return Assembled(photos_in_frame(block), ())
+        raise InputError(tuple(complaints))
+    block = _block_in_project(keys, inputs)
+    if complaints := frame_complaints(block, inputs.preliminary):
+        raise InputError(tuple(complaints))
+    return photos_in_frame(block)
 
 
 def with_starting_values(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
-    """Return a gathered block, all photos of which have an orientation by now, as the adjustment starts from it."""
+    """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(block, preliminary)
     block = replace(block, theodolites=theodolite_sets(block))
     return constants_in_frame(block), warnings
 
 
-def _block_in_project(keys: Sequence[str], ingredients: Ingredients) -> Block:
+def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
     """Return the block without starting points, its photos and constants still in the project's coordinates.
 
     Raises
@@ -109,16 +103,16 @@ def _block_in_project(keys: Sequence[str], ingredients: Ingredients) -> Block:
     InputError
         If the coordinate reference system cannot be used.
     """
-    photos, cameras = _with_constant_elements(keys, ingredients)
-    point_names = _point_names(ingredients)
-    ground = _ground_observations(point_names, photos, cameras, ingredients)
-    photo_points = _photo_points(keys, point_names, ingredients)
+    photos, cameras = _with_constant_elements(keys, inputs)
+    point_names = _point_names(inputs)
+    ground = _ground_observations(point_names, photos, cameras, inputs)
+    photo_points = _photo_points(keys, point_names, inputs)
     camera_keys = [record_key(camera.name) for camera in cameras]
     camera_of = np.array([camera_keys.index(record_key(photo.camera)) for photo in photos])
     orientation = np.array([photo.orientation for photo in photos], dtype=np.float64)
     orientation[:, 3:] *= RADIANS_PER_DEGREE
     return Block(
-        definition=ingredients.definition,
+        definition=inputs.definition,
         cameras=cameras,
         photos=photos,
         photo_camera=camera_of,
@@ -126,47 +120,47 @@ def _block_in_project(keys: Sequence[str], ingredients: Ingredients) -> Block:
         point_names=point_names,
         point_start=np.full((len(point_names), 3), np.nan),
         photo_points=photo_points,
-        constant_points=_constant_points(point_names, ground, ingredients.definition),
+        constant_points=_constant_points(point_names, ground, inputs.definition),
         control_points=ground.points,
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
-        ground=ground_system(ingredients.crs, ingredients.ground_unit, ground.points, orientation[:, :3]),
+        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, orientation[:, :3]),
     )
 
 
-def _photo_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Complaint]:
+def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
     complaints = []
     for key in keys:
-        photo = ingredients.photos.get(key)
+        photo = inputs.photos.get(key)
         if photo is None:
             text = f"photo {key} has photo points but is not defined any more; run 'orip measure', or define it again"
             complaints.append(Complaint(text))
             continue
-        if key not in ingredients.to_photo:
+        if key not in inputs.to_photo:
             text = (
                 f"photo {photo.name} has photo points but no interior orientation; measure its fiducial marks "
                 f"(PHOTO {photo.name} A ... in a .MEA file)"
             )
             complaints.append(Complaint(text))
-        given = _photo_with_elements(photo, ingredients.control.elements)
+        given = _photo_with_elements(photo, inputs.control.elements)
         unplaced = [kind for kind in given.constant if given.orientation[PHOTO_PARAMETERS.index(kind)] is None]
         if unplaced:
             text = f"photo {photo.name} has {', '.join(unplaced)} constant, but without a value; give it in orip.toml"
             complaints.append(Complaint(text))
-        if ingredients.definition.measurement_precision.unit == "px" and key not in ingredients.pixel_sizes:
+        if inputs.definition.measurement_precision.unit == "px" and key not in inputs.pixel_sizes:
             text = f"measurement_precision is in px, but photo {photo.name} has neither sensor nor scan; give it in mm"
             complaints.append(Complaint(text))
     return complaints
 
 
-def _set_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Complaint]:
-    """Return a complaint for each camera whose parameter set has no frame to be scaled to."""
-    photos = [ingredients.photos[key] for key in keys if key in ingredients.photos]
-    cameras = (ingredients.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
+def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
+    """Return a complaint for each camera whose parameter set cannot be scaled, since it has no frame."""
+    photos = [inputs.photos[key] for key in keys if key in inputs.photos]
+    cameras = (inputs.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
     return [
         Complaint(
-            f"camera {camera.name} has set = {camera.additional_set} but no frame that it could be scaled to; "
+            f"camera {camera.name} has set = {camera.additional_set} but no frame to scale it to; "
             "give frame = [x, y] (mm) in its [[camera]]"
         )
         for camera in cameras
@@ -174,15 +168,11 @@ def _set_complaints(keys: Sequence[str], ingredients: Ingredients) -> list[Compl
     ]
 
 
-def _with_constant_elements(
-    keys: Sequence[str], ingredients: Ingredients
-) -> tuple[tuple[Photo, ...], tuple[Camera, ...]]:
+def _with_constant_elements(keys: Sequence[str], inputs: BlockInput) -> tuple[tuple[Photo, ...], tuple[Camera, ...]]:
     """Return photos and their cameras with observed elements as starting values, constant where the error is 0."""
-    photos = tuple(_photo_with_elements(ingredients.photos[key], ingredients.control.elements) for key in keys)
+    photos = tuple(_photo_with_elements(inputs.photos[key], inputs.control.elements) for key in keys)
     camera_keys = dict.fromkeys(record_key(photo.camera) for photo in photos)
-    cameras = tuple(
-        _camera_with_elements(ingredients.cameras[key], ingredients.control.elements) for key in camera_keys
-    )
+    cameras = tuple(_camera_with_elements(inputs.cameras[key], inputs.control.elements) for key in camera_keys)
     return photos, cameras
 
 
@@ -209,21 +199,21 @@ def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement]) ->
     return replace(camera, parameters=tuple(values), unknown=free)
 
 
-def _point_names(ingredients: Ingredients) -> tuple[str, ...]:
-    """Return the measured points, then further ends of distances and directions that have coordinates to start at."""
-    control = ingredients.control
+def _point_names(inputs: BlockInput) -> tuple[str, ...]:
+    """Return the measured points, then ends of distances and directions that have starting coordinates."""
+    control = inputs.control
     placed = {point.name for point in control.points if None not in point.coordinates}
-    placed |= {point.name for point in ingredients.preliminary}
+    placed |= {point.name for point in inputs.preliminary}
     ends = [name for each in control.distances for name in (each.start, each.end)]
     ends += [name for each in control.directions for name in (each.station, each.target)]
-    return tuple(dict.fromkeys([*ingredients.observations.points, *(name for name in ends if name in placed)]))
+    return tuple(dict.fromkeys([*inputs.observations.points, *(name for name in ends if name in placed)]))
 
 
 def _ground_observations(
-    point_names: Sequence[str], photos: Sequence[Photo], cameras: Sequence[Camera], ingredients: Ingredients
+    point_names: Sequence[str], photos: Sequence[Photo], cameras: Sequence[Camera], inputs: BlockInput
 ) -> Control:
     """Return the control whose points, photos and cameras are all in the block."""
-    control = ingredients.control
+    control = inputs.control
     points = set(point_names)
     records = {
         "PHOTO": {record_key(each.name) for each in photos},
@@ -279,8 +269,8 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
     return tuple(sets)
 
 
-def _photo_points(keys: Sequence[str], point_names: Sequence[str], ingredients: Ingredients) -> PhotoPoints:
-    observations = ingredients.observations
+def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> PhotoPoints:
+    observations = inputs.observations
     key_place = {key: place for place, key in enumerate(keys)}
     photo_place = {name: key_place[record_key(name)] for name in dict.fromkeys(observations.photos)}
     point_place = {name: place for place, name in enumerate(point_names)}
@@ -288,11 +278,11 @@ def _photo_points(keys: Sequence[str], point_names: Sequence[str], ingredients: 
     point = np.fromiter(map(point_place.__getitem__, observations.points), np.int64, len(observations.points))
     xy = np.empty_like(observations.measured)
     default = np.empty_like(observations.measured)
-    precision = ingredients.definition.measurement_precision
+    precision = inputs.definition.measurement_precision
     by_photo = np.split(np.argsort(photo, kind="stable"), np.cumsum(np.bincount(photo, minlength=len(keys)))[:-1])
     for rows, key in zip(by_photo, keys, strict=True):
-        xy[rows] = ingredients.to_photo[key].apply(observations.measured[rows])
-        unit = np.array(ingredients.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
+        xy[rows] = inputs.to_photo[key].apply(observations.measured[rows])
+        unit = np.array(inputs.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
         default[rows] = precision.value * unit
     own = ~np.isnan(observations.errors)
     error = np.where(own, np.abs(observations.errors), default)

@@ -1,15 +1,15 @@
 """Self-calibration judged: which camera parameters are significant, which can be determined at all.
 
 Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the others
-alone; A3, A5 and A7 depend on each other, so that of them only the highest order may go, and the rest is tested again
-without it. C, DX and DY are never tested: zero means nothing there. The additional parameters of a set are orthogonal
+alone; of A3, A5 and A7, which depend on each other, only the highest order may be removed, and the rest is tested again
+without it. C, DX and DY are never tested: zero has no meaning there. The additional parameters of a set are orthogonal
 by construction and are tested one by one; there, one that the other unknowns explain by more than nine tenths, or that
 spoils the points, is not determinable.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,19 +27,19 @@ from orip.records.solution import Diagnosis
 
 ALPHA = 0.05
 MOST_LOST_DIGITS = 5.0
-"""Digits that a parameter may lose to the other unknowns before it is not determinable in practice."""
+"""A parameter that loses more digits to the other unknowns is not determinable in practice."""
 
 MOST_CORRELATION = 0.90
 """Square of the multiple correlation above which an additional parameter is not determinable."""
 
 MOST_OF_TRACE = 0.10
-"""Part of the trace of the points' cofactors that one additional parameter may bring."""
+"""Part of the trace of the points' cofactors that one additional parameter may contribute."""
 
 Verdict = Literal["significant", "not significant", "not determinable"]
 
 _GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("P1", "P2"), ("B1",), ("B2",))
 _HIGHER_ORDERS = {"A3": {"A5", "A7"}, "A5": {"A7"}}
-"""Radial parameters that go before another may."""
+"""Radial parameters that are removed before another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ def _a_priori_errors(solved: SolvedBlock) -> FloatArray:
 
 
 def _share_of_trace(solved: SolvedBlock, columns: NDArray[np.int64], cofactor: FloatArray) -> FloatArray:
-    """Return the part (k,) of the trace of the points' cofactors that each parameter brings (trace test)."""
+    """Return the part (k,) of the trace of the points' cofactors that each parameter contributes (trace test)."""
     unit = np.zeros((solved.problem.layout.size, len(columns)))
     unit[columns, np.arange(len(columns))] = 1.0
     spread = solved.normals.solve(unit)[solved.problem.layout.reduced :]
@@ -146,7 +146,7 @@ def digits_lost(solved: SolvedBlock, column: int) -> float:
 
 
 def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Return what to do about each parameter that is not significant or not determinable."""
+    """Return a diagnosis of each parameter that is not significant or not determinable."""
     tests = parameter_tests(solved)
     candidates = removable(tests)
     for test in tests:
@@ -155,7 +155,7 @@ def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
         names = ", ".join(test.parameters)
         where = f"camera {test.camera}"
         if test.verdict == "not determinable":
-            text = f"{names} of {where} can hardly be told from the other unknowns ({test.lost_digits:.1f} digits lost)"
+            text = f"{names} of {where} hardly differs from the other unknowns ({test.lost_digits:.1f} digits lost)"
         else:
             text = f"{names} of {where} is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
         remedy = "hold it at zero, or let 'orip solve --prune' do so"
@@ -165,7 +165,7 @@ def calibration_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 
 def removable(tests: tuple[ParameterTest, ...]) -> list[ParameterTest]:
-    """Return the tests of parameters that may go, the worst first: of the radial ones the highest order alone."""
+    """Return the tests of parameters that may be removed, the worst first; of radial ones only the highest order."""
     unknown: dict[str, set[str]] = {}
     for test in tests:
         unknown.setdefault(test.camera, set()).update(test.parameters)
@@ -184,14 +184,14 @@ def _worth(test: ParameterTest) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pruned:
-    """A block freed of parameters that are not significant, and the tests that each failed, in order."""
+    """A block whose cameras have only significant parameters, and the tests of the removed ones in order."""
 
     solved: SolvedBlock
     removed: tuple[ParameterTest, ...]
 
 
 def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> Pruned:
-    """Hold the worst parameter at zero and adjust again, until every parameter left is significant.
+    """Hold the worst parameter at zero and adjust again, until all remaining parameters are significant.
 
     Parameters
     ----------
@@ -208,6 +208,23 @@ def prune(solved: SolvedBlock, solve_again: Callable[[Block], SolvedBlock]) -> P
         removed.append(worst[0])
         solved = solve_again(_without(solved, worst[0]))
     return Pruned(solved, tuple(removed))
+
+
+def pruning_diagnosis(removed: Sequence[ParameterTest]) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each parameter that pruning holds at zero, in the order of removal."""
+    for test in removed:
+        names = ", ".join(test.parameters)
+        where = f"camera {test.camera}"
+        if test.verdict == "not determinable":
+            why = f"the other unknowns explain it ({test.lost_digits:.1f} digits lost)"
+        else:
+            why = f"it is not significant ({test.statistic:.2f}, limit {test.limit:.2f})"
+        text = f"{names} of {where} was held at zero: {why}"
+        of_a_set = "." in names
+        remedy = (
+            "solve with --prune again" if of_a_set else "take it out of the camera's unknown parameters in orip.toml"
+        )
+        yield Diagnosis("pruned", where, text, remedy)
 
 
 def _without(solved: SolvedBlock, test: ParameterTest) -> Block:

@@ -26,7 +26,7 @@ from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
 from orip.records.block import Block
 
 _DETERMINED = 1e-8
-"""An observation fixes a movement when that changes it by more than this part of what its partials allow."""
+"""An observation determines a movement that changes it by more than this part of what its partials allow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +216,7 @@ def _require_enough_points(datum: FreeDatum, state: State, unknowns: Unknowns) -
     rows = generator[columns[columns != CONSTANT]]
     if len(rows) < rows.shape[1] or np.linalg.svd(rows, compute_uv=False)[-1] < _DETERMINED * np.abs(rows).max():
         message = (
-            f"{len(datum.points)} datum points do not fix the free network's {rows.shape[1]} movements; "
+            f"{len(datum.points)} datum points do not determine the free network's {rows.shape[1]} movements; "
             "name at least three that are not on one line, or none to use all points"
         )
         raise InputError.single(message)

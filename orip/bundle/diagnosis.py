@@ -1,4 +1,4 @@
-"""Diagnosis in the user's names: what is not determined and why, what is weak, and what to do about it."""
+"""Diagnosis in the user's names: what is not determined and why, what is weak, and the remedies."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _SIGMA0_TOO_LARGE = 2.0
 _POINTS_FOR_A_PHOTO = 3
 
 _SETTLED = 0.1
-"""Standard deviations: what changes by less is where it will end."""
+"""Changes below this part of a standard deviation do not count."""
 
 
 def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
-    """Return what is known to go wrong before anything is computed."""
-    text = "has C and A1 both unknown: they are the same unknown but for the higher distortion terms; hold A1 constant"
+    """Return the weaknesses that show before the adjustment."""
+    text = "has both C and A1 unknown: they differ only by the higher distortion terms; hold A1 constant"
     return tuple(
         ProjectWarning("same-unknown", f"camera {camera.name}", text)
         for camera in block.cameras
@@ -59,7 +59,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
 
 
 def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name the movements of the whole block that no control stops."""
+    """Name the movements of the whole block that control does not determine."""
     if solved.problem.datum is not None:
         return
     movements = _free_movements(solved)
@@ -88,7 +88,7 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
 def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     """Return the movements (7, d) that neither observations on the ground nor constants determine.
 
-    Photo points do not determine any: they only see how photos and points lie to one another.
+    Photo points do not determine any: they depend on the relative positions of photos and points only.
     """
     problem, state = solved.problem, solved.state
     on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
@@ -110,7 +110,7 @@ def _control_count(block: Block) -> int:
 
 
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name every unknown that was removed, record by record, with the cause that can be seen."""
+    """Name every unknown that was removed, record by record, with its probable cause."""
     names = solved.problem.unknowns.names
     normals = solved.normals
     columns = [int(column) for column in np.flatnonzero(normals.removed) if names[column] is not None]
@@ -147,10 +147,10 @@ def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
     size, kind, name = farthest
     count = sum(each[0] >= _SETTLED for each in moves)
     text = (
-        f"the iterations did not converge: another one would change {kind} of photo {name} by {size:.2g} standard "
+        f"the iterations did not converge: one more would change {kind} of photo {name} by {size:.2g} standard "
         f"deviations, and {_photos(count)} by more than {_SETTLED}"
     )
-    remedy = "look for wrong points there first; more iterations, or better preliminary values, if there are none"
+    remedy = "look for wrong points there first; otherwise allow more iterations or give better preliminary values"
     yield Diagnosis("not-converged", f"photo {name}", text, remedy)
 
 
@@ -160,7 +160,7 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
     if group == "POINT":
         rays = _rays(block, name)
         if rays < 2:
-            cause = "it has one ray" if rays == 1 else "no photo point of it is in use"
+            cause = "it has one ray" if rays == 1 else "none of its photo points is used"
             return cause, "measure the point in another photo, give it control, or take it out"
         return "its rays are nearly parallel", "measure the point in a photo taken from elsewhere"
     if group == "PHOTO":
@@ -171,10 +171,10 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
         if count < _POINTS_FOR_A_PHOTO:
             cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"
-        return "its points do not fix it", "measure points that are spread over the photo, in depth too"
+        return "its points do not determine it", "measure points spread over the photo and at different depths"
     if group == "THEODOLITE":
-        return "no direction of the set is in use", "observe a direction, or give R"
-    return "the photos do not show it", "hold it constant, or add photos that differ in turn, tilt and distance"
+        return "none of its directions is used", "observe a direction, or give R"
+    return "the photos do not determine it", "hold it constant, or add photos with other rotations and distances"
 
 
 _IN_WORDS = ("no", "one", "two")
@@ -214,7 +214,7 @@ def _principal_distance_and_scale(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 
 def _correlated(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name the pairs of camera unknowns, and the photos, whose unknowns can hardly be told apart."""
+    """Name the pairs of camera unknowns, and the photos, whose unknowns are highly correlated."""
     unknowns = solved.problem.unknowns
     for camera, columns in zip(solved.block.cameras, unknowns.cameras, strict=True):
         for a, b, r in _strong_pairs(solved, CAMERA_PARAMETERS, columns.tolist()):
@@ -227,7 +227,7 @@ def _correlated(solved: SolvedBlock) -> Iterator[Diagnosis]:
     for (a, b), photos in found.items():
         largest, name = max(photos)
         text = f"{a} and {b} correlate above {STRONG_CORRELATION} in {_photos(len(photos))}, by {largest:.4f} in {name}"
-        remedy = "their standard deviations go together; points that differ in depth, or convergent photos, part them"
+        remedy = "judge them together; points at different depths or convergent photos separate them"
         yield Diagnosis("correlation", f"photo {name}", text, remedy)
 
 
@@ -260,7 +260,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
         start += len(rows.used)
         if not isinstance(observations, PhotoPointObservations):
             continue
-        # in use, but with no influence: left out as a blunder, or as one behind the camera
+        # used, but without influence: left out as a blunder, or since it is behind the camera
         idle: NDArray[np.bool_] = np.asarray((rows.used & ~active).reshape(-1, 2).any(axis=1))
         if not idle.any():
             continue
@@ -271,7 +271,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
             yield Diagnosis(
                 "behind",
                 f"photo {photo} point {point}",
-                f"point {point} came to lie behind photo {photo}; its observation was left out",
+                f"point {point} lies behind the camera of photo {photo}; its observation was left out",
                 "check the point's name and the photo's preliminary values",
             )
 
@@ -280,7 +280,7 @@ def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     where = f"bundle {solved.block.definition.name}"
     sigma0, active = solved.variance.sigma0, solved.equations.active
     if np.isfinite(sigma0) and sigma0 > _SIGMA0_TOO_LARGE:
-        text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors promise"
+        text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors"
         remedy = (
             "search for blunders with 'orip solve --snoop' (control needs errors above 0), then check a-priori errors"
         )
@@ -289,8 +289,6 @@ def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
         text = "there is no redundancy: nothing checks the observations, and sigma0 cannot be computed"
         yield Diagnosis("no-redundancy", where, text, "measure more points or add control")
     if np.mean(solved.weight_factors[active] < 1.0) > 0.5:
-        text = (
-            "more than half of the observations are down-weighted: the adjustment is diverging, or starts too far off"
-        )
+        text = "more than half of the observations are down-weighted: the iterations diverge, or their start is poor"
         remedy = "check preliminary values and a-priori errors; solve without down-weighting first, then 'orip update'"
         yield Diagnosis("diverging", where, text, remedy)

@@ -1,9 +1,8 @@
-"""Taking a block to the frame that it is adjusted in: where its origin is, what is constant there, what is refused.
+"""The local frame that a block is adjusted in: its origin, what is constant there, and what it excludes.
 
 With a coordinate reference system photos and points have local coordinates while they are adjusted. A constant of the
-project is a constant of the frame only together with all that it hangs together with there: the three coordinates of a
-point or projection centre, and a photo's angles with its centre. What is held without the rest becomes an equation that
-is met exactly.
+project is a constant of the frame only together with others: the three coordinates of a point or projection centre, and
+a photo's angles with its centre. Constants without those others become exact constraints.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from orip.records.photo import PHOTO_PARAMETERS, Photo
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 
 _ROUNDED_TO = -2
-"""Decimals of the origin: a small change of the block does not move it."""
+"""Decimals to which the origin is rounded: a small change of the block does not move it."""
 
 
 def ground_system(
@@ -53,14 +52,14 @@ def ground_system(
     known = [point.coordinates for point in points if not point.rejected and None not in point.coordinates]
     places = np.array(known, dtype=np.float64) if known else centres[np.isfinite(centres).all(axis=1)]
     if not len(places):
-        message = "with a crs the block needs a place on the earth: give a control point in full, or projection centres"
+        message = "with a crs the block needs a location: give a control point with X, Y and Z, or projection centres"
         raise InputError.single(message)
     # the median: one point with a misprint does not move the frame of all others
     return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
 
 
 def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> list[Complaint]:
-    """Return a complaint for all that cannot be in the frame; photos still have the project's coordinates."""
+    """Return the complaints of what the frame cannot hold; photos still have the project's coordinates."""
     if block.ground is PLAIN:
         return []
     names = [f"photo {photo.name}" for photo in block.photos]
@@ -73,8 +72,8 @@ def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> l
     outside = np.isfinite(xyz).all(axis=1) & np.isnan(block.ground.to_local(xyz)).any(axis=1)
     complaints = [
         Complaint(
-            f"{names[row]} has the coordinates {', '.join(f'{value:.3f}' for value in xyz[row])}, and crs has no "
-            "such place; check the coordinates, and that X is the easting and Y the northing"
+            f"{names[row]} has the coordinates {', '.join(f'{value:.3f}' for value in xyz[row])}, which are "
+            "outside the area of the crs; check the coordinates, and that X is the easting and Y the northing"
         )
         for row in np.flatnonzero(outside)
     ]
@@ -82,8 +81,8 @@ def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> l
 
 
 def _free_network_complaints(block: Block) -> Iterator[Complaint]:
-    """Yield complaints of observations that would tie a free network to its place on the earth, ever so weakly."""
-    if block.definition.datum != "free":
+    """Yield complaints of observations that would tie a free network to its location on the earth."""
+    if not block.is_free_network:
         return
     name = block.definition.name
     if block.directions:
@@ -102,7 +101,7 @@ def _free_network_complaints(block: Block) -> Iterator[Complaint]:
 def photos_in_frame(block: Block) -> Block:
     """Return the block with its photos' orientations taken from the project to the frame.
 
-    Of a photo that is not known in full, the frame has nothing.
+    A photo with an unknown element has NaN for all of them.
     """
     if block.ground is PLAIN:
         return block
@@ -115,7 +114,7 @@ def photos_in_frame(block: Block) -> Block:
 
 
 def constants_in_frame(block: Block) -> Block:
-    """Return the block with what is constant in the project either constant in the frame, or to be met exactly."""
+    """Return the block with what is constant in the project either constant in the frame, or an exact constraint."""
     if block.ground is PLAIN:
         return block
     whole = block.constant_points & block.constant_points.all(axis=1, keepdims=True)
@@ -134,7 +133,7 @@ def constants_in_frame(block: Block) -> Block:
 
 
 def _constants_of_photo(photo: Photo) -> tuple[Photo, list[ControlElement]]:
-    """Return a photo with the elements that are constant in the frame, and those to be met exactly."""
+    """Return a photo with the elements that are constant in the frame, and those that are exact constraints."""
     constant = frozenset[str]()
     if set(photo.constant) >= _POSITION:
         constant = frozenset(PHOTO_PARAMETERS) if set(photo.constant) == set(PHOTO_PARAMETERS) else _POSITION

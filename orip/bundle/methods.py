@@ -6,11 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from orip.adjustment.iteration import IterationRecord
-from orip.bundle.advice import blunder_advice, pruning_advice
-from orip.bundle.calibration import prune
+from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import iteration_pass, solution_of
-from orip.bundle.snooping import SnoopingSettings, snoop, without_blunders
+from orip.bundle.snooping import SnoopingSettings, blunder_diagnosis, snoop, without_blunders
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
 from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
@@ -71,11 +70,11 @@ def adjust_block(
 
     advice: list[Diagnosis] = []
     solved, blunders = _solved(block, method, numbered, stop_asked)
-    advice += blunder_advice(blunders, ground_unit)
+    advice += blunder_diagnosis(blunders, ground_unit)
     if method.prune and not stop_asked():
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
-        advice += pruning_advice(pruned.removed)
+        advice += pruning_diagnosis(pruned.removed)
     solution = solution_of(solved)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished
     cut_short = method != Method() and stop_asked()

@@ -1,4 +1,4 @@
-"""A block as a problem that can be adjusted: all kinds of observation under one order of unknowns."""
+"""A block as an adjustment problem: all kinds of observation with one order of the unknowns."""
 
 from __future__ import annotations
 
@@ -15,13 +15,11 @@ from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import PhotoLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
-from orip.bundle.consensus import moves_to_consensus
 from orip.bundle.datum import FreeDatum, free_datum
-from orip.bundle.intersected_points import with_intersected_points
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.moved_points import with_points_moved
+from orip.bundle.point_moves import moves_to_consensus, with_intersected_points, with_points_moved
 from orip.bundle.state import State, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -60,7 +58,7 @@ class BlockProblem:
 
     @property
     def defect(self) -> int:
-        """Return how many movements of the whole block are free."""
+        """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
 
     def linearise(self, state: State) -> Equations:
@@ -131,7 +129,7 @@ class BlockProblem:
         return state.moved(correction, self.unknowns) if correction.any() else None
 
     def with_blocks_recomputed(self, state: State) -> State:
-        """Return the state with its points where the rays of the photos meet."""
+        """Return the state with its points intersected from the rays of the photos."""
         return with_intersected_points(self.block, state, self.unknowns)
 
     def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
@@ -141,7 +139,7 @@ class BlockProblem:
         return with_points_moved(state, move, state.centres[rays.photo], rays.point)
 
     def step_factor(self, correction: FloatArray) -> float:
-        """Return the factor that keeps every photo's turn small enough to linearise."""
+        """Return the factor that keeps the rotation of every photo within the range of the linearisation."""
         return rotation_limit(correction, self.unknowns)
 
 
@@ -158,7 +156,7 @@ def pose_problem(block: Block) -> BlockProblem:
     others = BlockProblem(block, unknowns, (*staying, *rest))
     if not _couples_points(others):
         problem = _arranged(problem, loop, others)
-    return problem if block.definition.datum == "control" else _freed(problem, block)
+    return _freed(problem, block) if block.is_free_network else problem
 
 
 def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:
@@ -182,7 +180,7 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
 
 
 def _couples_points(problem: BlockProblem) -> bool:
-    """Whether an observation touches a point that is eliminated together with a reduced unknown."""
+    """Return whether an observation touches both an eliminated point and a reduced unknown."""
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
@@ -191,7 +189,7 @@ def _couples_points(problem: BlockProblem) -> bool:
 
 
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
-    """Return the problem of a free network: as many unknowns are held while solving as it has free movements."""
+    """Return the problem of a free network: while solving, as many unknowns are held as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
     others = tuple(each for each in problem.observations if not isinstance(each, PhotoPointObservations))
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)

@@ -30,7 +30,7 @@ from orip.records.solution import (
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0
 _TESTABLE = 1e-6
-"""Redundancy number below which a residual says nothing about its observation."""
+"""Redundancy number below which a residual does not show the error of its observation."""
 
 
 def solution_of(solved: SolvedBlock) -> Solution:

@@ -1,14 +1,15 @@
-"""Data snooping: blunders are found one after the other, each by the residual or group that fits least.
+"""Data snooping: blunders are found one after another, each by the largest test statistic of a residual or group.
 
 A photo point is left out as a whole, x and y; a control point is tested and left out as a three-dimensional group, so
 that one that contradicts the photos is found even where every photo agrees with every other. After each round the block
-is adjusted again; at the end, whatever would fit after all is taken back.
+is adjusted again; at the end, units that fit nevertheless are used again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,13 +26,14 @@ from orip.progress import stage
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT
-from orip.records.solution import Blunder
+from orip.records.solution import Blunder, Diagnosis
 
 _NEAR_THE_WORST = 0.5
-"""In one round only candidates within this part of the worst are left out: smaller ones may be its shadows."""
+"""In one round only candidates whose statistic is at least this part of the largest are left out: smaller ones may be
+its effects."""
 
 _TESTABLE = 1e-4
-"""Redundancy number below which a residual hides its error altogether."""
+"""Redundancy number below which a residual does not show the error of its observation."""
 
 _LEAST_SIGMA0 = 1e-6
 """A sigma0 below it comes from observations without errors: their residuals are rounding, not blunders."""
@@ -41,7 +43,7 @@ _COMPONENTS_OF_A_PHOTO_POINT = 2
 
 @dataclass(frozen=True, slots=True)
 class SnoopingSettings:
-    """How blunders are searched.
+    """Settings of data snooping.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ class SnoopingSettings:
 
 
 class _Unit(NamedTuple):
-    """What is left out together: a kind, its rows among all observations, the photo (-1: none) and the point."""
+    """Observations left out together: their kind, rows among all observations, photo (-1: none) and point."""
 
     kind: str
     rows: tuple[int, ...]
@@ -100,7 +102,7 @@ def snoop(
     -------
     Snooped
     """
-    with stage("searching blunders"):
+    with stage("searching for blunders"):
         search = _Search(block, settings, on_iteration, stop_asked)
         search.leave_out()
         search.take_back()
@@ -120,13 +122,29 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     return replace(block, photo_points=replace(points, used=used), control_points=control)
 
 
+def blunder_diagnosis(blunders: Sequence[Blunder], ground_unit: str) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each blunder, in the order they were found."""
+    for _, members in groupby(blunders, key=lambda row: row.order):
+        found = list(members)
+        sizes = ", ".join(f"{row.component} {row.size:+.4g} ± {row.sd:.2g}" for row in found)
+        if found[0].kind == CONTROL_POINT.name:
+            where = f"control point {found[0].point}"
+            text = f"{where} contradicts the photos; its coordinates are off by {sizes} {ground_unit}"
+            remedy = "check the coordinates, and whether the feature measured in the photos is the one surveyed"
+        else:
+            where = f"photo {found[0].photo} point {found[0].point}"
+            text = f"{where} is measured wrongly; it is off by {sizes} mm"
+            remedy = "measure it again, or disregard it; check its name"
+        yield Diagnosis("blunder", where, text, remedy)
+
+
 def _disregarded(point: ControlPoint) -> ControlPoint:
     x, y, z = (None if error is None else -abs(error) for error in point.errors)
     return replace(point, errors=(x, y, z))
 
 
 class _Search:
-    """The search in hand: the units, those left out, and the last adjustment."""
+    """A search: the units, those left out so far, and the last adjustment."""
 
     def __init__(
         self,
@@ -154,7 +172,7 @@ class _Search:
         return self.solved.converged
 
     def _leave_out_down_weighted(self) -> None:
-        """Leave out what the Danish method gave less weight: blunders so large that nothing converges with them."""
+        """Leave out what the Danish method down-weights: blunders too large for the iterations to converge."""
         weight = self.solved.weight_factors
         for index in self._in_use():
             if (weight[list(self.units[index].rows)] < 1.0).any():
@@ -162,13 +180,13 @@ class _Search:
         self._adjust_again()
 
     def leave_out(self) -> None:
-        """Leave out the worst units, round by round, until none fails its test, or nothing converges any more."""
+        """Leave out the worst units, round by round, until none fails its test or the iterations do not converge."""
         while self._converged and not self.stop_asked() and (found := self._worst()):
             self.left_out.update({finding.unit: finding for finding in found})
             self._adjust_again()
 
     def take_back(self) -> None:
-        """Take back units that fit the final adjustment after all, the best one first, each of them once."""
+        """Use units again that fit the final adjustment, the best first, each at most once."""
         found = dict(self.left_out)
         returned: set[int] = set()
         while self._converged and not self.stop_asked():
@@ -181,7 +199,7 @@ class _Search:
             del self.left_out[best]
             self._adjust_again()
             if self._fails(best):
-                # back to its place: blunders are told in the order they were found
+                # at its former place: blunders are listed in the order they were found
                 self.left_out = {unit: each for unit, each in found.items() if unit in self.left_out or unit == best}
                 self._adjust_again()
 
@@ -202,7 +220,7 @@ class _Search:
             for row in shown:
                 yield Blunder(
                     order, unit.kind, photo[row], point[row], component[row],
-                    # an observation without influence misses by its own error and by that of its prediction
+                    # the residual of an unused observation has its own error and that of its prediction
                     size=float(-residual[row] * error[row]),
                     sd=float(self._test().sigma0 * error[row] * np.sqrt(1.0 + self._leverage()[row])),
                     statistic=finding.statistic,
@@ -266,7 +284,7 @@ class _Search:
         return np.asarray(partials @ self.solved.cofactors_of(columns) @ partials.T)
 
     def _worst(self) -> list[_Finding]:
-        """Return the units to leave out next: the worst one, and those that it cannot have spoilt."""
+        """Return the units to leave out next: the worst one, and others that it hardly affects."""
         scores = [self._score(unit, left_out=False) for unit in self._in_use()]
         failing = [score for score in scores if score.statistic > score.limit]
         if not failing:
@@ -283,7 +301,7 @@ class _Search:
             near = score.statistic / score.limit >= _NEAR_THE_WORST * worst.statistic / worst.limit
             if near and unit.kind == PHOTO_POINT.name and unit.photo not in photos and unit.point not in points:
                 chosen.append(score)
-            # the first of a photo or point stands for it, whether it was taken or not
+            # only the worst of a photo or point is a candidate, whether it was chosen or not
             photos.add(unit.photo)
             points.add(unit.point)
         return chosen
@@ -298,7 +316,7 @@ class _Search:
 
 
 def _without_weights(block: Block) -> Block:
-    """Return the block with down-weighting off: a soft weight would hide what a test is to find."""
+    """Return the block with down-weighting off: reduced weights would hide blunders from the tests."""
     definition = replace(block.definition, start_down_weight=block.definition.max_iterations)
     return replace(block, definition=definition)
 

@@ -136,7 +136,7 @@ def solve_problem(
 
 
 def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
-    """Return a context in which BLAS has one thread, but for large full matrices: others gain nothing by more."""
+    """Return a context in which BLAS has one thread, except for large full matrices: others gain nothing."""
     from threadpoolctl import threadpool_limits
 
     layout = problem.layout

@@ -17,7 +17,7 @@ from orip.records.block import Block
 from orip.records.control import PreliminaryPoint
 
 _RAYS_AT_A_TIME = 65536
-"""Each has a matrix: for a million of them that would be much memory."""
+"""Bounds memory: each ray needs a rotation matrix."""
 
 
 def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
@@ -44,7 +44,7 @@ def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) 
         warnings = [
             ProjectWarning(
                 "one-ray", f"point {block.point_names[index]}",
-                "is seen by one ray and has no preliminary coordinates: its distance from the photo is a guess",
+                "is seen by one ray and has no preliminary coordinates: its distance from the photo is assumed",
             )
             for index in np.flatnonzero(single)
         ]  # fmt: skip
@@ -53,7 +53,7 @@ def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) 
 
 
 def _hold(block: Block, start: FloatArray) -> None:
-    """Put constant coordinates of the project in their place."""
+    """Set the constant coordinates of the project to their given values."""
     rows = block.constant_points.any(axis=1)
     held = block.constant_points[rows]
     project = block.ground.to_project(start[rows])
@@ -79,7 +79,7 @@ def _intersections(block: Block) -> FloatArray:
 
 
 def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
-    """Return positions on the first ray of points that nothing places, as far away as the other points are."""
+    """Return positions of points without coordinates: on their first ray, at the median distance of the others."""
     origins, directions = _rays(block)
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     distances = np.linalg.norm(start[block.photo_points.point] - origins, axis=1)

@@ -1,4 +1,4 @@
-"""The state of a block in the course of its adjustment: current values of everything, moved by corrections."""
+"""The state of a block during its adjustment: current values of all parameters, and how corrections change them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from orip.geometry.rotation import (
 )
 
 LARGEST_ROTATION = 0.5
-"""Radians that a photo may turn in one iteration; a larger correction is scaled down as a whole."""
+"""Largest rotation of a photo (radians) in one iteration; a larger correction is scaled down as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class State:
         Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
         are small rotations about the ground axes, which have no singular case.
     memory : mapping of kind to array
-        What kinds of observation keep from one iteration to the next.
+        Shifts of exact constraints, kept from one iteration to the next.
     """
 
     cameras: FloatArray
@@ -83,7 +83,7 @@ class State:
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
-    """Return the factor that keeps every photo's turn within `LARGEST_ROTATION`."""
+    """Return the factor that keeps the rotation of every photo within `LARGEST_ROTATION`."""
     turns = np.linalg.norm(entries_at(correction, unknowns.photos[:, 3:]), axis=1)
     largest = float(turns.max(initial=0.0))
     return min(1.0, LARGEST_ROTATION / largest) if largest > 0.0 else 1.0

@@ -1,7 +1,7 @@
 """The unknowns and their order: cameras, theodolites, photos, tied points; all other points are eliminated.
 
-Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined, it
-is OMEGA or PHI that is named, and not KAPPA.
+Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined,
+OMEGA or PHI is reported, and not KAPPA.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class UnknownName(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class UnknownNames:
-    """Names of all unknowns by their columns; those of eliminated points are made when they are asked for.
+    """Names of all unknowns by their columns; those of eliminated points are made on request.
 
     Parameters
     ----------

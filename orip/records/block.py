@@ -100,6 +100,11 @@ class Block:
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
 
+    @property
+    def is_free_network(self) -> bool:
+        """Return whether inner constraints fix the ground system, and not control."""
+        return self.definition.datum == "free"
+
     def point_index(self) -> Mapping[str, int]:
         """Return the place of each point by its name."""
         return _index(self.point_names)

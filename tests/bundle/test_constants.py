@@ -88,7 +88,7 @@ def test_a_single_constant_coordinate_of_a_point():
 def test_all_constant_leaves_nothing_to_adjust():
     made = synthetic_block("convergent", "all", control="constant", constant=[PHOTO_PARAMETERS] * 8)
     block = replace(made.block, constant_points=np.ones((len(made.points), 3), dtype=bool))
-    with pytest.raises(NotSolvableError, match="nothing is unknown"):
+    with pytest.raises(NotSolvableError, match="nothing to adjust"):
         solve_block(block, lambda _: None, lambda: False)
 
 

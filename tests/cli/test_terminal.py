@@ -138,8 +138,8 @@ def test_bars_appear_for_long_work_and_leave_nothing_behind(cliff: Path) -> None
 
 def test_each_pass_is_there_while_the_bar_goes_on(cliff: Path) -> None:
     shown = at_terminal(cliff, "solve", "--snoop", "--no-report", delay=0.0)
-    searching = shown.text.index("searching blunders")
-    assert re.search(r" 1  +-\d\.\d  +0  +0  +\d+\.\d{4}\n.*searching blunders", shown.text[searching:])
+    searching = shown.text.index("searching for blunders")
+    assert re.search(r" 1  +-\d\.\d  +0  +0  +\d+\.\d{4}\n.*searching for blunders", shown.text[searching:])
     assert not [line for line in shown.screen if "searching" in line]
 
 

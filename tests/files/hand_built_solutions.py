@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.reliability import reliability
+from orip.bundle.reliability import reliability
 from orip.files.listings.bundle import bundle_listing
 from orip.files.result.residuals_csv import residuals_csv, residuals_csv_pieces
 from orip.records.control import PointKind

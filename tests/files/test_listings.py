@@ -26,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip import __version__
-from orip.adjustment.reliability import reliability
+from orip.bundle.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
 from orip.files.listings.bundle import bundle_listing
 from orip.files.listings.errors import error_listing

@@ -60,7 +60,7 @@ def _drawn(family: str, run: int, photos: int, random: np.random.Generator) -> S
         if self_calibrating and not _calibrated(found):
             self_calibrating = False
             cameras = {record_key(true.name): true}
-            records = replace(records, ingredients=replace(records.ingredients, cameras=cameras))
+            records = replace(records, inputs=replace(records.inputs, cameras=cameras))
             found = true_minimum(records)
         if reason := _weakness(found):
             return reason

@@ -95,7 +95,7 @@ def _blunders(clean: SolvedBlock, part: float, random: np.random.Generator) -> t
 
 def _wrong_control(records: SimulatedRecords, random: np.random.Generator) -> tuple[str, ...]:
     """Return in a fifth of the blocks with eight weighted full control points and more the one that is wrong."""
-    control = records.ingredients.control.points
+    control = records.inputs.control.points
     full = [point.name for point in control if None not in point.coordinates and point.errors[0] != 0.0]
     if len(full) < 8 or random.random() > 0.2:
         return ()
@@ -105,20 +105,20 @@ def _wrong_control(records: SimulatedRecords, random: np.random.Generator) -> tu
 def _blundered(
     records: SimulatedRecords, rows: np.ndarray, displaced: np.ndarray, control: tuple[str, ...]
 ) -> SimulatedRecords:
-    ingredients = records.ingredients
-    observations = ingredients.observations
+    inputs = records.inputs
+    observations = inputs.observations
     measured = observations.measured.copy()
     measured[rows] = displaced
     points = tuple(
         replace(point, coordinates=tuple(np.add(point.coordinates, [0.0, 100.0 * point.errors[1], 0.0])))
         if point.name in control
         else point
-        for point in ingredients.control.points
+        for point in inputs.control.points
     )
     changed = replace(
-        ingredients,
+        inputs,
         observations=replace(observations, measured=measured),
-        control=replace(ingredients.control, points=points),
+        control=replace(inputs.control, points=points),
     )
     wrong = frozenset((observations.photos[row], observations.points[row]) for row in rows.tolist())
-    return replace(records, ingredients=changed, wrong=wrong, wrong_control=frozenset(control))
+    return replace(records, inputs=changed, wrong=wrong, wrong_control=frozenset(control))

@@ -10,9 +10,9 @@ from monte_carlo.simulated_blocks import solved
 from support.block_scenes import Scene
 from support.tie_points import TiePoints
 
-from orip.bundle.assemble import Ingredients, gather, with_starting_values
+from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.bundle.solve import SolvedBlock
-from orip.errors import NotSolvableError
+from orip.errors import InputError, NotSolvableError
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
@@ -38,7 +38,7 @@ class SimulatedRecords:
     run : int
     rejected : tuple of str
         Why earlier draws were not taken.
-    ingredients : Ingredients
+    inputs : BlockInput
         Without any preliminary value.
     camera : Camera
         The true one.
@@ -53,7 +53,7 @@ class SimulatedRecords:
     family: str
     run: int
     rejected: tuple[str, ...]
-    ingredients: Ingredients
+    inputs: BlockInput
     camera: Camera
     orientations: Mapping[str, tuple[np.ndarray, np.ndarray]]
     coordinates: Mapping[str, np.ndarray]
@@ -64,17 +64,17 @@ class SimulatedRecords:
     @property
     def blunders(self) -> float:
         """Return the part of the photo points that is wrong."""
-        return len(self.wrong) / len(self.ingredients.observations.photos)
+        return len(self.wrong) / len(self.inputs.observations.photos)
 
 
 def gathered(records: SimulatedRecords, **settings: object) -> Block:
     """Return the block without any starting value, with changes of its settings."""
-    ingredients = records.ingredients
-    assembled = gather(replace(ingredients, definition=replace(ingredients.definition, **settings)))
-    if assembled.block is None:
-        message = "; ".join(str(complaint) for complaint in assembled.complaints)
-        raise NotSolvableError(message)
-    return assembled.block
+    inputs = records.inputs
+    try:
+        return gather(replace(inputs, definition=replace(inputs.definition, **settings)))
+    except InputError as error:
+        message = "; ".join(str(complaint) for complaint in error.complaints)
+        raise NotSolvableError(message) from None
 
 
 def started_at(
@@ -151,7 +151,7 @@ def records_of(
     )
     identity = PlaneTransformation(np.eye(2), np.zeros(2))
     keys = [record_key(label) for label in labels]
-    ingredients = Ingredients(
+    inputs = BlockInput(
         definition=BundleDefinition("SIM", Precision(NOISE_MM), models=models),
         cameras={record_key(given.name): given},
         photos={key: Photo(label, given.name) for key, label in zip(keys, labels, strict=True)},
@@ -165,7 +165,7 @@ def records_of(
         family,
         run,
         (),
-        ingredients,
+        inputs,
         true,
         dict(zip(keys, zip(scene.centres, scene.rotations, strict=True), strict=True)),
         {names[place]: scene.surface[place] for place in places.tolist()},

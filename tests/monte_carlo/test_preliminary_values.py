@@ -24,11 +24,11 @@ LOG = logging.getLogger(__name__)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_records_hold_no_preliminary_value(family):
     records = simulated_records(0, family, largest=12)
-    ingredients = records.ingredients
-    assert not ingredients.preliminary
-    assert all(photo.orientation == (None,) * 6 for photo in ingredients.photos.values())
+    inputs = records.inputs
+    assert not inputs.preliminary
+    assert all(photo.orientation == (None,) * 6 for photo in inputs.photos.values())
     block = gathered(records)
-    assert {len(block.photos), len(ingredients.photos)} == {len(records.orientations)}
+    assert {len(block.photos), len(inputs.photos)} == {len(records.orientations)}
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -14,7 +14,7 @@ import numpy as np
 import pyproj
 from scipy.spatial.transform import Rotation
 
-from orip.bundle.assemble import Ingredients, gather, with_starting_values
+from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.geometry.plane import PlaneTransformation
 from orip.records.block import Block
 from orip.records.camera import Camera
@@ -120,7 +120,7 @@ class AerialBlock:
         unchanged = PlaneTransformation(np.eye(2), np.zeros(2))
         definition = BundleDefinition("MAIN", Precision(0.005), enp_stop=6.0, datum=datum)
         made = gather(
-            Ingredients(
+            BlockInput(
                 definition,
                 {record_key("RMK"): camera},
                 {record_key(photo.name): photo for photo in photos},
@@ -133,8 +133,7 @@ class AerialBlock:
                 crs,
             )
         )
-        assert made.block is not None, made.complaints
-        return with_starting_values(made.block, ())[0]
+        return with_starting_values(made, ())[0]
 
     def write(self, folder: Path, crs: str | None, control: Sequence[ControlPoint]) -> Path:
         """Write the block as a project folder."""

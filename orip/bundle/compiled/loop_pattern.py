@@ -1,4 +1,4 @@
-"""How photo points go into the normal equations of a block: what the compiled loop is told of cameras and points."""
+"""How photo points go into the normal equations of a block: what the compiled loop needs of cameras and points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_ADDITIONAL, _POLYNOMIALS = 44, 5
 
 @dataclass(frozen=True, slots=True)
 class Cameras:
-    """What does not change of c cameras.
+    """Constants of c cameras.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
     """Return the number of each point's eliminated block, -1 for points that stay in the reduced system."""
     first = unknowns.points.max(axis=1, initial=CONSTANT) - unknowns.layout.reduced
     block = np.where(first >= 0, first // 3, -1)
-    # a point that is constant altogether has no column that tells its block; any block without unknowns will do
+    # a constant point has no column from which its block follows; any block without unknowns will do
     constant = np.flatnonzero((unknowns.points == CONSTANT).all(axis=1))
     free = np.setdiff1d(np.arange(unknowns.layout.blocks), block[block >= 0])
     block[constant[: len(free)]] = free
@@ -118,7 +118,7 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
 
 
 def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
-    """Return what does not change of the cameras of a block."""
+    """Return the constants of the cameras of a block."""
     count, additional = unknowns.additional.shape
     at_measured = np.zeros(count, dtype=bool)
     at_measured[points.camera] = points.at_measured

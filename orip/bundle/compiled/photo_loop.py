@@ -89,7 +89,7 @@ class PhotoLoop:
     def block_normals(
         self, state: State, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
     ) -> BlockNormals:
-        """Return the normal equations of the points alone; see `Rows.block_normals`. What is in `others` is used up."""
+        """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
         found = BlockNormals(*(np.ascontiguousarray(each) for each in others))
         factor = root_weights / self.points.rows.error
         pattern = self._pattern(_whole(layout.reduced))
@@ -112,7 +112,7 @@ class PhotoLoop:
         ----------
         state : State
         root_weights, misclosure : arrays (2 n,)
-            Root of the weight factors, and weighted residuals with opposite sign; see `Rows.eliminated`.
+            Root of the weight factors, and weighted residuals with opposite sign; see `DesignMatrix.eliminated`.
         others : Contributions
             Its right-hand side of the blocks is used up.
         layout : Layout
@@ -244,7 +244,7 @@ def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
 
 
 def _measures(matrix: Symmetric) -> tuple[int, int, int]:
-    """Return how far columns are apart, and the number of banded places and of all."""
+    """Return the distance of columns in memory, and the numbers of banded places and of all."""
     size = len(matrix)
     if isinstance(matrix, BandMatrix):
         return matrix.arrangement.width, matrix.arrangement.banded, size
@@ -252,7 +252,7 @@ def _measures(matrix: Symmetric) -> tuple[int, int, int]:
 
 
 def is_compiled() -> bool:
-    """Whether the compiled loop is there."""
+    """Return whether the compiled loop was built."""
     return _IS_COMPILED
 
 

@@ -1,4 +1,4 @@
-"""The kinds of observation: a new one is a module of its own and a line here."""
+"""The kinds of observation: a new one is a module, a line here and an entry in `orip.records.observation_kinds`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _ties_no_points(_: Block) -> frozenset[int]:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """How a kind of observation joins the adjustment.
+    """How a kind of observation enters the adjustment.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
         component=tuple(POINT_COORDINATES[index] for index in coordinate),
         observed=np.array([row[2] for row in found], dtype=np.float64),
         error=np.abs(error),
-        used=(error > 0.0) & (block.definition.datum == "control"),
+        used=(error > 0.0) & (not block.is_free_network),
         columns=columns_of_coordinates(block.ground, unknowns.points[point], coordinate),
     )
     return ControlPointObservations(rows, point, coordinate, block.ground)

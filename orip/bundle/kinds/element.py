@@ -78,7 +78,7 @@ class ElementObservations(Observations):
         for index in rows[np.abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI]:
             message = (
                 f"{self.rows.component[index]} of photo {self.rows.photo[index]} is observed, but its phi is within "
-                "1.1 degrees of ±90, where omega and kappa cannot be told apart; take the element out of the .ELE file"
+                "1.1 degrees of ±90, where omega and kappa cannot be separated; remove the element from the .ELE file"
             )
             raise InputError.single(message)
 
@@ -180,9 +180,9 @@ def _observed(
 
 
 def error_allows_use(block: Block, element: ControlElement) -> bool:
-    """Whether an element takes part: not disregarded, and not a hold on the ground system of a free network."""
+    """Return whether an element is used: not disregarded, nor fixing the ground system of a free network."""
     ties_to_ground = element.group in ("PHOTO", "POINT", "THEODOLITE")
-    return element.error > 0.0 and not (ties_to_ground and block.definition.datum == "free")
+    return element.error > 0.0 and not (ties_to_ground and block.is_free_network)
 
 
 class _Places:
@@ -197,7 +197,7 @@ class _Places:
         }
 
     def has(self, element: ControlElement) -> bool:
-        """Whether the block has what the element is of."""
+        """Return whether the block has the record or point of an element."""
         return self._name(element) in self.rows[element.group]
 
     def of(self, element: ControlElement) -> _Place:

@@ -1,4 +1,4 @@
-"""A single ground coordinate X, Y or Z of the project as a function of a place's local unknowns."""
+"""A ground coordinate X, Y or Z of the project as a function of local coordinates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orip.records.ground import GroundSystem
 
 
 class Coordinates(NamedTuple):
-    """Coordinates (n,) of the project, their partials (n, 3) by local ones, and which there are at all (n,)."""
+    """Coordinates (n,) of the project, their partials (n, 3) by local ones, and which of them exist (n,)."""
 
     value: FloatArray
     by_local: FloatArray
@@ -21,7 +21,7 @@ class Coordinates(NamedTuple):
 
 
 def coordinates_with_partials(ground: GroundSystem, local: FloatArray, axis: IntArray) -> Coordinates:
-    """Return one coordinate each of n places.
+    """Return one coordinate of each of n positions.
 
     Parameters
     ----------

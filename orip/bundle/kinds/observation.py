@@ -1,4 +1,4 @@
-"""What every kind of observation gives the bundle adjustment."""
+"""The interface of a kind of observation: its rows and their linearisation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from orip.records.observation_kinds import ObservationKind
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The observation equations of one kind, apart from their values.
+    """The observation equations of one kind, without their computed values.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Observations(ABC):
     rows : Rows
         What does not change while iterating.
     exact : bool
-        The observations are constants: they are met exactly, never down-weighted, and say nothing of sigma0.
+        Exact constraints: never down-weighted, and no part of sigma0.
     """
 
     rows: Rows
@@ -76,9 +76,9 @@ class Observations(ABC):
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
 
     def remembered(self, state: State) -> FloatArray | None:
-        """Return what this kind adds to its residuals (n,) in the next iteration; None: nothing.
+        """Return the shifts that are added to the residuals (n,) in the next iteration; None: there are none.
 
-        It is kept in `State.memory`; the state given is new, but still has the memory of the one before.
+        They are kept in `State.memory`; the given state is new, but still has the memory of the one before.
         """
         del state
         return None

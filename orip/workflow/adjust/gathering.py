@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.bundle.assemble import Ingredients, gather
+from orip.bundle.assemble import BlockInput, gather
 from orip.errors import InputError
 from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.progress import stage
@@ -32,27 +32,27 @@ def gathered_block(bundle: BundleState) -> GatheredBlock:
     state.require_initialised()
     bundle.require_measured()
     records, interior = state.records, state.interior
-    gathered = gather(
-        Ingredients(
-            bundle.definition,
-            records.cameras,
-            records.photos,
-            interior.to_photo,
-            interior.pixel_sizes,
-            bundle.observations,
-            given.records.control,
-            given.records.preliminary,
-            definition.ground_unit,
-            definition.crs,
-        )
+    inputs = BlockInput(
+        bundle.definition,
+        records.cameras,
+        records.photos,
+        interior.to_photo,
+        interior.pixel_sizes,
+        bundle.observations,
+        given.records.control,
+        given.records.preliminary,
+        definition.ground_unit,
+        definition.crs,
     )
-    if gathered.block is None:
-        raise InputError((*interior.complaints, *gathered.complaints))
+    try:
+        block = gather(inputs)
+    except InputError as error:
+        raise InputError((*interior.complaints, *error.complaints)) from None
     warnings = (
         *given.warnings,
         *measurement_warnings(records, state.measured, interior),
-        *block_warnings(gathered.block, given.records.control, given.records.preliminary),
-        *gathered.block.ground.warnings,
+        *block_warnings(block, given.records.control, given.records.preliminary),
+        *block.ground.warnings,
     )
     cameras = tuple(stored.record for stored in state.definitions.cameras)
-    return GatheredBlock(gathered.block, given.records.preliminary, cameras, definition.ground_unit, warnings)
+    return GatheredBlock(block, given.records.preliminary, cameras, definition.ground_unit, warnings)

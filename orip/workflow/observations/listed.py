@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.adjustment.reliability import reliability
 from orip.arrays import FloatArray
+from orip.bundle.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.interior.known_names import near_names
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner

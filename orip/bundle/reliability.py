@@ -1,4 +1,4 @@
-"""Reliability: the smallest error that a test would find, and what an error that escapes does to the unknowns."""
+"""Reliability: the smallest error that a test detects, and the effect of an undetected one on the unknowns."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
     testable = np.where(number > _TESTABLE, number, np.nan)
     share = np.clip(1.0 - number, 0.0, None)
     factor = np.where(residuals.weight_factor > 0.0, residuals.weight_factor, np.nan)
-    # the figures of an adjustment that ran away may overflow; they are printed as they are
+    # the figures of an adjustment that diverged may overflow; they are printed as they are
     with np.errstate(over="ignore", invalid="ignore"):
         return Reliability(
             minimal_detectable_bias=NON_CENTRALITY * residuals.a_priori / np.sqrt(testable),
