@@ -25,7 +25,7 @@ from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.precision import Cofactors, cofactors
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import iteration_settings, threads_that_pay
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 
 
 def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
@@ -64,7 +64,7 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
     }
 
 
-def digest(adjusted: Adjustment[State], precise: Cofactors) -> str:
+def digest(adjusted: Adjustment[BlockState], precise: Cofactors) -> str:
     """Return the SHA-256 of everything that was found."""
     state = adjusted.state
     found = hashlib.sha256()

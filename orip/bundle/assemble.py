@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
+from orip.interior.additional_parameters import base_of_camera
 from orip.records.block import Block, PhotoPoints, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import Control, ControlElement, PreliminaryPoint

@@ -19,7 +19,7 @@ from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
@@ -47,13 +47,13 @@ class FreeDatum:
     held: IntArray
     points: IntArray
 
-    def transformed(self, correction: FloatArray, state: State, unknowns: Unknowns) -> FloatArray:
+    def transformed(self, correction: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
         """Return a correction of all unknowns (m + 3 b,) that meets the inner constraints."""
         generator, inner, solver = self._transformation(state, unknowns)
         return np.asarray(correction - generator @ (solver @ (inner.T @ correction)))
 
     def transformed_cofactors(
-        self, found: Cofactors, normals: SolvedNormals, state: State, unknowns: Unknowns
+        self, found: Cofactors, normals: SolvedNormals, state: BlockState, unknowns: Unknowns
     ) -> Cofactors:
         """Return S Q S^T block by block, with S = I - G (B^T G)^-1 B^T; leverages do not depend on the datum."""
         generator, inner, solver = self._transformation(state, unknowns)
@@ -67,7 +67,7 @@ class FreeDatum:
         blocks = _s_transformed(found.blocks, moved[m:].reshape(shape), spread[m:].reshape(shape), middle)
         return replace(found, reduced=reduced, blocks=blocks)
 
-    def _transformation(self, state: State, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _transformation(self, state: BlockState, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return G (u, d), B (u, d): G in the rows of the datum points alone, and (B^T G)^-1."""
         generator = movement_generator(state, unknowns) @ self.movements
         inner = np.zeros_like(generator)
@@ -82,7 +82,7 @@ def _s_transformed(cofactor: FloatArray, moved: FloatArray, spread: FloatArray, 
     return np.asarray(cofactor - cross - np.swapaxes(cross, -1, -2) + moved @ middle @ np.swapaxes(moved, -1, -2))
 
 
-def movement_generator(state: State, unknowns: Unknowns) -> FloatArray:
+def movement_generator(state: BlockState, unknowns: Unknowns) -> FloatArray:
     """Return the change of all unknowns (m + 3 b, 7) under small movements of the whole block.
 
     The movements are three shifts in units of the block's size, three rotations about its centre, and scale.
@@ -106,7 +106,7 @@ def movement_generator(state: State, unknowns: Unknowns) -> FloatArray:
     return result
 
 
-def _size(state: State) -> float:
+def _size(state: BlockState) -> float:
     return float(np.sqrt(np.mean((state.points - state.points.mean(axis=0)) ** 2)) or 1.0)
 
 
@@ -124,14 +124,14 @@ def _put(result: FloatArray, columns: IntArray, rows: FloatArray) -> None:
 
 
 def free_datum(
-    block: Block, state: State, unknowns: Unknowns, equations: Equations, on_the_ground: NDArray[np.bool_]
+    block: Block, state: BlockState, unknowns: Unknowns, equations: Equations, on_the_ground: NDArray[np.bool_]
 ) -> FreeDatum:
     """Find what is free in a network.
 
     Parameters
     ----------
     block : Block
-    state : State
+    state : BlockState
         The starting state.
     unknowns : Unknowns
     equations : Equations
@@ -160,12 +160,12 @@ def free_datum(
     return datum
 
 
-def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> FloatArray:
+def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> FloatArray:
     """Return the combinations (7, d) of movements that neither observations nor constants determine.
 
     Parameters
     ----------
-    state : State
+    state : BlockState
     unknowns : Unknowns
     design : sparse array (n, m + 3 b)
         Of the observations that may determine them.
@@ -180,7 +180,7 @@ def free_movements(state: State, unknowns: Unknowns, design: csr_array) -> Float
     return np.asarray(movements[int(np.count_nonzero(values > _DETERMINED)) :].T)
 
 
-def _held_by_constants(state: State, unknowns: Unknowns) -> FloatArray:
+def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
     """Return how the movements would change constant photo elements and points: they are not free to."""
     constant = np.concatenate([unknowns.photos.ravel(), unknowns.points.ravel()]) == CONSTANT
     if not constant.any():
@@ -210,7 +210,7 @@ def _datum_points(block: Block) -> IntArray:
     return np.array([place[name] for name in block.definition.datum_points])
 
 
-def _require_enough_points(datum: FreeDatum, state: State, unknowns: Unknowns) -> None:
+def _require_enough_points(datum: FreeDatum, state: BlockState, unknowns: Unknowns) -> None:
     generator = movement_generator(state, unknowns) @ datum.movements
     columns = unknowns.points[datum.points]
     rows = generator[columns[columns != CONSTANT]]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Equations
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rays import intersect_rays
 from orip.interior.image_vectors import image_vectors
@@ -35,7 +35,7 @@ _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point whose consensus is looked at: of two, neither can be called wrong; many outweigh a wrong one."""
 
 
-def with_intersected_points(block: Block, state: State, unknowns: Unknowns) -> State:
+def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns) -> BlockState:
     """Return a state with the points that photos alone determine at the intersection of their rays.
 
     The cameras are those that the block starts with: this is for states that are far from the solution.
@@ -54,12 +54,12 @@ def with_intersected_points(block: Block, state: State, unknowns: Unknowns) -> S
     return replace(state, points=np.where(free[:, None], found, state.points))
 
 
-def with_points_moved(state: State, move: FloatArray, centres: FloatArray, point: NDArray[np.int64]) -> State:
+def with_points_moved(state: BlockState, move: FloatArray, centres: FloatArray, point: NDArray[np.int64]) -> BlockState:
     """Return the state with its points moved.
 
     Parameters
     ----------
-    state : State
+    state : BlockState
     move : array (number of points, 3)
         Corrections of the coordinates.
     centres : array (n, 3)
@@ -88,7 +88,7 @@ def moves_to_consensus(
     first: int,
     columns: IntArray,
     equations: Equations,
-    state: State,
+    state: BlockState,
     limit: float,
 ) -> FloatArray:
     """Return corrections that move points to where more of their rays fit.
@@ -102,7 +102,7 @@ def moves_to_consensus(
         Unknowns of the points.
     equations : Equations
         At the state.
-    state : State
+    state : BlockState
     limit : float
         Standard residual up to which a component fits.
 

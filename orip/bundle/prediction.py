@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageEquation
 from orip.interior.image_polynomial import image_polynomial
 from orip.records.camera import Camera

@@ -20,7 +20,7 @@ from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.point_moves import moves_to_consensus, with_intersected_points, with_points_moved
-from orip.bundle.state import State, entries_at, rotation_limit
+from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
@@ -61,16 +61,16 @@ class BlockProblem:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
 
-    def linearise(self, state: State) -> Equations:
+    def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
         found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
         return found if self.excluded is None else replace(found, active=found.active & ~self.excluded)
 
-    def design(self, state: State) -> csr_array:
+    def design(self, state: BlockState) -> csr_array:
         """Return the whole design matrix (n, m + 3 b) at a state."""
         return self._stored(state).design
 
-    def _stored(self, state: State) -> Equations:
+    def _stored(self, state: BlockState) -> Equations:
         if not self.observations:
             nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
             return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
@@ -94,7 +94,7 @@ class BlockProblem:
         counts = np.concatenate([keep.sum(axis=1) for keep in kept])
         return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
-    def _streamed(self, state: State, loop: PhotoLoop, others: BlockProblem) -> Equations:
+    def _streamed(self, state: BlockState, loop: PhotoLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
         staying = loop.staying()
@@ -107,7 +107,7 @@ class BlockProblem:
             np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]]),
         )
 
-    def update(self, state: State, correction: FloatArray) -> State:
+    def update(self, state: BlockState, correction: FloatArray) -> BlockState:
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
@@ -117,7 +117,7 @@ class BlockProblem:
         }
         return replace(moved, memory=memory)
 
-    def improve_consensus(self, state: State, equations: Equations, limit: float) -> State | None:
+    def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
         first = 0
         correction = np.zeros(self.layout.size)
@@ -128,11 +128,11 @@ class BlockProblem:
             first += len(each.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
-    def with_blocks_recomputed(self, state: State) -> State:
+    def with_blocks_recomputed(self, state: BlockState) -> BlockState:
         """Return the state with its points intersected from the rays of the photos."""
         return with_intersected_points(self.block, state, self.unknowns)
 
-    def with_blocks_moved(self, state: State, correction: FloatArray) -> State:
+    def with_blocks_moved(self, state: BlockState, correction: FloatArray) -> BlockState:
         """Return the state with its points moved: linearly in direction and inverse distance."""
         rays = self.block.photo_points
         move = entries_at(np.concatenate([np.zeros(self.layout.reduced), correction]), self.unknowns.points)
@@ -202,9 +202,9 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     return replace(problem, unknowns=replace(unknowns, layout=layout), datum=datum)
 
 
-def starting_state(block: Block) -> State:
+def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
-    return State(
+    return BlockState(
         cameras=np.array([camera.parameters for camera in block.cameras], dtype=np.float64).reshape(-1, 11),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         centres=block.photo_orientation[:, :3].copy(),

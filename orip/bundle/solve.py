@@ -15,7 +15,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
@@ -32,7 +32,7 @@ class SolvedBlock:
     Parameters
     ----------
     problem : BlockProblem
-    state : State
+    state : BlockState
     equations : Equations
         At that state.
     weight_factors : array (n,)
@@ -46,7 +46,7 @@ class SolvedBlock:
     """
 
     problem: BlockProblem
-    state: State
+    state: BlockState
     equations: Equations
     weight_factors: FloatArray
     normals: SolvedNormals
@@ -123,7 +123,7 @@ def solve_block(
 
 def solve_problem(
     problem: BlockProblem,
-    start: State,
+    start: BlockState,
     settings: IterationSettings,
     on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
@@ -144,7 +144,7 @@ def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
     return nullcontext() if full else threadpool_limits(1, user_api="blas")
 
 
-def _with_precision(problem: BlockProblem, found: Adjustment[State]) -> SolvedBlock:
+def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:
     """Return the adjusted block with the precision of all unknowns."""
     equations, normals = found.equations, found.normals
     if not np.isfinite(found.iterations[-1].enp) or not np.isfinite(equations.residual).all():

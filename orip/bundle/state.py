@@ -22,7 +22,7 @@ LARGEST_ROTATION = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class BlockState:
     """Current values.
 
     Parameters
@@ -64,7 +64,7 @@ class State:
             basis[self.turned_by_angles] = axes_rotation_from_angle_rates(self.angles()[self.turned_by_angles])
         return basis
 
-    def moved(self, correction: FloatArray, unknowns: Unknowns) -> State:
+    def moved(self, correction: FloatArray, unknowns: Unknowns) -> BlockState:
         """Return the state after a correction of all unknowns (radians for rotations)."""
         rotation = entries_at(correction, unknowns.photos[:, 3:])
         rotations = rotation_about_axes(rotation) @ self.rotations

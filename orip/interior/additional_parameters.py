@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.records.camera import AdditionalSet
+from orip.records.camera import AdditionalSet, Camera
 
 Term = tuple[int, int, float]
 """i, j and factor of a product B_i(y) A_j(x), counted from 1."""
@@ -137,6 +137,13 @@ def base_of_frame(frame_x: float, frame_y: float) -> float:
     The grid, from -b to b, then lies where points of a block are measured.
     """
     return _BASE_OF_FRAME * min(frame_x, frame_y)
+
+
+def base_of_camera(camera: Camera) -> float:
+    """Return the base (mm) of a camera's parameter set, from its frame or sensor; 0 where it has neither."""
+    if camera.frame is not None:
+        return base_of_frame(*camera.frame)
+    return base_of_frame(camera.sensor.width, camera.sensor.height) if camera.sensor is not None else 0.0
 
 
 def default_error(set_name: AdditionalSet, index: int, base_mm: float, photo_error_mm: float) -> float:

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.records.camera import Camera
 from orip.records.drive_table import (
     STAGES,

@@ -116,7 +116,6 @@ def solve_gathered(
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
         causes = explain_failure(readjuster, missing)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    solution = replace(solution, ground_unit=gathered.ground_unit)
     explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
     warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)

@@ -29,7 +29,7 @@ from support.synthetic_block import DISTORTED, SyntheticBlock
 
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT
 
 LOG = logging.getLogger(__name__)
@@ -123,7 +123,7 @@ def errors_of(found: SolvedBlock, made: SyntheticBlock) -> np.ndarray:
     return np.concatenate([each.ravel() for each in errors])[columns != CONSTANT]
 
 
-def laid_upon(state: State, points: np.ndarray, datum: np.ndarray) -> State:
+def laid_upon(state: BlockState, points: np.ndarray, datum: np.ndarray) -> BlockState:
     """Return the state moved, turned and scaled so that its datum points fit best."""
     from_mean, to_mean = state.points[datum].mean(axis=0), points[datum].mean(axis=0)
     offset, wanted = state.points[datum] - from_mean, points[datum] - to_mean

@@ -19,7 +19,7 @@ from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 
 try:
@@ -79,7 +79,7 @@ class PhotoLoop:
     pattern: Pattern
     eliminated: BoolArray
 
-    def residuals(self, state: State) -> tuple[FloatArray, BoolArray]:
+    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
         """Return residuals (2 n,) divided by their a-priori errors, and which can be computed (2 n,)."""
         residual = np.empty(self.points.xy.size)
         in_front = np.empty(len(self.points.xy), dtype=np.uint8)
@@ -87,7 +87,7 @@ class PhotoLoop:
         return residual, np.repeat(in_front.astype(bool), 2)
 
     def block_normals(
-        self, state: State, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
     ) -> BlockNormals:
         """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
         found = BlockNormals(*(np.ascontiguousarray(each) for each in others))
@@ -98,7 +98,7 @@ class PhotoLoop:
 
     def eliminate(
         self,
-        state: State,
+        state: BlockState,
         root_weights: FloatArray,
         misclosure: FloatArray,
         others: Contributions,
@@ -110,7 +110,7 @@ class PhotoLoop:
 
         Parameters
         ----------
-        state : State
+        state : BlockState
         root_weights, misclosure : arrays (2 n,)
             Root of the weight factors, and weighted residuals with opposite sign; see `DesignMatrix.eliminated`.
         others : Contributions
@@ -177,7 +177,7 @@ class PhotoLoop:
         is_unknown = first < np.iinfo(np.int32).max
         return group[is_unknown], first[is_unknown].astype(np.int64)
 
-    def _observations(self, state: State) -> tuple[NDArray[np.generic], ...]:
+    def _observations(self, state: BlockState) -> tuple[NDArray[np.generic], ...]:
         points, cameras = self.points, self.cameras
         turned = state.turned_by_angles.any()
         arrays = (
@@ -209,7 +209,7 @@ class StreamedCoupling:
     Parameters
     ----------
     loop : PhotoLoop
-    state : State
+    state : BlockState
     factor : array (2 n,)
         Roots of the weight factors over the a-priori errors.
     half : array (b, 3, 3)
@@ -218,7 +218,7 @@ class StreamedCoupling:
     """
 
     loop: PhotoLoop
-    state: State
+    state: BlockState
     factor: FloatArray
     half: FloatArray
     size: int

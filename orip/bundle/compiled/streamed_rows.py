@@ -15,7 +15,7 @@ from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
 from orip.arrays import FloatArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoLoop, StreamedCoupling
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class StreamedRows:
     Parameters
     ----------
     loop : PhotoLoop
-    state : State
+    state : BlockState
     others : SparseRows
         Rows that the loop does not compute; each touches either reduced unknowns or one point.
     other_rows : array (k,) of int
@@ -35,10 +35,10 @@ class StreamedRows:
     """
 
     loop: PhotoLoop
-    state: State
+    state: BlockState
     others: SparseRows
     other_rows: NDArray[np.int64]
-    complete: Callable[[State], csr_array]
+    complete: Callable[[BlockState], csr_array]
 
     def matrix(self) -> csr_array:
         """Return the design matrix."""

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
-from orip.interior.additional_parameters import PARAMETER_SETS, base_of_frame, default_error
+from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera, default_error
 from orip.records.block import Block
-from orip.records.camera import Camera
 from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 
 
@@ -24,17 +23,10 @@ class AdditionalParameterObservations(Observations):
     camera: NDArray[np.int64]
     parameter: NDArray[np.int64]
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return the values themselves and partials by them."""
         residual = state.additional[self.camera, self.parameter]
         return Linearisation(residual, np.ones((len(residual), 1)), np.ones(len(residual), dtype=bool))
-
-
-def base_of_camera(camera: Camera) -> float:
-    """Return the base (mm) of a camera's parameter set, from its frame or sensor; 0 where it has neither."""
-    if camera.frame is not None:
-        return base_of_frame(*camera.frame)
-    return base_of_frame(camera.sensor.width, camera.sensor.height) if camera.sensor is not None else 0.0
 
 
 def observe_additional_parameters(block: Block, unknowns: Unknowns) -> AdditionalParameterObservations:

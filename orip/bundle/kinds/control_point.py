@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
@@ -25,7 +25,7 @@ class ControlPointObservations(Observations):
     coordinate: NDArray[np.int64]
     ground: GroundSystem
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (ground unit) and partials by the point's three coordinates."""
         found = coordinates_with_partials(self.ground, state.points[self.point], self.coordinate)
         residual = np.where(found.known, found.value - self.rows.observed, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
@@ -27,7 +27,7 @@ class DirectionObservations(Observations):
     is_zenith: NDArray[np.bool_]
     ground: GroundSystem
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (degrees, wrapped) and partials by zero direction, station (3) and target (3).
 
         Directions refer to the project's axes at the station. That these turn a little when the station moves, by the

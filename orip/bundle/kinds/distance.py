@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
 from orip.records.control import ControlDistance, DistanceCode
@@ -44,7 +44,7 @@ class DistanceObservations(Observations):
     axes: NDArray[np.bool_]
     ground: GroundSystem
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (ground unit) and partials by the two points' coordinates, start first."""
         start, end = self._coordinates(state.points[self.start]), self._coordinates(state.points[self.end])
         difference = np.where(self.axes, end.value - start.value, 0.0)

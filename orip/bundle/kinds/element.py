@@ -13,7 +13,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
@@ -48,7 +48,7 @@ class ElementObservations(Observations):
     column: IntArray
     ground: GroundSystem
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials by up to three unknowns.
 
         An angle depends on all rotations of its photo, a coordinate of the project on all of its place. That the
@@ -96,26 +96,26 @@ class _Values(NamedTuple):
     phi: FloatArray | None = None
 
 
-def _camera_values(_: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+def _camera_values(_: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     return _Values(state.cameras[row, column], np.broadcast_to([1.0, 0.0, 0.0], (len(row), 3)))
 
 
-def _theodolite_values(_: GroundSystem, state: State, row: IntArray, __: IntArray) -> _Values:
+def _theodolite_values(_: GroundSystem, state: BlockState, row: IntArray, __: IntArray) -> _Values:
     partials = np.broadcast_to([DEGREES_PER_RADIAN, 0.0, 0.0], (len(row), 3))
     return _Values(state.theodolites[row] * DEGREES_PER_RADIAN, partials)
 
 
-def _centre_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+def _centre_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     found = coordinates_with_partials(ground, state.centres[row], column)
     return _Values(np.where(found.known, found.value, np.nan), found.by_local)
 
 
-def _point_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+def _point_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     found = coordinates_with_partials(ground, state.points[row], column)
     return _Values(np.where(found.known, found.value, np.nan), found.by_local)
 
 
-def _rotation_values(ground: GroundSystem, state: State, row: IntArray, column: IntArray) -> _Values:
+def _rotation_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     axes = ground.axes_at(ground.to_project(state.centres[row]))
     angles = angles_from_rotation(axes @ state.rotations[row])
     rates = angle_rates_from_axes_rotation(angles) @ axes @ state.rotation_basis()[row]
@@ -123,7 +123,7 @@ def _rotation_values(ground: GroundSystem, state: State, row: IntArray, column: 
     return _Values(angles[each, column] * DEGREES_PER_RADIAN, rates[each, column] * DEGREES_PER_RADIAN, angles[:, 1])
 
 
-_EVALUATION: Mapping[str, Callable[[GroundSystem, State, IntArray, IntArray], _Values]] = {
+_EVALUATION: Mapping[str, Callable[[GroundSystem, BlockState, IntArray, IntArray], _Values]] = {
     "camera": _camera_values,
     "theodolite": _theodolite_values,
     "centre": _centre_values,

@@ -12,7 +12,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.kinds.observation import Observations
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.records.block import Block
 
 _PART_OF_PHOTO_ERROR = 0.01
@@ -24,7 +24,7 @@ class ExactObservations(Observations):
 
     exact: ClassVar[bool] = True
 
-    def remembered(self, state: State) -> FloatArray:
+    def remembered(self, state: BlockState) -> FloatArray:
         """Return the shifts of the equations, increased by the remaining misclosures."""
         missing = self.linearise_with_partials(state).residual
         return np.asarray(state.memory.get(self.rows.kind.name, 0.0) + missing)

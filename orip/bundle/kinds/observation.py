@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.records.observation_kinds import ObservationKind
 
 
@@ -72,13 +72,13 @@ class Observations(ABC):
         return self.rows.columns
 
     @abstractmethod
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
 
-    def remembered(self, state: State) -> FloatArray | None:
+    def remembered(self, state: BlockState) -> FloatArray | None:
         """Return the shifts that are added to the residuals (n,) in the next iteration; None: there are none.
 
-        They are kept in `State.memory`; the given state is new, but still has the memory of the one before.
+        They are kept in `BlockState.memory`; the given state is new, but still has the memory of the one before.
         """
         del state
         return None

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.kinds.additional_parameter import base_of_camera
 from orip.bundle.kinds.observation import Linearisation, Observations, Rows
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
 from orip.records.camera import AdditionalSet
@@ -76,7 +75,7 @@ class PhotoPointObservations(Observations):
             self.at_measured[chosen], self.sets, self.unknowns,
         )  # fmt: skip
 
-    def linearise_with_partials(self, state: State) -> Linearisation:
+    def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
 
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
@@ -100,7 +99,7 @@ class PhotoPointObservations(Observations):
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
 
-    def _groups(self, state: State) -> Iterator[tuple[BoolArray, bool, SetValues | None]]:
+    def _groups(self, state: BlockState) -> Iterator[tuple[BoolArray, bool, SetValues | None]]:
         """Yield the rows (n,) with one form of image equation, the form, and the additional parameters."""
         plain = np.ones(len(self.xy), dtype=bool)
         for camera, name, base in self.sets:

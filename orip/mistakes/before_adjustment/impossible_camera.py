@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.errors import ProjectWarning
-from orip.interior.frame import frame_corners
+from orip.interior.fiducial_system import frame_corners
 from orip.mistakes.length_units import millimetres_per_unit
 from orip.records.camera import Camera
 

@@ -11,10 +11,9 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import UsageError
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
-from orip.interior.frame import frame_corners
-from orip.interior.known_names import near_names
+from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.workflow.project.state import ProjectState
 
 DistortionForm = Literal["polynomial", "isp", "curve"]

@@ -13,8 +13,7 @@ from orip.files.stores import observations, photos, templates
 from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
-from orip.interior.measured import Measured
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.wording import counted
 from orip.workflow.project.folder import Project

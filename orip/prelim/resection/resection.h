@@ -1,6 +1,6 @@
 /* Least squares of the space resection of one photo; orip/prelim/resection/adjustment.py does the same. */
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include "three_points.h"
 
 typedef struct {
@@ -67,10 +67,10 @@ static void solve_resection(const Known *k, const Equations *e, double damping, 
     solve6(N, correction);
 }
 
-static void move_photo(const double *correction, const double *R, const double *centre, double *R_moved,
-                       double *centre_moved)
+static void move_photo(const double *correction, double largest_turn, const double *R, const double *centre,
+                       double *R_moved, double *centre_moved)
 {
-    const double turn = sqrt(dot3(correction, correction)), factor = fmin(1.0, 0.5 / fmax(turn, 1e-300));
+    const double turn = sqrt(dot3(correction, correction)), factor = fmin(1.0, largest_turn / fmax(turn, 1e-300));
     const double d[3] = {factor * correction[0], factor * correction[1], factor * correction[2]};
     turn3(d, R, R_moved);
     for (int i = 0; i < 3; i++)
@@ -141,7 +141,8 @@ static void rank_triples(const Known *k, const int64_t *triples, int64_t number,
 }
 
 /* Least trimmed squares of one orientation, some steps; its squared residuals. */
-static void improve_one(const Known *k, int64_t steps, double *R, double *centre, double *squares, double *space)
+static void improve_one(const Known *k, int64_t steps, double largest_turn, double *R, double *centre,
+                        double *squares, double *space)
 {
     Equations here = equations_in(space, k->count), there = equations_in(space + NUMBERS_OF_A_POINT * k->count, k->count);
     double limit, limit_there, damping = 1e-3;
@@ -152,7 +153,7 @@ static void improve_one(const Known *k, int64_t steps, double *R, double *centre
         for (int64_t row = 0; row < k->count; row++)
             here.weights[row] = here.squares[row] <= limit && isfinite(here.squares[row]);
         solve_resection(k, &here, damping, correction);
-        move_photo(correction, R, centre, R_moved, centre_moved);
+        move_photo(correction, largest_turn, R, centre, R_moved, centre_moved);
         linearise_resection(k, R_moved, centre_moved, &there);
         const double sum_there = trimmed(k, &there, &limit_there);
         const int better = sum_there <= sum;
@@ -168,7 +169,7 @@ static void improve_one(const Known *k, int64_t steps, double *R, double *centre
 }
 
 typedef struct {
-    double limit, floor, steady, same_scale;
+    double limit, floor, steady, same_scale, largest_turn;
     int64_t iterations;
 } Danish;
 
@@ -189,7 +190,7 @@ static void adjust_one(const Known *k, const Danish *danish, double variance, do
                 sum += here.squares[row], whole++;
         }
         solve_resection(k, &here, 0.0, correction);
-        move_photo(correction, R, centre, R_moved, centre_moved);
+        move_photo(correction, danish->largest_turn, R, centre, R_moved, centre_moved);
         memcpy(R, R_moved, sizeof(R_moved));
         memcpy(centre, centre_moved, sizeof(centre_moved));
         for (int i = 0; i < 6; i++)
@@ -208,13 +209,14 @@ static void adjust_one(const Known *k, const Danish *danish, double variance, do
 }
 
 typedef struct {
-    double limit, excess, same, per_sum;
+    double limit, excess, same, per_sum, largest_turn;
     int64_t steps;
     Danish danish;
-} Settling;
+} OrientationChoice;
 
-/* The least of the variances of unit weight that orientations tell of, from their trimmed sums of squares. */
-static double least_variance(const Known *k, const Settling *s, const double *squares, int64_t number, double *sorted)
+/* The least of the variances of unit weight estimated from their trimmed sums of squares. */
+static double least_variance(const Known *k, const OrientationChoice *s, const double *squares, int64_t number,
+                             double *sorted)
 {
     double least = INFINITY;
     for (int64_t one = 0; one < number; one++) {
@@ -243,7 +245,7 @@ static int is_same(const double *R, const double *centre, const double *R_other,
 }
 
 /* Which orientations cost the least or not much more, the least first, and differ from all before them. */
-static int64_t choose(const Known *k, const Settling *s, const double *rotations, const double *centres,
+static int64_t choose(const Known *k, const OrientationChoice *s, const double *rotations, const double *centres,
                       const double *squares, int64_t number, double variance, int64_t *chosen)
 {
     const double unit = fmin(fmax(variance, 1.0), 1e300), most = s->limit * s->limit;
@@ -275,14 +277,16 @@ static int64_t choose(const Known *k, const Settling *s, const double *rotations
 
 /* Improve orientations, adjust the likeliest, and put those that remain likely first, the best before the others;
  * of the best one weight factors, residuals, squares and normal equations. Returns how many remain. */
-static int64_t settle(const Known *k, const Settling *s, int64_t number, double *rotations, double *centres,
-                      double *squares, double *factors, double *residual, double *normals, double *space)
+static int64_t choose_orientations(const Known *k, const OrientationChoice *s, int64_t number, double *rotations,
+                                   double *centres, double *squares, double *factors, double *residual,
+                                   double *normals, double *space)
 {
     double R[MOST_ORIENTATIONS][9], centre[MOST_ORIENTATIONS][3], right[6];
     int64_t chosen[MOST_ORIENTATIONS];
     double *sorted = space;
     for (int64_t one = 0; one < number; one++)
-        improve_one(k, s->steps, rotations + 9 * one, centres + 3 * one, squares + one * k->count, space);
+        improve_one(k, s->steps, s->largest_turn, rotations + 9 * one, centres + 3 * one, squares + one * k->count,
+                    space);
     const double variance = least_variance(k, s, squares, number, sorted);
     const int64_t likely = choose(k, s, rotations, centres, squares, number, variance, chosen);
     for (int64_t one = 0; one < likely; one++) {

@@ -7,7 +7,7 @@
 #ifndef ORIP_PRELIM_FIVE_POINTS_H
 #define ORIP_PRELIM_FIVE_POINTS_H
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include <string.h>
 
 #define NEARLY_REAL 0.1

@@ -1,6 +1,6 @@
-/* Points from rays, one point after the other; orip/prelim/intersection.py does the same for all at once. */
+/* Points from rays, one point after the other; robust_intersection.py does the same for all side by side. */
 
-#include "linear.h"
+#include "../compiled/linear.h"
 
 typedef struct {
     const double *origins, *directions, *error;

@@ -1,4 +1,4 @@
-"""Parts of a block that hang together with the rest by one photo and a few points, which alone give their scale."""
+"""Parts of a block connected with the rest by one photo and a few points, which alone determine their scale."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 from orip.wording import agreeing, counted, first_names
 
 if TYPE_CHECKING:
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 _FEW = 5
-"""Points beyond the photo: a wrong one among them cannot be told from a wrong scale."""
+"""Points apart from those of the photo: a wrong one among them cannot be distinguished from a wrong scale."""
 
 _NAMED = 8
 """Photos that are named one by one."""
 
 
-def weak_joints(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
-    """Yield a sentence for each part of a block whose scale hangs on a few points.
+def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
+    """Yield a sentence for each part of a block whose scale depends on a few points.
 
     Parameters
     ----------
@@ -37,23 +37,23 @@ def weak_joints(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -
     from scipy.sparse.csgraph import connected_components
 
     together = csr_array(common > _FEW)
-    told: set[frozenset[int]] = set()
+    named: set[frozenset[int]] = set()
     for joint in _possible_joints(together):
         others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
         count, label = connected_components(together[others][:, others], directed=False)
         largest = int(np.bincount(label).argmax()) if count > 1 else 0
         for part in range(count):
             members = others[label == part]
-            if part == largest or frozenset(members.tolist()) in told:
+            if part == largest or frozenset(members.tolist()) in named:
                 continue
             shared, points = _shared(rays, members, joint)
             if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
-                told.add(frozenset(members.tolist()))
+                named.add(frozenset(members.tolist()))
                 yield _sentence(rays, members, joint, shared)
 
 
 def _possible_joints(together: csr_array) -> IntArray:
-    """Return the photos from which others are reached first: without a leaf of a spanning tree all still hang together.
+    """Return the photos from which others are reached first: the leaves of a spanning tree connect nothing.
 
     In ascending order.
     """
@@ -79,8 +79,8 @@ def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolAr
 
 def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
     photos = f"{agreeing(len(members), 'photo')} {first_names([rays.photos[photo] for photo in members], _NAMED)}"
-    hang = agreeing(len(members), "hangs", "hang")
+    are = agreeing(len(members), "is", "are")
     return (
-        f"{photos} {hang} together with the others by photo {rays.photos[joint]} and {counted(shared, 'point')} only, "
-        "which give the scale there: measure more points across, or control"
+        f"{photos} {are} connected with the others only by photo {rays.photos[joint]} and {counted(shared, 'point')}, "
+        "which alone determine the scale there: measure more common points, or control"
     )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.weak_joints import weak_joints
-from orip.records.preliminary import ImageRays
+from orip.prelim.weak_connections import weak_connections
 
 
 def strip(across: int) -> ImageRays:
@@ -32,12 +32,12 @@ def strip(across: int) -> ImageRays:
 def told(rays: ImageRays, control: int = 0) -> list[str]:
     known = np.zeros(len(rays.points), dtype=bool)
     known[rays.point[rays.photo == 0][:control]] = True
-    return [each for each in weak_joints(rays, common_point_counts(rays), known) if "by photo P3" in each]
+    return [each for each in weak_connections(rays, common_point_counts(rays), known) if "by photo P3" in each]
 
 
 def test_few_points_across() -> None:
     (sentence,) = told(strip(2))
-    assert sentence.startswith("photos P1, P2 hang together with the others by photo P3 and 2 points only")
+    assert sentence.startswith("photos P1, P2 are connected with the others only by photo P3 and 2 points,")
 
 
 def test_enough_points_across_or_control_beyond() -> None:

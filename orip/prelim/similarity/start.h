@@ -2,7 +2,7 @@
  * the same, and says where it comes from.
  */
 
-#include "similarity.h"
+#include "adjustment.h"
 
 /* Triangles of a smaller square of width over length are lines. */
 #define ONE_LINE 1e-12

@@ -1,6 +1,6 @@
-/* Reduced normal equations of a block's photos and points; orip/prelim/refinement/refinement.py says what the arrays hold. */
+/* Reduced normal equations of a block's photos and points; compiled_steps.py says what the arrays hold. */
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include <stdlib.h>
 
 typedef struct {
@@ -17,11 +17,11 @@ typedef struct {
     double *border, *point_border, *camera_normals, *camera_right;
     /* the cameras of a point, one at a time */
     int64_t *seen, seen_count;
-} Network;
+} RefinementProblem;
 
 enum { OF_CAMERA = 4 };
 
-static void network_residuals(const Network *n, double *residual, uint8_t *in_front)
+static void block_residuals(const RefinementProblem *n, double *residual, uint8_t *in_front)
 {
     for (int64_t point = 0; point < n->point_count; point++)
         for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
@@ -45,7 +45,7 @@ static void damp(double *normals, int size, double damping)
 
 /* Subtract W V^-1 W^T of two rays of a point from the band; its rows are the columns of the lower half, from the
  * diagonal on. */
-static void subtract(Network *n, int64_t high, int64_t low, const double *product, const double *coupling)
+static void subtract(RefinementProblem *n, int64_t high, int64_t low, const double *product, const double *coupling)
 {
     if (high == low) {
         for (int j = 0; j < 6; j++)
@@ -62,7 +62,7 @@ static void subtract(Network *n, int64_t high, int64_t low, const double *produc
 }
 
 /* What a ray says of its camera; `p` and `q` are the partials of its coordinates by the photo. */
-static void add_camera(Network *n, int64_t point, int64_t row, double weight, const double residual[2],
+static void add_camera(RefinementProblem *n, int64_t point, int64_t row, double weight, const double residual[2],
                        const double *p, const double *q)
 {
     const int64_t camera = n->camera[row], place = n->place[n->photo[row]], width = OF_CAMERA * n->cameras;
@@ -89,7 +89,7 @@ static void add_camera(Network *n, int64_t point, int64_t row, double weight, co
             n->border[width * (6 * place + i) + OF_CAMERA * camera + k] += p[i] * x[k] + q[i] * y[k];
 }
 
-static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double g[3])
+static void add_ray(RefinementProblem *n, int64_t point, int64_t row, double V[9], double g[3])
 {
     const int64_t photo = n->photo[row], place = n->place[photo];
     double residual[2], partials[2][6], *W = n->coupling + 18 * row;
@@ -124,7 +124,7 @@ static void add_ray(Network *n, int64_t point, int64_t row, double V[9], double 
 }
 
 /* Note the unknown cameras that a point is seen by. */
-static void see_cameras(Network *n, int64_t point)
+static void see_cameras(RefinementProblem *n, int64_t point)
 {
     n->seen_count = 0;
     for (int64_t row = n->start[point]; row < n->start[point + 1] && n->cameras > 0; row++) {
@@ -138,7 +138,7 @@ static void see_cameras(Network *n, int64_t point)
 }
 
 /* Eliminate a point from the equations of the cameras. */
-static void eliminate_from_cameras(Network *n, int64_t point, const double *inverse, const double g[3])
+static void eliminate_from_cameras(RefinementProblem *n, int64_t point, const double *inverse, const double g[3])
 {
     const int64_t width = OF_CAMERA * n->cameras;
     const double *Q = n->point_border + 3 * width * point;
@@ -159,7 +159,7 @@ static void eliminate_from_cameras(Network *n, int64_t point, const double *inve
 }
 
 /* Eliminate a point from the border of a photo's equations; the product is W V^-1. */
-static void eliminate_from_border(Network *n, int64_t point, int64_t place, const double *product)
+static void eliminate_from_border(RefinementProblem *n, int64_t point, int64_t place, const double *product)
 {
     const int64_t width = OF_CAMERA * n->cameras;
     for (int64_t one = 0; one < n->seen_count; one++) {
@@ -173,7 +173,7 @@ static void eliminate_from_border(Network *n, int64_t point, int64_t place, cons
     }
 }
 
-static void eliminate_point(Network *n, int64_t point)
+static void eliminate_point(RefinementProblem *n, int64_t point)
 {
     double V[9] = {0.0}, g[3] = {0.0};
     const int64_t first = n->start[point], end = n->start[point + 1];
@@ -214,7 +214,7 @@ static void eliminate_point(Network *n, int64_t point)
     }
 }
 
-static void network_normals(Network *n)
+static void block_normals(RefinementProblem *n)
 {
     for (int64_t point = 0; point < n->point_count; point++)
         eliminate_point(n, point);
@@ -228,7 +228,8 @@ static void network_normals(Network *n)
 }
 
 /* Corrections of the points from those of photos and cameras; the solution has the sign of the right-hand side. */
-static void network_points(const Network *n, const double *solution, const double *of_cameras, double *corrections)
+static void point_corrections(const RefinementProblem *n, const double *solution, const double *of_cameras,
+                              double *corrections)
 {
     const int64_t width = OF_CAMERA * n->cameras;
     for (int64_t point = 0; point < n->point_count; point++) {

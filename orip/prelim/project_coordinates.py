@@ -9,9 +9,10 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation
+from orip.prelim.image_rays import ImageRays
 from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem, PlainGround
-from orip.records.preliminary import ImageRays, PhotoStart, PointStarts, PreliminaryValues, SubBlock
+from orip.records.preliminary import PartialBlock, PhotoStart, PointStarts, PreliminaryValues
 from orip.units import DEGREES_PER_RADIAN
 
 
@@ -60,12 +61,12 @@ def absolute_in_project(values: PreliminaryValues, ground: GroundSystem) -> Prel
     return replace(values, absolute=replace(values.absolute, coordinates=coordinates, remarks=remarks))
 
 
-def block_in_project(values: PreliminaryValues, rays: ImageRays, ground: GroundSystem) -> SubBlock:
-    """Return the oriented photos and placed points as one sub-block, in the project's coordinates."""
+def block_in_project(values: PreliminaryValues, rays: ImageRays, ground: GroundSystem) -> PartialBlock:
+    """Return the oriented photos and known points as one partial block, in the project's coordinates."""
     photos = [row for row, photo in enumerate(values.photos) if photo.rotation is not None]
     place = {name: row for row, name in enumerate(rays.points)}
     centres = ground.to_project(np.array([values.photos[row].centre for row in photos]).reshape(-1, 3))
-    return SubBlock(
+    return PartialBlock(
         "",
         np.array(photos, dtype=np.int64),
         ground.axes_at(centres) @ np.array([values.photos[row].rotation for row in photos]).reshape(-1, 3, 3),

@@ -1,6 +1,6 @@
 /* Three-point resection, as in orip/geometry/three_point_resection.py, which has the sources and says why. */
 
-#include "linear.h"
+#include "../compiled/linear.h"
 
 #define FLAT 1e-6
 #define MIX 0.4142

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.prelim.in_project import (
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.project_coordinates import (
     absolute_in_project,
     block_in_project,
     orientations_in_frame,
@@ -18,7 +19,7 @@ from orip.prelim.in_project import (
 from orip.records.block import Block
 from orip.records.control import Control
 from orip.records.ground import PlainGround
-from orip.records.preliminary import NO_POINTS, ImageRays, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
+from orip.records.preliminary import NO_POINTS, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
 
 NO_RAYS = np.empty(0, dtype=np.int64)
 

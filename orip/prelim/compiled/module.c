@@ -1,8 +1,8 @@
 /* Inner loops of preliminary values: intersection, relative orientation, resection,
  * similarity, refinement.
  *
- * Called by orip/prelim/compiled.py alone. The sizes of arrays that follow from one another are checked here, what the
- * index arrays say is not.
+ * The headers stand beside the Python modules that they serve; the compiled package binds them. The sizes of arrays
+ * that follow from one another are checked here, the contents of index arrays are not.
  */
 
 #define PY_SSIZE_T_CLEAN
@@ -11,12 +11,12 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "intersection.h"
-#include "refinement.h"
-#include "relative.h"
-#include "resection.h"
-#include "similarity.h"
-#include "similarity_start.h"
+#include "../intersection/intersection.h"
+#include "../refinement/refinement.h"
+#include "../relative/solution.h"
+#include "../resection/resection.h"
+#include "../similarity/adjustment.h"
+#include "../similarity/start.h"
 
 #define MOST_BUFFERS 24
 #define MOST_NUMBERS 12
@@ -81,7 +81,7 @@ static int known_from(const Arguments *a, Known *k)
     return has(a, 0, 3 * k->count) && has(a, 1, 3 * k->count) && 0 < k->least && k->least <= k->count;
 }
 
-static PyObject *rank(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
     Arguments a;
@@ -97,30 +97,31 @@ static PyObject *rank(PyObject *Py_UNUSED(module), PyObject *const *arguments, P
     return done(&a);
 }
 
-static PyObject *settled(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { ROTATIONS = 3, CENTRES, SQUARES, FACTORS, RESIDUAL, NORMALS, SPACE };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 3, 7, 11))
+    if (!taken(&a, arguments, given, 3, 7, 12))
         return NULL;
     const double *n = a.numbers;
     const int64_t number = a.views[CENTRES].len / 24;
-    const Settling settling = {n[2], n[3], n[4], n[5], (int64_t)n[6], {n[2], n[7], n[8], n[9], (int64_t)n[10]}};
+    const OrientationChoice choice = {n[2], n[3], n[4], n[5], n[11], (int64_t)n[6],
+                                      {n[2], n[7], n[8], n[9], n[11], (int64_t)n[10]}};
     if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !has(&a, ROTATIONS, 9 * number)
         || !has(&a, SQUARES, number * k.count) || !has(&a, FACTORS, number * k.count)
         || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36) || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
         return refused(&a);
-    const int64_t left = settle(&k, &settling, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+    const int64_t left = choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                                 a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
                                 a.views[NORMALS].buf, a.views[SPACE].buf);
     release(&a);
     return PyLong_FromLongLong(left);
 }
 
-enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, NETWORK_END };
+enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, PROBLEM_END };
 
-static int network_from(const Arguments *a, Network *n)
+static int problem_from(const Arguments *a, RefinementProblem *n)
 {
     memset(n, 0, sizeof *n);
     n->photo = a->views[PHOTO].buf, n->start = a->views[OF_POINT].buf, n->vectors = a->views[VECTORS].buf;
@@ -132,7 +133,7 @@ static int network_from(const Arguments *a, Network *n)
         && n->start[n->point_count] == n->count;
 }
 
-static PyObject *intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES, SPACE, INDICES };
     Arguments a;
@@ -156,32 +157,32 @@ static PyObject *intersect(PyObject *Py_UNUSED(module), PyObject *const *argumen
     return PyFloat_FromDouble(s0);
 }
 
-static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { RESIDUAL = NETWORK_END, IN_FRONT };
+    enum { RESIDUAL = PROBLEM_END, IN_FRONT };
     Arguments a;
-    Network n;
-    if (!taken(&a, arguments, given, NETWORK_END, 2, 0))
+    RefinementProblem n;
+    if (!taken(&a, arguments, given, PROBLEM_END, 2, 0))
         return NULL;
-    if (!network_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || a.views[IN_FRONT].len != n.count)
+    if (!problem_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || a.views[IN_FRONT].len != n.count)
         return refused(&a);
-    network_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
+    block_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
     return done(&a);
 }
 
-static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum {
-        PLACE = NETWORK_END, FREE, FACTORS, CAMERA, BY_CAMERA,
+        PLACE = PROBLEM_END, FREE, FACTORS, CAMERA, BY_CAMERA,
         PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT,
         BORDER, POINT_BORDER, CAMERA_NORMALS, CAMERA_RIGHT, SEEN
     };
     Arguments a;
-    Network n;
-    if (!taken(&a, arguments, given, NETWORK_END + 5, 11, 1))
+    RefinementProblem n;
+    if (!taken(&a, arguments, given, PROBLEM_END + 5, 11, 1))
         return NULL;
     const int64_t cameras = a.views[CAMERA_RIGHT].len / (8 * OF_CAMERA), width = OF_CAMERA * cameras;
-    if (!network_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
+    if (!problem_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
         || !has(&a, FACTORS, n.count) || !has(&a, CAMERA, cameras ? n.count : 0)
         || !has(&a, BY_CAMERA, cameras ? 2 * OF_CAMERA * n.count : 0)
         || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
@@ -200,15 +201,15 @@ static PyObject *normals(PyObject *Py_UNUSED(module), PyObject *const *arguments
     n.border = a.views[BORDER].buf, n.point_border = a.views[POINT_BORDER].buf;
     n.camera_normals = a.views[CAMERA_NORMALS].buf, n.camera_right = a.views[CAMERA_RIGHT].buf;
     n.seen = a.views[SEEN].buf;
-    network_normals(&n);
+    block_normals(&n);
     return done(&a);
 }
 
-static PyObject *corrections(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refinement_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, POINTS };
     Arguments a;
-    Network n;
+    RefinementProblem n;
     if (!taken(&a, arguments, given, 9, 1, 0))
         return NULL;
     memset(&n, 0, sizeof n);
@@ -221,11 +222,11 @@ static PyObject *corrections(PyObject *Py_UNUSED(module), PyObject *const *argum
     n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
     n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
     n.point_border = a.views[POINT_BORDER].buf;
-    network_points(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
+    point_corrections(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
     return done(&a);
 }
 
-static PyObject *orient(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, REDUNDANCY, COORDINATES, DEVIATIONS,
            IN_FRONT, USABLE };
@@ -256,7 +257,7 @@ static PyObject *orient(PyObject *Py_UNUSED(module), PyObject *const *arguments,
     return PyBool_FromLong(oriented);
 }
 
-static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
     Arguments a;
@@ -277,7 +278,7 @@ static PyObject *adjust_joint(PyObject *Py_UNUSED(module), PyObject *const *argu
     return PyBool_FromLong(regular);
 }
 
-static PyObject *best_triple_of(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRIPLES, START };
     Arguments a;
@@ -303,18 +304,18 @@ static PyObject *best_triple_of(PyObject *Py_UNUSED(module), PyObject *const *ar
     return PyFloat_FromDouble(most);
 }
 
-#define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
+#define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}
 
 static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
-    METHOD(rank, "The orientations of triples that fit all points best."),
-    METHOD(settled, "Orientations improved, and the likeliest adjusted."),
-    METHOD(orient, "The relative orientation of two photos."),
-    METHOD(best_triple_of, "The spatial similarity of three points that most others agree with."),
-    METHOD(adjust_joint, "A spatial similarity with Danish weights."),
-    METHOD(residuals, "Residuals of a network."),
-    METHOD(normals, "Reduced normal equations of a network."),
-    METHOD(corrections, "Corrections of the points of a network."),
+    METHOD(rank_triples, "The orientations of triples that fit all points best."),
+    METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
+    METHOD(orient_pair, "The relative orientation of two photos."),
+    METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
+    METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
+    METHOD(refinement_residuals, "Residuals of a refinement."),
+    METHOD(refinement_normals, "Reduced normal equations of a refinement."),
+    METHOD(refinement_points, "Corrections of the points of a refinement."),
     {NULL, NULL, 0, NULL},
 };
 

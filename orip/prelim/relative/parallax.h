@@ -5,7 +5,7 @@
 #ifndef ORIP_PRELIM_PARALLAX_H
 #define ORIP_PRELIM_PARALLAX_H
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include <string.h>
 
 typedef struct {

@@ -2,8 +2,8 @@
  * from.
  */
 
-#include "relative_adjustment.h"
-#include "relative_start.h"
+#include "adjustment.h"
+#include "start.h"
 
 /* _CHOICE in orip/prelim/relative/solution.py */
 typedef struct {

@@ -5,7 +5,7 @@
 #ifndef ORIP_PRELIM_SIMILARITY_H
 #define ORIP_PRELIM_SIMILARITY_H
 
-#include "linear.h"
+#include "../compiled/linear.h"
 #include <string.h>
 
 #define MOST_UNKNOWNS 7
@@ -247,7 +247,7 @@ static double similarity_residuals(const Common *c, const At *at, const double *
             square += standard * standard, used += 1.0 - cofactor / (c->error[k] * c->error[k]);
         }
     }
-    /* redundancy numbers add up to whole numbers but for rounding */
+    /* redundancy numbers add up to whole numbers apart from rounding */
     return used > 1e-6 ? sqrt(square / used) : -1.0;
 }
 

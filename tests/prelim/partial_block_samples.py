@@ -1,4 +1,4 @@
-"""Sub-blocks whose place is known: models in two systems, strips of models, blocks with ground control."""
+"""Partial blocks whose place is known: models in two systems, strips of models, blocks with ground control."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions
-from orip.records.preliminary import SubBlock
+from orip.records.preliminary import PartialBlock
 
 NOISE = 1e-5
 """Metres at photo scale: 10 µm in X and Y of a model, three times as much in Z."""
@@ -31,8 +31,8 @@ def random_similarity(generator: np.random.Generator, scale: float = 1.0, shift:
 class Pair:
     """A model B-C, a model A-B in a system of its own, and what takes the first to it."""
 
-    source: SubBlock
-    target: SubBlock
+    source: PartialBlock
+    target: PartialBlock
     names: SampleNames
     truth: Similarity
     wrong: np.ndarray
@@ -62,8 +62,8 @@ def pair(seed: int, count: int = 20, wrong: int = 0, noise: float = NOISE, commo
     photos = (1, 2) if common_photo else (2, 3)
     points = np.arange(count)
     return Pair(
-        SubBlock("BC", np.array(photos), rotations, centres, points, source, NOISE * sigma),
-        SubBlock(
+        PartialBlock("BC", np.array(photos), rotations, centres, points, source, NOISE * sigma),
+        PartialBlock(
             "AB", np.array([0, 1]), np.array([np.eye(3), common_rotation]),
             np.array([truth.apply(np.array([-0.09, 0.0, 0.0])), common_centre]), points, target, turned,
         ),
@@ -77,7 +77,7 @@ def pair(seed: int, count: int = 20, wrong: int = 0, noise: float = NOISE, commo
 class GroundSample:
     """A block in its own system, control, and what takes it to the ground."""
 
-    block: SubBlock
+    block: PartialBlock
     names: SampleNames
     control: KnownPositions
     centres: KnownPositions
@@ -114,7 +114,7 @@ def ground_sample(
     back = truth.inverse()
     names = SampleNames(("A", "B", "C", "D"), tuple(f"C{k}" for k in range(count)))
     return GroundSample(
-        SubBlock(
+        PartialBlock(
             "AB", np.arange(4), truth.rotation.T @ rotations, back.apply(cameras), np.arange(count),
             back.apply(exact) + deviations * generator.normal(size=exact.shape), deviations,
         ),
@@ -126,7 +126,7 @@ def ground_sample(
     )  # fmt: skip
 
 
-def mirrored(block: SubBlock) -> SubBlock:
+def mirrored(block: PartialBlock) -> PartialBlock:
     """Return the block that photos with x counted to the left give: a mirror image, with proper rotations."""
     flip = np.diag([-1.0, 1.0, 1.0])
     return replace(
