@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,8 @@ from orip.errors import UsageError
 if TYPE_CHECKING:
     from orip.files.control.forms import ControlKind
     from orip.workflow.control.edits import ControlOutcome, Weighting
+    from orip.workflow.project.commit import Change
+    from orip.workflow.project.state import ProjectState
 
 Name = Annotated[
     str, typer.Argument(metavar="NAME", help="Name, or the first fields that tell it from others: 'D1 1 2 XYZ'.")
@@ -72,8 +75,9 @@ def _register_list(group: typer.Typer, kind: ControlKind) -> None:
         """List the lines of the file."""
         from orip.files.text.table import Column, table_lines
         from orip.workflow.control.edits import list_control
+        from orip.workflow.project.state import read_project
 
-        table = list_control(invocation.folder, kind, bundle)
+        table = list_control(read_project(invocation.folder), kind, bundle)
         if invocation.terminal.json:
             document = {"command": f"control {kind} list", "file": table.shown, "records": table.records()}
             invocation.terminal.document(document)
@@ -93,7 +97,8 @@ def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
     ) -> None:
         from orip.workflow.control.edits import add_control
 
-        outcome = add_control(invocation.folder, kind, name, values or (), before=before, bundle=bundle, dry_run=dry)
+        edit = partial(add_control, kind=kind, name=name, words=values or (), before=before, bundle=bundle, dry_run=dry)
+        outcome = _edited(invocation, edit)
         tell(invocation.terminal, f"control {kind} add", outcome)
 
     @command(group, "add")
@@ -132,7 +137,8 @@ def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
         """Change values of a line; what is not named stays."""
         from orip.workflow.control.edits import edit_control
 
-        outcome = edit_control(invocation.folder, kind, name, values or (), bundle=bundle, dry_run=dry_run)
+        edit = partial(edit_control, kind=kind, name=name, words=values or (), bundle=bundle, dry_run=dry_run)
+        outcome = _edited(invocation, edit)
         tell(invocation.terminal, f"control {kind} edit", outcome)
 
 
@@ -154,7 +160,8 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
             raise UsageError(message)
         if everything and not dry_run:
             require_confirmation(f"Kill all {kind}?", yes)
-        outcome = kill_control(invocation.folder, kind, names or (), bundle=bundle, dry_run=dry_run)
+        edit = partial(kill_control, kind=kind, names=names or (), bundle=bundle, dry_run=dry_run)
+        outcome = _edited(invocation, edit)
         tell(invocation.terminal, f"control {kind} kill", outcome)
 
 
@@ -162,11 +169,19 @@ def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weight
     def weight(invocation: Invocation, names: Names, dry_run: DryRunOption = False) -> None:
         from orip.workflow.control.edits import weight_control
 
-        outcome = weight_control(invocation.folder, kind, weighting, names, dry_run=dry_run)
+        edit = partial(weight_control, kind=kind, weighting=weighting, names=names, dry_run=dry_run)
+        outcome = _edited(invocation, edit)
         tell(invocation.terminal, f"control {kind} {weighting}", outcome)
 
     weight.__doc__ = text
     command(group, weighting)(weight)
+
+
+def _edited(invocation: Invocation, edit: Callable[[ProjectState], Change[ControlOutcome]]) -> ControlOutcome:
+    from orip.workflow.project.commit import carry_out
+    from orip.workflow.records.commands import read_records
+
+    return carry_out(read_records(invocation.folder), edit).outcome
 
 
 def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None:

@@ -14,7 +14,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.report.ellipses import drawn_points
-from orip.report.matter import Matter
+from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
 from orip.units import DEGREES_PER_RADIAN
 
@@ -26,13 +26,13 @@ _FAR_AWAY = 20.0
 """Coordinates so many times larger than the block are reduced: browsers draw in single precision."""
 
 
-def block_view(matter: Matter) -> dict[str, Any]:
+def block_view(given: ReportInput) -> dict[str, Any]:
     """Return what the page's script draws; coordinates are reduced by `origin`, so that single precision is enough."""
-    solution = matter.solution
+    solution = given.solution
     rows = drawn_points(solution, MOST_POINTS)
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
-    corners = pyramid_corners(matter) - origin
+    corners = pyramid_corners(given) - origin
     place = {row: index for index, row in enumerate(rows.tolist())}
     return {
         "origin": origin.tolist(),
@@ -64,20 +64,20 @@ def seen_points(solution: Solution) -> tuple[IntArray, ...]:
     return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 
 
-def pyramid_corners(matter: Matter) -> FloatArray:
+def pyramid_corners(given: ReportInput) -> FloatArray:
     """Return the corners (photos, 4, 3) of the photos' frames, in the direction they look, in ground coordinates.
 
     From the lower left counter-clockwise as in the positive photo. The true rays leave the projection centre there:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
-    solution = matter.solution
+    solution = given.solution
     values = solution.photos.values
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
-    frames = {key: _frame(matter, key) for key in parameters}
+    frames = {key: _frame(given, key) for key in parameters}
     directions = np.zeros((len(values), 4, 3))
     for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
-        photo = matter.photos.get(record_key(name))
+        photo = given.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
@@ -85,11 +85,11 @@ def pyramid_corners(matter: Matter) -> FloatArray:
     return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
 
 
-def _frame(matter: Matter, camera: str) -> list[tuple[float, float]]:
-    record: Camera | None = matter.cameras.get(camera)
+def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
+    record: Camera | None = given.cameras.get(camera)
     corners = frame_corners(record) if record is not None else None
     if corners is None:
-        reach = measured_reach(matter, camera) / np.sqrt(2.0) or 1.0
+        reach = measured_reach(given, camera) / np.sqrt(2.0) or 1.0
         corners = np.array([-reach, -reach]), np.array([reach, reach])
     (left, lower), (right, upper) = corners
     return [(left, lower), (right, lower), (right, upper), (left, upper)]

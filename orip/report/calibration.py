@@ -15,10 +15,10 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
-from orip.report.matter import Matter
 from orip.report.numbers import MISSING, fixed, parameter
+from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05
@@ -43,14 +43,14 @@ class CameraSheet:
     """All that the page shows of one camera."""
 
     name: str
-    parameters: Table
+    parameters: PageTable
     correlations: CorrelationMatrix | None
     distortion: Markup
 
 
-def camera_sheets(matter: Matter) -> tuple[CameraSheet, ...]:
+def camera_sheets(given: ReportInput) -> tuple[CameraSheet, ...]:
     """Return a sheet for each camera."""
-    return tuple(_sheet(matter, name, row) for row, name in enumerate(matter.solution.cameras.names))
+    return tuple(_sheet(given, name, row) for row, name in enumerate(given.solution.cameras.names))
 
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
@@ -70,18 +70,18 @@ def significance_limit(redundancy: int) -> float:
     return float(stdtrit(redundancy, 1.0 - _ERROR_PROBABILITY / 2.0)) if redundancy > 0 else math.nan
 
 
-def _sheet(matter: Matter, name: str, row: int) -> CameraSheet:
-    solution, before = matter.solution, matter.cameras.get(record_key(name))
+def _sheet(given: ReportInput, name: str, row: int) -> CameraSheet:
+    solution, before = given.solution, given.cameras.get(record_key(name))
     adjusted = solution.cameras.values[row]
     return CameraSheet(
         name,
         _parameter_table(solution, row, before),
         correlation_matrix(solution, name),
-        _distortion_chart(matter, name, before, adjusted),
+        _distortion_chart(given, name, before, adjusted),
     )
 
 
-def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Table:
+def _parameter_table(solution: Solution, row: int, before: Camera | None) -> PageTable:
     """Return the parameters that are unknown or not zero."""
     name = solution.cameras.names[row]
     given = before.parameters if before is not None else (math.nan,) * len(CAMERA_PARAMETERS)
@@ -97,24 +97,24 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Tab
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
     significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]
-    columns: tuple[Column, ...] = (
-        Column("Parameter", [kind for kind, *_ in shown], key="name", words=True),
-        Column("Unit", [unit for _kind, unit, *_ in shown], words=True),
-        Column("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
-        Column("Adjusted", [value for value, _sd in written], key="value"),
-        Column("sd", [sd for _value, sd in written], key="sd"),
+    columns: tuple[PageColumn, ...] = (
+        PageColumn("Parameter", [kind for kind, *_ in shown], key="name", words=True),
+        PageColumn("Unit", [unit for _kind, unit, *_ in shown], words=True),
+        PageColumn("Before", [MISSING if math.isnan(old) else f"{old:.6g}" for _kind, _unit, old, *_ in shown]),
+        PageColumn("Adjusted", [value for value, _sd in written], key="value"),
+        PageColumn("sd", [sd for _value, sd in written], key="sd"),
     )
     if not any(significant):
-        return Table(f"cameras.{name}", f"Parameters of camera {name}", columns)
+        return PageTable(f"cameras.{name}", f"Parameters of camera {name}", columns)
     columns += (
-        Column("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
-        Column("Significant", significant, words=True),
+        PageColumn("|value| / sd", [_ratio(kind, value, sd) for kind, _unit, _old, value, sd in shown]),
+        PageColumn("Significant", significant, words=True),
     )
     note = (
         f"Significant: different from zero at the 5 % level, |value| / sd above {limit:.2f}; "
         "each by itself. C, DX and DY are not tested: zero means nothing there."
     )
-    return Table(f"cameras.{name}", f"Parameters of camera {name}", columns, note)
+    return PageTable(f"cameras.{name}", f"Parameters of camera {name}", columns, note)
 
 
 def _is_tested(kind: str, sd: float) -> bool:
@@ -132,9 +132,9 @@ def significance(kind: str, value: float, sd: float, limit: float) -> str:
     return "yes" if abs(value) > limit * sd else "no"
 
 
-def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
+def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
     """Return the radial distortion in µm over the radius, before and after."""
-    reach = _reach(matter, name, before)
+    reach = _reach(given, name, before)
     curves = []
     if before is not None:
         curves.append(("before", "limit", before.parameters[_RADIAL]))
@@ -153,9 +153,9 @@ def _distortion_chart(matter: Matter, name: str, before: Camera | None, adjusted
     return line_chart(label, ChartFrame("radius (mm)", "distortion (µm)", 460.0, 250.0), lines)
 
 
-def _reach(matter: Matter, name: str, camera: Camera | None) -> float:
+def _reach(given: ReportInput, name: str, camera: Camera | None) -> float:
     """Return how far (mm) the camera's photos reach from its principal point."""
     corners = frame_corners(camera) if camera is not None else None
     if corners is None or camera is None:
-        return measured_reach(matter, name)
+        return measured_reach(given, name)
     return float(np.hypot(*np.maximum(*(np.abs(corner - camera.parameters[1:3]) for corner in corners))))

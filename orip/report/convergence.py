@@ -6,17 +6,17 @@ from markupsafe import Markup
 
 from orip.records.solution import Solution
 from orip.report.drawing import ChartFrame, Line, line_chart
-from orip.report.matter import Matter
 from orip.report.numbers import fixed, significant
-from orip.report.table import Column, Table
+from orip.report.report_input import ReportInput
+from orip.report.table import PageColumn, PageTable
 
 
-def convergence_charts(matter: Matter) -> tuple[Markup, ...]:
+def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
     """Return the three curves, each in a chart of its own: they have no common scale."""
-    passes = matter.solution.iterations
+    passes = given.solution.iterations
     if not passes:
         return ()
-    ends = [(float(passes[0].iteration), matter.bundle.enp_stop), (float(passes[-1].iteration), matter.bundle.enp_stop)]
+    ends = [(float(passes[0].iteration), given.bundle.enp_stop), (float(passes[-1].iteration), given.bundle.enp_stop)]
     enp = [Line([(each.iteration, each.enp) for each in passes], "ENP", "first"), Line(ends, "enp_stop", "limit")]
     sigma0 = [Line([(each.iteration, each.sigma0) for each in passes], "sigma0", "second")]
     down = [Line([(each.iteration, float(each.down_weighted)) for each in passes], "down-weighted", "third")]
@@ -28,19 +28,19 @@ def convergence_charts(matter: Matter) -> tuple[Markup, ...]:
     )
 
 
-def iteration_table(solution: Solution) -> Table:
+def iteration_table(solution: Solution) -> PageTable:
     """Return the iterations in numbers."""
     passes = solution.iterations
     columns = (
-        Column("Iteration", [str(each.iteration) for each in passes], key="iteration"),
-        Column("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
-        Column("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
-        Column("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
-        Column("Singular", [str(each.singular) for each in passes], key="singular"),
+        PageColumn("Iteration", [str(each.iteration) for each in passes], key="iteration"),
+        PageColumn("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
+        PageColumn("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
+        PageColumn("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
+        PageColumn("Singular", [str(each.singular) for each in passes], key="singular"),
     )
     shortened = [str(each.iteration) for each in passes if each.step_limited]
     note = f"Steps were shortened in iteration {', '.join(shortened)}." if shortened else ""
-    return Table("iterations", "Iterations", columns, note)
+    return PageTable("iterations", "Iterations", columns, note)
 
 
 def _frame(up: str, *, logarithmic: bool = False, counts: bool = False) -> ChartFrame:

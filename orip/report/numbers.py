@@ -1,4 +1,4 @@
-"""Numbers as the page shows them: decimals that follow from the precision, words where there is no number."""
+"""Numbers as the page shows them, where it differs from listings: a dash, other words, few digits."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orip.number_text import COEFFICIENT_PRECISION, CONSTANT, decimals_of_two_digits, known_precisions
 from orip.wording import agreeing
 
 MISSING = "–"
-CONSTANT = "constant"
 SINGULAR = "not determined"
-
-_COEFFICIENT = 1e-4
-"""What is known better than this is shown with an exponent."""
 
 _HUGE = 1e9
 
@@ -29,11 +26,8 @@ def decimals_for(precision: ArrayLike, at_most: int = 6) -> int:
         does not decide, so that one outstanding point does not lengthen the numbers of all.
     at_most : int
     """
-    known = np.asarray(precision, dtype=np.float64)
-    known = known[np.isfinite(known) & (known > 0.0)]
-    if not known.size:
-        return min(3, at_most)
-    return min(max(1 - math.floor(math.log10(np.quantile(known, 0.05))), 0), at_most)
+    known = known_precisions(precision)
+    return decimals_of_two_digits(float(np.quantile(known, 0.05)), 0, at_most) if known.size else min(3, at_most)
 
 
 def fixed(value: float, decimals: int) -> str:
@@ -54,7 +48,7 @@ def parameter(value: float, sd: float) -> tuple[str, str]:
     """Return the value and the sd of a camera parameter, of which each has its own size."""
     if not (math.isfinite(sd) and sd > 0.0):
         return f"{value:.6g}", deviation(sd, 3)
-    if sd >= _COEFFICIENT:
+    if sd >= COEFFICIENT_PRECISION:
         decimals = decimals_for(sd)
         return fixed(value, decimals), fixed(sd, decimals)
     digits = max(math.floor(math.log10(abs(value) / sd)) + 1, 1) if value and math.isfinite(value) else 1

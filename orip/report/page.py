@@ -16,10 +16,10 @@ from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table
 from orip.report.ellipses import ellipse_views
-from orip.report.matter import Matter
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.precision import photo_table, point_table, spreads
+from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
@@ -34,9 +34,9 @@ MOST_BYTES = 6_000_000
 _COMPRESSION = 4
 
 
-def report_page(matter: Matter) -> str:
+def report_page(given: ReportInput) -> str:
     """Return the report as one HTML page that loads nothing."""
-    return f"{_template().render(_content(matter))}\n"
+    return f"{_template().render(_content(given))}\n"
 
 
 @cache
@@ -52,18 +52,18 @@ def _template() -> Template:
     return environment.get_template("report.html")
 
 
-def _content(matter: Matter) -> dict[str, Any]:
-    solution = matter.solution
+def _content(given: ReportInput) -> dict[str, Any]:
+    solution = given.solution
     test = global_test(solution.sigma0, solution.redundancy_used)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
         "solution": solution,
-        "bundle": matter.bundle,
-        "precision": f"{matter.bundle.measurement_precision.value:g} {matter.bundle.measurement_precision.unit}",
+        "bundle": given.bundle,
+        "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
         "test": test,
-        "verdict": verdict(matter, test),
-        "gates": gate_table(matter),
+        "verdict": verdict(given, test),
+        "gates": gate_table(given),
         "check_points": check_point_table(solution),
         "trouble": [
             table
@@ -74,15 +74,15 @@ def _content(matter: Matter) -> dict[str, Any]:
         "points": point_table(solution),
         "photos": photo_table(solution),
         "ellipses": ellipse_views(solution),
-        "cameras": camera_sheets(matter),
+        "cameras": camera_sheets(given),
         "strong": STRONG,
-        "vectors": vector_sheets(matter),
-        "block": _as_data(block_view(matter)),
+        "vectors": vector_sheets(given),
+        "block": _as_data(block_view(given)),
         "size": _size(solution),
         "plotly": _plotly(),
-        "convergence": convergence_charts(matter),
+        "convergence": convergence_charts(given),
         "iterations": iteration_table(solution),
-        "models": model_grid(matter.bundle),
+        "models": model_grid(given.bundle),
     }
 
 

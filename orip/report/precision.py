@@ -9,7 +9,7 @@ import numpy as np
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
 from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 
 MOST_POINTS = 2000
 MOST_PHOTOS = 1000
@@ -38,32 +38,32 @@ def spreads(solution: Solution) -> tuple[Spread, ...]:
     return tuple(each for each in (*points, *places) if each is not None)
 
 
-def point_table(solution: Solution) -> Table:
+def point_table(solution: Solution) -> PageTable:
     """Return the points with standard deviations; of very many the least precise."""
     points, unit = solution.points, solution.ground_unit
     rows = _least_precise(points, MOST_POINTS)
     decimals = decimals_for(points.sd)
     residual = _largest_standard_residual(solution)
     columns = [
-        Column("Point", [points.names[row] for row in rows], words=True),
-        Column("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
-        Column("Rays", [str(solution.point_rays[row]) for row in rows], key="rays"),
+        PageColumn("Point", [points.names[row] for row in rows], words=True),
+        PageColumn("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
+        PageColumn("Rays", [str(solution.point_rays[row]) for row in rows], key="rays"),
     ]
     for axis, name in enumerate("XYZ"):
         columns.append(_values(points, rows, axis, (name, unit), decimals))
     for axis, name in enumerate("XYZ"):
         columns.append(_deviations(points, rows, axis, (name, unit), decimals))
     largest = [fixed(residual.get(points.names[row], np.nan), 1) for row in rows]
-    columns.append(Column("Largest standard residual", largest))
-    return Table("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
+    columns.append(PageColumn("Largest standard residual", largest))
+    return PageTable("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
 
 
-def photo_table(solution: Solution) -> Table:
+def photo_table(solution: Solution) -> PageTable:
     """Return the photos' exterior orientation with standard deviations."""
     photos, unit = solution.photos, solution.ground_unit
     rows = _least_precise(photos, MOST_PHOTOS)
     place, turn = decimals_for(photos.sd[:, :3]), decimals_for(photos.sd[:, 3:])
-    columns = [Column("Photo", [photos.names[row] for row in rows], words=True)]
+    columns = [PageColumn("Photo", [photos.names[row] for row in rows], words=True)]
     settings = [
         (axis, (name, unit if axis < 3 else "°"), place if axis < 3 else turn)
         for axis, name in enumerate(PHOTO_PARAMETERS)
@@ -74,17 +74,17 @@ def photo_table(solution: Solution) -> Table:
     note = _thinned(len(rows), len(photos.names), "photo", "photos")
     if about_axes:
         note += " Where phi is close to ±90°, the sd of the rotations are those about the ground axes X, Y, Z."
-    return Table("photos", "Photos: exterior orientation", columns, note.strip())
+    return PageTable("photos", "Photos: exterior orientation", columns, note.strip())
 
 
-def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> Column:
+def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> PageColumn:
     cells = [fixed(value, decimals) for value in estimates.values[rows, axis].tolist()]
-    return Column(label[0], cells, label[1], f"{label[0]}.value")
+    return PageColumn(label[0], cells, label[1], f"{label[0]}.value")
 
 
-def _deviations(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> Column:
+def _deviations(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> PageColumn:
     cells = [deviation(value, decimals) for value in estimates.sd[rows, axis].tolist()]
-    return Column(f"sd {label[0]}", cells, label[1], f"{label[0]}.sd")
+    return PageColumn(f"sd {label[0]}", cells, label[1], f"{label[0]}.sd")
 
 
 def _least_precise(estimates: Estimates, most: int) -> list[int]:

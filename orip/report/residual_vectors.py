@@ -14,8 +14,8 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.solution import Residuals
 from orip.report.drawing import drawing, element, number, round_step, text
-from orip.report.matter import Matter
 from orip.report.numbers import counted, probability
+from orip.report.report_input import ReportInput
 
 MOST_PHOTOS = 48
 MOST_VECTORS = 250
@@ -100,9 +100,9 @@ def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     }
 
 
-def measured_reach(matter: Matter, camera: str) -> float:
+def measured_reach(given: ReportInput, camera: str) -> float:
     """Return the largest distance (mm) of a camera's photo points from the fiducial centre; 0 without any."""
-    found = [np.hypot(*each.xy.T).max(initial=0.0) for each in _of_camera(matter, camera)]
+    found = [np.hypot(*each.xy.T).max(initial=0.0) for each in _of_camera(given, camera)]
     return float(max(found, default=0.0))
 
 
@@ -130,17 +130,17 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
     return CellMeans(centre, mean, count[full], float(gammaincc(full.size, statistic / 2.0)))
 
 
-def vector_sheets(matter: Matter) -> tuple[VectorSheet, ...]:
+def vector_sheets(given: ReportInput) -> tuple[VectorSheet, ...]:
     """Return the drawings of each camera that has photo points."""
-    sheets = (_sheet(matter, name) for name in matter.solution.cameras.names)
+    sheets = (_sheet(given, name) for name in given.solution.cameras.names)
     return tuple(sheet for sheet in sheets if sheet is not None)
 
 
-def _sheet(matter: Matter, camera: str) -> VectorSheet | None:
-    vectors = _of_camera(matter, camera)
+def _sheet(given: ReportInput, camera: str) -> VectorSheet | None:
+    vectors = _of_camera(given, camera)
     if not vectors:
         return None
-    low, high = _extent(matter, camera, vectors)
+    low, high = _extent(given, camera, vectors)
     large = _large(vectors)
     worst = sorted(vectors, key=lambda each: -each.rms)[:MOST_PHOTOS]
     shown = [each for each in vectors if any(each is other for other in worst)]
@@ -168,17 +168,17 @@ def _finding(means: CellMeans) -> str:
     return f"{what} are what chance makes them (p {p}): no systematic pattern."
 
 
-def _of_camera(matter: Matter, camera: str) -> list[PhotoVectors]:
-    found = photo_vectors(matter.solution.residuals)
-    mine = {key for key, photo in matter.photos.items() if record_key(photo.camera) == record_key(camera)}
-    return [found[name] for name in matter.solution.photos.names if record_key(name) in mine and name in found]
+def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
+    found = photo_vectors(given.solution.residuals)
+    mine = {key for key, photo in given.photos.items() if record_key(photo.camera) == record_key(camera)}
+    return [found[name] for name in given.solution.photos.names if record_key(name) in mine and name in found]
 
 
-def _extent(matter: Matter, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
+def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of what is drawn: the frame, and all that was measured."""
     xy = np.concatenate([each.xy for each in vectors])
     low, high = xy.min(axis=0), xy.max(axis=0)
-    record = matter.cameras.get(record_key(camera))
+    record = given.cameras.get(record_key(camera))
     corners = frame_corners(record) if record is not None else None
     if corners is not None:
         low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])

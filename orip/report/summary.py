@@ -127,7 +127,7 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
 
 
 def _kept(text: str) -> str:
-    """Return words that are not to be parted at the end of a line."""
+    """Return words that must stay on one line."""
     return text.replace(" ", _KEEP)
 
 
@@ -151,7 +151,7 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
     if _is_chance(solution, sum(map(len, found.values()))):
         worst = next(iter(found))
         yield SummaryLine(
-            "misfit", f"{counted(len(found), 'observation')}, as many as chance gives; the worst: {worst}"
+            "misfit", f"{counted(len(found), 'observation')}, no more than chance explains; the worst: {worst}"
         )
         return
     level: Level = "bad" if solution.status == "doubtful" else "caution"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class PageColumn:
     """One column.
 
     Parameters
@@ -30,7 +30,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """A table whose first column names the rows.
 
     Parameters
@@ -38,7 +38,7 @@ class Table:
     records : str
         List or mapping of result.json that the rows come from, e.g. ``points``; empty where there is none.
     caption : str
-    columns : sequence of Column
+    columns : sequence of PageColumn
         All with the same number of cells.
     note : str
         Stands under it: what was left out, what the figures mean.
@@ -48,12 +48,12 @@ class Table:
 
     records: str
     caption: str
-    columns: Sequence[Column]
+    columns: Sequence[PageColumn]
     note: str = ""
     emphasised: frozenset[int] = frozenset()
 
     @property
-    def rows(self) -> list[tuple[tuple[Column, str], ...]]:
+    def rows(self) -> list[tuple[tuple[PageColumn, str], ...]]:
         """Return the rows, each as its columns and cells."""
         return [
             tuple(zip(self.columns, cells, strict=True))

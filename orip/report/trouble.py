@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.solution import Residuals, Solution
+from orip.records.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.solution import Blunder, Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
-from orip.report.table import Column, Table
+from orip.report.table import PageColumn, PageTable
 from orip.wording import first_names
 
 MOST_SUSPECTS = 40
@@ -27,28 +28,26 @@ _FAR_WORSE = 3.0
 _NAMED = 12
 
 
-def blunder_table(solution: Solution) -> Table | None:
+def blunder_table(solution: Solution) -> PageTable | None:
     """Return the blunders that data snooping found and left out."""
     found = solution.blunders
     if not found:
         return None
     columns = (
-        Column("No.", [str(each.order) for each in found], key="order"),
-        Column("Observation", [_named(each.kind, each.photo, each.point) for each in found], words=True),
-        Column("Component", [each.component for each in found], key="component", words=True),
-        Column("Size", [fixed(each.size, decimals_for([each.sd])) for each in found], key="size"),
-        Column("sd", [significant(each.sd, 2) for each in found], key="sd"),
-        Column("Test", [significant(each.statistic) for each in found], key="statistic"),
-        Column("Limit", [significant(each.limit) for each in found], key="limit"),
+        PageColumn("No.", [str(each.order) for each in found], key="order"),
+        PageColumn("Observation", [_named(each.kind, each.photo, each.point) for each in found], words=True),
+        PageColumn("Component", [each.component for each in found], key="component", words=True),
+        PageColumn("Size", [fixed(each.size, decimals_for([each.sd])) for each in found], key="size"),
+        PageColumn("sd", [significant(each.sd, 2) for each in found], key="sd"),
+        PageColumn("Unit", [_unit_of_blunder(each, solution) for each in found], words=True),
+        PageColumn("Test", [significant(each.statistic) for each in found], key="statistic"),
+        PageColumn("Limit", [significant(each.limit) for each in found], key="limit"),
     )
-    note = (
-        "Size: observed minus what all other observations predict; mm in photos, "
-        f"{solution.ground_unit} on the ground. They have no influence on the results."
-    )
-    return Table("blunders", "Blunders found and left out", columns, note)
+    note = "Size: observed minus what all other observations predict. They have no influence on the results."
+    return PageTable("blunders", "Blunders found and left out", columns, note)
 
 
-def suspect_table(solution: Solution) -> Table | None:
+def suspect_table(solution: Solution) -> PageTable | None:
     """Return what was down-weighted, and what fits badly though it was not: the worst first."""
     residuals = solution.residuals
     rows = suspect_rows(residuals)
@@ -62,17 +61,17 @@ def suspect_table(solution: Solution) -> Table | None:
         + _left_out(len(rows), len(shown))
     )
     columns = (
-        Column("Observation", [_of(residuals, row) for row in shown], words=True),
-        Column("Component", _picked(residuals.component, shown), words=True),
-        Column("Probable size", [_size(residuals, row) for row in shown]),
-        Column("Unit", [_unit(solution, row) for row in shown], words=True),
-        Column("Residual", [_with_precision(residuals, residuals.residual, row) for row in shown]),
-        Column("Standard residual", [fixed(value, 1) for value in residuals.standard_residual[shown]]),
-        Column("w", [fixed(value, 1) for value in residuals.w[shown]]),
-        Column("Weight factor", [_weight(value) for value in residuals.weight_factor[shown]]),
+        PageColumn("Observation", [_of(residuals, row) for row in shown], words=True),
+        PageColumn("Component", _picked(residuals.component, shown), words=True),
+        PageColumn("Probable size", [_size(residuals, row) for row in shown]),
+        PageColumn("Unit", [_unit(solution, row) for row in shown], words=True),
+        PageColumn("Residual", [_with_precision(residuals, residuals.residual, row) for row in shown]),
+        PageColumn("Standard residual", [fixed(value, 1) for value in residuals.standard_residual[shown]]),
+        PageColumn("w", [fixed(value, 1) for value in residuals.w[shown]]),
+        PageColumn("Weight factor", [_weight(value) for value in residuals.weight_factor[shown]]),
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
-    return Table("", "Observations that do not fit", columns, note.strip(), emphasised)
+    return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
 
 
 def suspect_rows(residuals: Residuals) -> IntArray:
@@ -88,37 +87,39 @@ def suspects(solution: Solution) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for row in suspect_rows(solution.residuals).tolist():
         size, component = _size(solution.residuals, row), solution.residuals.component[row]
-        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}"
+        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}".rstrip()
         found.setdefault(_of(solution.residuals, row), []).append(text.strip())
     return found
 
 
-def singular_table(solution: Solution) -> Table | None:
+def singular_table(solution: Solution) -> PageTable | None:
     """Return the unknowns that nothing determines."""
     found = solution.singular
     if not found:
         return None
     columns = (
-        Column("Record", [f"{each.group.lower()} {each.name}" for each in found], words=True),
-        Column("Unknown", [each.kind for each in found], key="kind", words=True),
-        Column("Lost digits", [fixed(each.lost_digits, 1) for each in found], key="lost_digits"),
+        PageColumn("Record", [f"{each.group.lower()} {each.name}" for each in found], words=True),
+        PageColumn("Unknown", [each.kind for each in found], key="kind", words=True),
+        PageColumn("Lost digits", [fixed(each.lost_digits, 1) for each in found], key="lost_digits"),
     )
     note = "They keep their preliminary values. The diagnosis says why, and what would determine them."
-    return Table("singular", "Unknowns that nothing determines", columns, note)
+    return PageTable("singular", "Unknowns that nothing determines", columns, note)
 
 
-def weak_table(solution: Solution) -> Table | None:
+def weak_table(solution: Solution) -> PageTable | None:
     """Return what would go unnoticed or is much worse than the rest: single rays, unchecked points, large sd."""
     spots = weak_spots(solution)
     if not spots:
         return None
     shown = spots[:MOST_WEAK]
     columns = (
-        Column("Where", [f"{spot.where}: {spot.names}" if spot.names else spot.where for spot in shown], words=True),
-        Column("What is weak", [spot.what for spot in shown], words=True),
-        Column("What to do", [spot.remedy for spot in shown], words=True),
+        PageColumn(
+            "Where", [f"{spot.where}: {spot.names}" if spot.names else spot.where for spot in shown], words=True
+        ),
+        PageColumn("What is weak", [spot.what for spot in shown], words=True),
+        PageColumn("What to do", [spot.remedy for spot in shown], words=True),
     )
-    return Table("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
+    return PageTable("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
 
 
 class Spot(NamedTuple):
@@ -193,7 +194,7 @@ def _imprecise(solution: Solution) -> list[Spot]:
 def _named(kind: str, photo: str, point: str) -> str:
     if kind == "photo":
         return f"photo {photo} point {point}"
-    return " ".join(part for part in ("control point" if kind == "control" else kind, photo, point) if part)
+    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
 
 
 def _of(residuals: Residuals, row: int) -> str:
@@ -216,9 +217,12 @@ def _with_precision(residuals: Residuals, values: FloatArray, row: int) -> str:
 
 
 def _unit(solution: Solution, row: int) -> str:
-    return {"photo": "mm", "control": solution.ground_unit, "distance": solution.ground_unit, "direction": "°"}.get(
-        solution.residuals.kind[row], ""
-    )
+    residuals = solution.residuals
+    return unit_of_observation(residuals.kind[row], residuals.component[row], solution.ground_unit)
+
+
+def _unit_of_blunder(blunder: Blunder, solution: Solution) -> str:
+    return unit_of_observation(blunder.kind, blunder.component, solution.ground_unit)
 
 
 def _weight(value: float) -> str:

@@ -11,9 +11,10 @@ import numpy as np
 from orip.bundle.figures import figure
 from orip.records.gate import GATE_FIGURES
 from orip.records.solution import Solution
-from orip.report.matter import Matter
 from orip.report.numbers import counted, decimals_for, fixed, significant
-from orip.report.table import Column, Table
+from orip.report.report_input import ReportInput
+from orip.report.table import PageColumn, PageTable
+from orip.wording import agreeing
 
 Level = Literal["good", "caution", "bad"]
 
@@ -72,40 +73,41 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     return GlobalTest(lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
 
 
-def verdict(matter: Matter, test: GlobalTest | None) -> Verdict:
+def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
     """Return what to think of the adjustment, in a few sentences."""
-    solution = matter.solution
-    failed = [each for each in matter.gates if not each.passed]
+    solution = given.solution
+    failed = [each for each in given.gates if not each.passed]
     level, text = headline(solution, len(failed), test)
     sentences = [_about_status(solution), _about_sigma0(solution, test)]
     if solution.blunders:
-        found = counted(len({each.order for each in solution.blunders}), "observation")
-        sentences.append(f"{found} turned out wrong and had no part in it.")
-    if matter.gates:
-        passed = len(matter.gates) - len(failed)
+        count = len({each.order for each in solution.blunders})
+        were, blunders = agreeing(count, "was", "were"), agreeing(count, "a blunder", "blunders")
+        sentences.append(f"{counted(count, 'observation')} {were} found to be {blunders} and left out.")
+    if given.gates:
+        passed = len(given.gates) - len(failed)
         names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""
-        sentences.append(f"{passed} of {counted(len(matter.gates), 'gate')} passed{names}.")
+        sentences.append(f"{passed} of {counted(len(given.gates), 'gate')} passed{names}.")
     if solution.check_points:
         sentences.append(f"{check_point_finding(solution)}.")
     return Verdict(level, text, tuple(sentences))
 
 
-def gate_table(matter: Matter) -> Table | None:
+def gate_table(given: ReportInput) -> PageTable | None:
     """Return the gates with what they found."""
-    gates = matter.gates
+    gates = given.gates
     if not gates:
         return None
     columns = (
-        Column("Gate", [str(each.gate) for each in gates], words=True),
-        Column("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
-        Column("Found", [each.reason or significant(each.value, 5) for each in gates]),
-        Column("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
+        PageColumn("Gate", [str(each.gate) for each in gates], words=True),
+        PageColumn("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
+        PageColumn("Found", [each.reason or significant(each.value, 5) for each in gates]),
+        PageColumn("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
     )
     failed = frozenset(row for row, each in enumerate(gates) if not each.passed)
-    return Table("", "Gates", columns, emphasised=failed)
+    return PageTable("", "Gates", columns, emphasised=failed)
 
 
-def check_point_table(solution: Solution) -> Table | None:
+def check_point_table(solution: Solution) -> PageTable | None:
     """Return the check points: adjusted minus given, with the standard deviation of the adjusted coordinate."""
     points = solution.check_points
     if not points:
@@ -115,13 +117,15 @@ def check_point_table(solution: Solution) -> Table | None:
     sd = np.array([solution.points.sd[place[each.name]] if each.name in place else unknown for each in points])
     decimals = decimals_for(sd)
     differences = np.array([(each.dX, each.dY, each.dZ) for each in points])
-    columns = [Column("Point", [each.name for each in points], key="name", words=True)]
+    columns = [PageColumn("Point", [each.name for each in points], key="name", words=True)]
     for axis, name in enumerate("XYZ"):
         cells = [fixed(value, decimals) for value in differences[:, axis]]
-        columns.append(Column(f"d{name}", cells, solution.ground_unit, f"d{name}"))
-        columns.append(Column(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit))
+        columns.append(PageColumn(f"d{name}", cells, solution.ground_unit, f"d{name}"))
+        columns.append(
+            PageColumn(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit)
+        )
     note = "Adjusted minus given. The given coordinates had no influence; their own errors are in the differences."
-    return Table("check_points", "Check points", columns, note)
+    return PageTable("check_points", "Check points", columns, note)
 
 
 def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:

@@ -1,4 +1,5 @@
-"""A block on its way from what is measured and given to its solution: starting values, adjustment, explanation.
+"""A block on its way from what is measured and given to its solution, and what follows from a solution.
 
-Brings together `prelim`, `bundle` and `mistakes`; knows no project and no files.
+Starting values, adjustment and explanation, from `prelim`, `bundle` and `mistakes`; then new preliminary values and the
+differences from another solution. Knows no project and no files.
 """

@@ -155,7 +155,7 @@ def test_outputs_of_the_time_with_one_bundle_are_named(tmp_path: Path) -> None:
     two_bundles(folder)
     orip(folder, "run")
     assert (folder / "MAIN_result.json").is_file()
-    assert "warning: result.json: is of a time when the project had another number of bundles" in orip(folder).err
+    assert "warning: result.json: was written when the project had another number of bundles" in orip(folder).err
 
 
 def test_carriage_returns_and_names_beyond_ascii(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.reliability import reliability
-from orip.files.listings.bundle import bundle_listing
-from orip.files.result.residuals_csv import residuals_csv, residuals_csv_pieces
+from orip.files.listings.bundle import bundle_listing_lines
+from orip.files.listings.errors import error_listing_lines
+from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.records.control import PointKind
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoObservations
@@ -255,12 +256,23 @@ def measured(solution: Solution) -> PhotoObservations:
 
 def listing(solution: Solution) -> str:
     """BUNDLE_RESULT.OUT of a solution."""
-    return bundle_listing(solution, reliability(solution.residuals, 1.0), measured(solution))
+    return result_listing(solution, measured(solution))
+
+
+def result_listing(solution: Solution, observations: PhotoObservations) -> str:
+    """BUNDLE_RESULT.OUT of a solution with certain photo observations."""
+    lines = bundle_listing_lines(solution, reliability(solution.residuals, 1.0), observations)
+    return "".join(f"{line}\n" for line in lines)
+
+
+def error_listing(solution: Solution) -> str:
+    """BUNDLE_ERROR.OUT of a solution."""
+    return "".join(f"{line}\n" for line in error_listing_lines(solution))
 
 
 def csv_text(found: Residuals) -> str:
     """residuals.csv of residuals."""
-    return residuals_csv(found, reliability(found, 1.0))
+    return "".join(csv_pieces(found))
 
 
 def csv_pieces(found: Residuals) -> Iterator[str]:

@@ -192,7 +192,7 @@ def test_what_is_damaged(data, text):
         ("240", "1e999", "line 5: '1e999' is not a finite number"),
         ("240", "nan", "line 5: 'nan' is not a finite number"),
         ("240", "1_0", "line 5: '1_0' is not a finite number"),
-        ("240 ", "", "line 5: 6 words parted by single blanks; 7 are needed"),
+        ("240 ", "", "line 5: 6 words separated by single blanks; 7 are needed"),
         ("CAMERA CAM ", "CAMERA CAM  ", "line 7: 8 words"),
         ("MEASURED", "measured", "line 8: 'measured' is not one of IDEAL, MEASURED"),
         ("EBNER", "BROWN", "line 9: 'BROWN' is not one of EBNER, GRUEN"),

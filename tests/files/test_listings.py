@@ -15,11 +15,13 @@ from hand_built_solutions import (
     NAN,
     awkward,
     empty,
+    error_listing,
     estimates,
     interior,
     listing,
     measured,
     residuals,
+    result_listing,
     with_many_points,
 )
 from hypothesis import given
@@ -28,8 +30,6 @@ from hypothesis import strategies as st
 from orip import __version__
 from orip.bundle.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
-from orip.files.listings.bundle import bundle_listing
-from orip.files.listings.errors import error_listing
 from orip.files.listings.interior import interior_listing
 from orip.files.listings.title import run_of_listing
 from orip.records.camera import CAMERA_PARAMETERS
@@ -169,7 +169,7 @@ def test_iterations() -> None:
         ["2", "2.25", "3.1250", "3", "1"],
         ["3", "5.12", "1.0342", "1", "1"],
     ]
-    assert "  * the corrections of this iteration were shortened" in text
+    assert "  * the step of this iteration was shortened or damped" in text
 
 
 def test_cameras() -> None:
@@ -312,7 +312,7 @@ def test_a_component_that_is_missing_is_a_dash_and_a_repeated_point_has_its_own_
 
 def test_without_the_observations_that_were_adjusted_there_are_no_measured_coordinates() -> None:
     solution = with_many_points(5)
-    text = bundle_listing(solution, reliability(solution.residuals, 1.0), no_observations(solution.bundle))
+    text = result_listing(solution, no_observations(solution.bundle))
     rows = cells(section(text, "PHOTO RESIDUALS")[4:])
     assert [" ".join(row).split()[1:3] for row in rows] == [["-", "-"]] * 5
 

@@ -309,7 +309,7 @@ def test_all_faults_come_at_once_and_a_faulty_record_is_not_called_missing() -> 
         ('name = "Z"\nname = "Y"', 11, "this key is written twice"),
         ('name = "Z" ! a comment', 12, "'!' begins no comment here; write '#'"),
         ('name = "Z";', 11, "no ';' ends a line here"),
-        ('name: "Z"', 5, "a key and its value are parted by '='"),
+        ('name: "Z"', 5, "a key and its value are separated by '='"),
         ("a = 35,5", 7, "a number has a decimal comma"),
         ("a = .5", 5, "a number begins with a digit"),
         ("a = True", 5, "in small letters"),

@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files.result import residuals_csv as module
-from orip.files.text.numbers import shortest_texts
+from orip.number_text import shortest_texts
 from orip.records.solution import Residuals
 
 

@@ -28,7 +28,7 @@ def test_plain_and_fortran_numbers_are_read(token: str, value: float) -> None:
         ("-.062.821", "'-.062.821' is not a number; write a plain decimal such as -0.062821"),
         ("12,5", "'12,5' has a decimal comma; write a decimal point: 12.5"),
         ("-,5", "write a decimal point: -0.5"),
-        ("12.5,", "ends in a comma; part fields by blanks and write 12.5"),
+        ("12.5,", "ends in a comma; separate fields by blanks and write 12.5"),
         ("nan", "'nan' is not allowed; write a finite decimal number"),
         ("-Inf", "not allowed"),
         ("1e999", "'1e999' is too large"),

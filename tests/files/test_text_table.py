@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.text.numbers import (
+from orip.files.text.table import Alignment, Column, Table, key_lines, one_line, paragraph, table_lines
+from orip.number_text import (
     decimals_for,
     decimals_of,
     deviations,
@@ -21,7 +22,6 @@ from orip.files.text.numbers import (
     root_mean_square,
     scientific,
 )
-from orip.files.text.table import Alignment, Column, Table, key_lines, one_line, paragraph, table_lines
 
 word = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=40)
 number = st.floats(-1e9, 1e9).map(lambda value: f"{value:.4f}")

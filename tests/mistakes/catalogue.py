@@ -536,7 +536,7 @@ def distances_in_feet(folder: Path) -> None:
 
 
 @mistake(
-    "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
+    "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "separate fields by blanks or tabs, not by ','",
     mend="Separate fields by blanks or tabs.",
 )  # fmt: skip
 def separated_by_commas(folder: Path) -> None:

@@ -11,20 +11,20 @@ from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition
 from orip.report.block_view import block_view, pyramid_corners, seen_points
-from orip.report.matter import Matter
+from orip.report.report_input import ReportInput
 
 FRAME = (33.0, 21.0)
 
 
-def matter() -> Matter:
+def given() -> ReportInput:
     solution = sample("small_frame_block").solution
     camera = Camera("REFLEX35", tuple(solution.cameras.values[0]), frame=FRAME)
     photos = {record_key(name): Photo(name, "reflex35") for name in solution.photos.names}
-    return Matter(solution, (), BundleDefinition("MAIN"), {record_key(camera.name): camera}, photos)
+    return ReportInput(solution, (), BundleDefinition("MAIN"), {record_key(camera.name): camera}, photos)
 
 
 def test_corners_of_the_pyramids_are_seen_in_the_corners_of_the_frame() -> None:
-    found = matter()
+    found = given()
     c, dx, dy = found.solution.cameras.values[0, :3]
     for values, corners in zip(found.solution.photos.values, pyramid_corners(found), strict=True):
         # R = Rx Ry Rz: intrinsic turns about x, y, z
@@ -37,7 +37,7 @@ def test_corners_of_the_pyramids_are_seen_in_the_corners_of_the_frame() -> None:
 
 
 def test_pyramids_point_at_what_the_photos_see() -> None:
-    found = matter()
+    found = given()
     for values, corners, seen in zip(
         found.solution.photos.values, pyramid_corners(found), seen_points(found.solution), strict=True
     ):
@@ -47,7 +47,7 @@ def test_pyramids_point_at_what_the_photos_see() -> None:
 
 
 def test_rays_are_those_measured() -> None:
-    found = matter()
+    found = given()
     view, solution = block_view(found), found.solution
     measured = {(photo, point) for kind, photo, point in zip(
         solution.residuals.kind, solution.residuals.photo, solution.residuals.point, strict=True

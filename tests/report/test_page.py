@@ -21,15 +21,15 @@ from orip.records.gate import GateResult
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition, StereoModel
 from orip.records.solution import Blunder, Estimates, Residuals, Solution
-from orip.report.matter import Matter
 from orip.report.page import MOST_BYTES, report_page
+from orip.report.report_input import ReportInput
 from orip.report.run_mark import run_of_page
 
 DRAWING = re.compile(r"<svg class=.*?</svg>(?=\s*</?(?:figure|div|svg|p)\b)", re.DOTALL)
 
 
-def matter(solution: Solution, **changed: object) -> Matter:
-    return replace(Matter(solution, (), BundleDefinition("MAIN"), {}, {}), **changed)
+def given(solution: Solution, **changed: object) -> ReportInput:
+    return replace(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}), **changed)
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -65,20 +65,20 @@ def test_the_page_carries_the_run() -> None:
 
 
 def test_equal_solutions_give_equal_pages() -> None:
-    assert report_page(matter(awkward())) == report_page(matter(awkward()))
+    assert report_page(given(awkward())) == report_page(given(awkward()))
 
 
 @pytest.mark.parametrize("make", [awkward, empty, rich_solution])
 def test_a_page_stands_whatever_a_solution_holds(make) -> None:
     solution = make()
-    assert f"run {solution.run}" in "".join(Page(report_page(matter(solution))).words)
+    assert f"run {solution.run}" in "".join(Page(report_page(given(solution))).words)
 
 
 def test_coordinates_that_are_no_numbers_do_no_harm() -> None:
     solution = sample("small_frame_block").solution
     values = solution.points.values.copy()
     values[3] = np.nan
-    page = report_page(matter(replace(solution, points=replace(solution.points, values=values))))
+    page = report_page(given(replace(solution, points=replace(solution.points, values=values))))
     assert [each for each in DRAWING.findall(page) if "nan" in each] == []
 
 
@@ -87,7 +87,7 @@ def test_names_are_text() -> None:
     hostile = "</script><script>alert(1)</script>&\"'"
     names = (hostile, *solution.points.names[1:])
     renamed = replace(solution, project=hostile, points=replace(solution.points, names=names))
-    page = report_page(matter(renamed))
+    page = report_page(given(renamed))
     assert "<script>alert" not in page
     assert hostile in "".join(Page(page).words)
 
@@ -96,7 +96,7 @@ def test_gates_blunders_and_models_are_shown() -> None:
     blunder = Blunder(1, "control", "", "CP1", "X", 0.512, 0.031, 16.5, 3.3)
     gate = GateResult(parse_gate("sigma0<=0.5"), 1.0342, passed=False)
     models = (StereoModel("M1", "P101", "P102", 1, 1), StereoModel("M4", "P103", "P104", 3, 2))
-    content = matter(
+    content = given(
         replace(awkward(), status="converged", singular=(), blunders=(blunder,)), gates=(gate,),
         bundle=BundleDefinition("MAIN", models=models),
     )  # fmt: skip
@@ -121,7 +121,7 @@ def test_a_block_of_500_photos_and_50000_points_fits_the_limit() -> None:
         assert thinning.replace("\N{NARROW NO-BREAK SPACE}", " ") in words
 
 
-def large_block(photos: int, points: int, rays: int) -> Matter:
+def large_block(photos: int, points: int, rays: int) -> ReportInput:
     """Return a block of random figures in national coordinates."""
     random = np.random.default_rng(20)
     photo_names = tuple(f"P{row:04d}" for row in range(photos))
@@ -153,7 +153,7 @@ def large_block(photos: int, points: int, rays: int) -> Matter:
         point_correlations=random.uniform(-0.9, 0.9, (points, 3)),
     )  # fmt: skip
     camera = Camera("CAMERA", (150.0, *(0.0,) * 10), frame=(230.0, 230.0))
-    return matter(solution, cameras={"CAMERA": camera}, photos={name: Photo(name, "CAMERA") for name in photo_names})
+    return given(solution, cameras={"CAMERA": camera}, photos={name: Photo(name, "CAMERA") for name in photo_names})
 
 
 def test_significance_is_told_where_a_parameter_was_tested() -> None:

@@ -13,7 +13,7 @@ from orip.files.text.gate import parse_gate
 from orip.records.gate import GateResult
 from orip.records.project import BundleDefinition
 from orip.records.solution import Blunder, Solution
-from orip.report.matter import Matter
+from orip.report.report_input import ReportInput
 from orip.report.trust import global_test, verdict
 
 QUIET = replace(
@@ -24,7 +24,7 @@ QUIET = replace(
 
 def headline(solution: Solution, *gates: GateResult) -> tuple[str, str]:
     test = global_test(solution.sigma0, solution.redundancy_used)
-    found = verdict(Matter(solution, gates, BundleDefinition("MAIN"), {}, {}), test)
+    found = verdict(ReportInput(solution, gates, BundleDefinition("MAIN"), {}, {}), test)
     return found.level, found.headline
 
 
@@ -50,7 +50,7 @@ def test_it_is_the_chi_square_distribution(sigma0: float, redundancy: float) -> 
 def test_nothing_redundant_is_no_test() -> None:
     assert global_test(float("nan"), 0.0) is None
     nothing = replace(QUIET, sigma0=float("nan"), redundancy=0)
-    said = verdict(Matter(nothing, (), BundleDefinition("MAIN"), {}, {}), None).sentences
+    said = verdict(ReportInput(nothing, (), BundleDefinition("MAIN"), {}, {}), None).sentences
     assert "Nothing is redundant" in " ".join(said)
 
 
@@ -75,5 +75,5 @@ def test_sigma0_is_put_in_words() -> None:
     for sigma0, words in ((1.0, "the a-priori errors are right"), (0.8, "better than"), (1.2, "larger than")):
         solution = replace(QUIET, sigma0=sigma0)
         test = global_test(sigma0, solution.redundancy_used)
-        said = verdict(Matter(solution, (), BundleDefinition("MAIN"), {}, {}), test).sentences[1]
+        said = verdict(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}), test).sentences[1]
         assert words in said

@@ -11,6 +11,8 @@ from orip.workflow.adjust import report as _report
 from orip.workflow.adjust import update as _update
 from orip.workflow.adjust.report import WrittenReport
 from orip.workflow.adjust.update import UpdateOutcome, What
+from orip.workflow.control import edits as control
+from orip.workflow.control.edits import ControlOutcome
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.observations import edits, listed, todo
 from orip.workflow.observations import measure as _measure
@@ -22,9 +24,17 @@ from orip.workflow.project.bundle_state import read_bundle
 from orip.workflow.project.commit import Committed, carry_out, commit
 from orip.workflow.project.state import read_checked_project, read_project
 from orip.workflow.project.texts import read_log
+from orip.workflow.records import commands as _records
+from orip.workflow.records import export_toml as _export_toml
 from orip.workflow.records import initialise as _initialise
+from orip.workflow.records import lists
+from orip.workflow.records.commands import RecordsOutcome
+from orip.workflow.records.edits import RecordName
+from orip.workflow.records.export_toml import ExportedToml
 from orip.workflow.records.initialise import INITIALISED_FROM, Initialised
+from orip.workflow.records.lists import RecordList
 from orip.workflow.records.reconcile import Prefer
+from orip.workflow.records.references import RecordKind
 from orip.workflow.status import STATUS_FROM, ProjectStatus
 from orip.workflow.status import project_status as status_of
 
@@ -72,3 +82,42 @@ def measure_again(folder: Path, bundle: str | None = None, *arguments: Any, **op
 
 def write_drive_table(folder: Path, bundle: str | None) -> DriveTableOutcome:
     return commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM))).outcome
+
+
+def _edited(folder: Path, edit: Any, *arguments: Any, dry_run: bool = False, **options: Any) -> RecordsOutcome:
+    state = _records.read_records(folder, with_solutions=edit is _records.rename_record)
+    if dry_run:
+        return _records.dry_run(edit(state, *arguments, **options)).outcome
+    return carry_out(state, lambda now: edit(now, *arguments, **options)).outcome
+
+
+def add_record(folder: Path, record: RecordName, *arguments: Any, **options: Any) -> RecordsOutcome:
+    return _edited(folder, _records.add_record, record, *arguments, **options)
+
+
+def copy_record(folder: Path, record: RecordName, *arguments: Any, **options: Any) -> RecordsOutcome:
+    return _edited(folder, _records.copy_record, record, *arguments, **options)
+
+
+def edit_record(folder: Path, record: RecordName, *arguments: Any, **options: Any) -> RecordsOutcome:
+    return _edited(folder, _records.edit_record, record, *arguments, **options)
+
+
+def rename_record(folder: Path, record: RecordName, *arguments: Any, **options: Any) -> RecordsOutcome:
+    return _edited(folder, _records.rename_record, record, *arguments, **options)
+
+
+def delete_record(folder: Path, record: RecordName, *arguments: Any, **options: Any) -> RecordsOutcome:
+    return _edited(folder, _records.delete_record, record, *arguments, **options)
+
+
+def list_records(folder: Path, kind: RecordKind) -> RecordList:
+    return lists.list_records(read_project(folder, "definitions"), kind)
+
+
+def export_toml(folder: Path, output: Path | None = None, *, force: bool = False) -> ExportedToml:
+    return commit(_export_toml.export_toml(read_project(folder, "definitions"), output, force=force)).outcome
+
+
+def edit_control(folder: Path, *arguments: Any) -> ControlOutcome:
+    return carry_out(_records.read_records(folder), lambda state: control.edit_control(state, *arguments)).outcome

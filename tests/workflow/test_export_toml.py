@@ -9,7 +9,7 @@ import pytest
 from cli.command_line import orip
 from files.any_project import project_definitions
 from hypothesis import given, settings
-from workflow.commands import initialise
+from workflow.commands import add_record, delete_record, edit_record, export_toml, initialise, rename_record
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, UsageError
@@ -21,9 +21,7 @@ from orip.files.stores.transaction import reading
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions
 from orip.workflow.project.folder import open_project
-from orip.workflow.records.commands import add_record, delete_record, edit_record, rename_record
 from orip.workflow.records.edits import RecordName
-from orip.workflow.records.export_toml import export_toml
 
 pytestmark = pytest.mark.usefixtures("initialised")
 

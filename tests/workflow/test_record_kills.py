@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from workflow.commands import initialise, measure
+from workflow.commands import delete_record, edit_control, edit_record, export_toml, initialise, measure, rename_record
 from workflow.killed_here import Killed, killed_at
 from workflow.small_projects import contents, film_project
 
@@ -15,10 +15,7 @@ from orip.errors import UsageError
 from orip.files.stores import observations
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
-from orip.workflow.control.edits import edit_control
-from orip.workflow.records.commands import delete_record, edit_record, rename_record
 from orip.workflow.records.edits import RecordName
-from orip.workflow.records.export_toml import export_toml
 
 STORES = ("CAMERAS.CAM", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO", "ALL.EXO")
 TEXTS = ("FIRST.PNT", "orip.toml", "MAIN.PRE", "ALL.PRE")

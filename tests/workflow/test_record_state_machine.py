@@ -14,7 +14,16 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
-from workflow.commands import initialise
+from workflow.commands import (
+    add_record,
+    copy_record,
+    delete_record,
+    edit_record,
+    export_toml,
+    initialise,
+    list_records,
+    rename_record,
+)
 from workflow.killed_here import Killed, killed_at
 from workflow.plain_records import PlainRecords, Refusal, Table
 
@@ -24,11 +33,8 @@ from orip.files.stores.load import load
 from orip.files.stores.transaction import reading
 from orip.workflow.project.definitions import read_definitions
 from orip.workflow.project.folder import Project, open_project
-from orip.workflow.records.commands import add_record, copy_record, delete_record, edit_record, rename_record
 from orip.workflow.records.document import checked, stored_document
 from orip.workflow.records.edits import RecordName
-from orip.workflow.records.export_toml import export_toml
-from orip.workflow.records.lists import list_records
 
 BEGUN = """
 camera = [{ name = "A", c = 8.5 }, { name = "B", c = 9.0 }]

@@ -14,7 +14,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.solution import Estimates, Solution
-from orip.workflow.adjust.updated_values import (
+from orip.solving.updated_values import (
     ChangedValue,
     Estimate,
     KeptValue,

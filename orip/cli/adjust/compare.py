@@ -13,8 +13,8 @@ from orip.cli.terminal import Terminal
 from orip.errors import GateError
 
 if TYPE_CHECKING:
+    from orip.solving.differences import Comparison, Difference
     from orip.workflow.adjust.compare import CompareOutcome
-    from orip.workflow.adjust.differences import Comparison, Difference
 
 A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, or a project folder with one.")]
 B = Annotated[Path, typer.Argument(metavar="B", help="The one to compare it with.")]
@@ -52,8 +52,8 @@ def register(app: typer.Typer) -> None:
 
         Example: orip compare before/result.json . --tolerance 0.001
         """
+        from orip.solving.differences import Tolerance
         from orip.workflow.adjust.compare import compare
-        from orip.workflow.adjust.differences import Tolerance
 
         outcome = compare(invocation.folder, a, b, Tolerance(tolerance, relative, sigma))
         terminal = invocation.terminal

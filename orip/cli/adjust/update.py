@@ -12,8 +12,8 @@ from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
+    from orip.solving.updated_values import ChangedValue
     from orip.workflow.adjust.update import UpdateOutcome
-    from orip.workflow.adjust.updated_values import ChangedValue
 
 What = Annotated[
     Literal["cameras", "photos", "points"], typer.Argument(metavar="WHAT", help="cameras, photos or points.")

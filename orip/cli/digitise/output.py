@@ -61,8 +61,8 @@ def tell_ground(terminal: Terminal, found: GroundDigitised) -> None:
 
 def _places(found: Digitised) -> list[str]:
     """Return the table of a dry run: the order, and where would be driven to."""
-    from orip.files.text.numbers import fixed
     from orip.files.text.table import Column, table_lines
+    from orip.number_text import fixed
 
     places = [each.driven or (np.nan, np.nan) for each in found.entries]
     return table_lines(

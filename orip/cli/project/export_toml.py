@@ -27,9 +27,11 @@ def register(app: typer.Typer) -> None:
 
         Example: orip export-toml --output orip.toml --force
         """
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_project
         from orip.workflow.records.export_toml import export_toml
 
-        outcome = export_toml(invocation.folder, output, force=force)
+        outcome = commit(export_toml(read_project(invocation.folder, "definitions"), output, force=force)).outcome
         terminal, shown = invocation.terminal, outcome.project.shown
         terminal.warn(outcome.warnings)
         if outcome.path is not None and outcome.changed:

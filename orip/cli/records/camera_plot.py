@@ -39,9 +39,10 @@ def _register_plot(group: typer.Typer) -> None:
 
         Example: orip camera plot OLYMPUS
         """
+        from orip.workflow.project.state import read_project
         from orip.workflow.records.distortion_curve import distortion_curve
 
-        found = distortion_curve(invocation.folder, name, radius)
+        found = distortion_curve(read_project(invocation.folder, "definitions"), name, radius)
         if invocation.terminal.json:
             invocation.terminal.document(_document(found))
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,8 @@ from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
+    from orip.workflow.project.commit import Change
+    from orip.workflow.project.state import ProjectState
     from orip.workflow.records.changes import RecordChange
     from orip.workflow.records.commands import RecordsOutcome
     from orip.workflow.records.edits import RecordName
@@ -60,9 +63,10 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
     @command(group, "list")
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the records of the store, and where each came from."""
+        from orip.workflow.project.state import read_project
         from orip.workflow.records.lists import list_records
 
-        found = list_records(invocation.folder, kind, bundle)
+        found = list_records(read_project(invocation.folder, "definitions"), kind, bundle)
         if invocation.terminal.json:
             rows = [
                 {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source}
@@ -75,9 +79,10 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
     @command(group, "show")
     def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
         """Show all values of a record under the keys with which they are edited."""
+        from orip.workflow.project.state import read_project
         from orip.workflow.records.lists import show_record
 
-        found = show_record(invocation.folder, _record(kind, name, bundle))
+        found = show_record(read_project(invocation.folder, "definitions"), _record(kind, name, bundle))
         if invocation.terminal.json:
             invocation.terminal.document(
                 {
@@ -105,12 +110,8 @@ def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
         """Add a record."""
         from orip.workflow.records.commands import add_record
 
-        record = _record(kind, name, bundle)
-        tell(
-            invocation.terminal,
-            f"{kind} add",
-            add_record(invocation.folder, record, values or (), before, dry_run=dry_run),
-        )
+        edit = partial(add_record, record=_record(kind, name, bundle), words=values or (), before=before)
+        tell(invocation.terminal, f"{kind} add", _edited(invocation, edit, dry=dry_run))
 
     @command(group, "copy")
     def copy_command(
@@ -124,12 +125,8 @@ def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
         """Add a record with the values of another one, some of them changed."""
         from orip.workflow.records.commands import copy_record
 
-        record = _record(kind, name, bundle)
-        tell(
-            invocation.terminal,
-            f"{kind} copy",
-            copy_record(invocation.folder, record, new_name, values or (), dry_run=dry_run),
-        )
+        edit = partial(copy_record, record=_record(kind, name, bundle), name=new_name, words=values or ())
+        tell(invocation.terminal, f"{kind} copy", _edited(invocation, edit, dry=dry_run))
 
 
 def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
@@ -144,8 +141,8 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         """Change values of a record; 'orip init' keeps them as long as its text in orip.toml does not change."""
         from orip.workflow.records.commands import edit_record
 
-        record = _record(kind, name, bundle)
-        tell(invocation.terminal, f"{kind} edit", edit_record(invocation.folder, record, values or (), dry_run=dry_run))
+        edit = partial(edit_record, record=_record(kind, name, bundle), words=values or ())
+        tell(invocation.terminal, f"{kind} edit", _edited(invocation, edit, dry=dry_run))
 
     @command(group, "rename")
     def rename_command(
@@ -158,8 +155,9 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         """Give a record another name, also in all records and measurements of the stores that name it."""
         from orip.workflow.records.commands import rename_record
 
-        record = _record(kind, name, bundle)
-        tell(invocation.terminal, f"{kind} rename", rename_record(invocation.folder, record, new_name, dry_run=dry_run))
+        edit = partial(rename_record, record=_record(kind, name, bundle), name=new_name)
+        outcome = _edited(invocation, edit, dry=dry_run, with_solutions=kind == "bundle")
+        tell(invocation.terminal, f"{kind} rename", outcome)
 
     @command(group, "delete")
     def delete_command(
@@ -172,15 +170,28 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         """Delete a record that nothing refers to, or with all that does."""
         from orip.workflow.records.commands import delete_record
 
-        record = _record(kind, name, bundle)
-        outcome = delete_record(invocation.folder, record, with_referents=with_referents, dry_run=dry_run)
-        tell(invocation.terminal, f"{kind} delete", outcome)
+        edit = partial(delete_record, record=_record(kind, name, bundle), with_referents=with_referents)
+        tell(invocation.terminal, f"{kind} delete", _edited(invocation, edit, dry=dry_run))
 
 
 def _record(kind: RecordKind, name: str, bundle: str | None) -> RecordName:
     from orip.workflow.records.edits import RecordName
 
     return RecordName(kind, name, bundle)
+
+
+def _edited(
+    invocation: Invocation,
+    edit: Callable[[ProjectState], Change[RecordsOutcome]],
+    *,
+    dry: bool,
+    with_solutions: bool = False,
+) -> RecordsOutcome:
+    from orip.workflow.project.commit import carry_out
+    from orip.workflow.records.commands import dry_run, read_records
+
+    state = read_records(invocation.folder, with_solutions=with_solutions)
+    return dry_run(edit(state)).outcome if dry else carry_out(state, edit).outcome
 
 
 def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None:

@@ -73,7 +73,7 @@ class ControlForm:
         return tuple(text.upper() if key in self.words else text for key, text in zip(self.keys, texts, strict=False))
 
     def is_meant(self, wanted: str, fields: Sequence[str | None]) -> bool:
-        """Tell whether the first fields of a record are those that somebody wrote, parted by blanks."""
+        """Tell whether the first fields of a record are those that somebody wrote, separated by blanks."""
         parts = wanted.split()
         full = [*parts, *[text or "" for text in fields[len(parts) :]]]
         return 0 < len(parts) <= self.identity and self.identity_of(full) == self.identity_of(fields)
@@ -148,8 +148,8 @@ def with_words(form: ControlForm, fields: Sequence[str | None], words: Iterable[
 
 def is_field(text: str) -> bool:
     """Tell whether a text would be one field of a line."""
-    parted = split_line(text, 1)
-    return parted is not None and [field.text for field in parted.fields] == [text]
+    split = split_line(text, 1)
+    return split is not None and [field.text for field in split.fields] == [text]
 
 
 def _same_number(old: str | None, new: str) -> str:

@@ -47,12 +47,12 @@ class ControlLines:
     def records(self) -> Iterator[TextLine]:
         """Iterate over the lines that have fields."""
         for number, line in enumerate(self.parsed.records, start=1):
-            parted = split_line(line, number)
-            if parted is not None:
-                yield parted
+            split = split_line(line, number)
+            if split is not None:
+                yield split
 
     def with_fields(self, number: int, values: Mapping[int, str]) -> ControlLines:
-        """Return the text with fields of a line, by index, written anew or put behind its last one."""
+        """Return the text with fields of a line, by index, replaced or appended after its last one."""
         line = self.lines[number - 1]
         for index in sorted(values):
             line = _with_field(line, index, values[index])
@@ -61,10 +61,10 @@ class ControlLines:
     def without_fields(self, number: int, count: int) -> ControlLines:
         """Return the text with the first `count` fields of a line alone; its comment stays."""
         line = self.lines[number - 1]
-        parted = split_line(line.rstrip(_LINE_ENDS), number)
-        if parted is None or len(parted.fields) <= count:
+        split = split_line(line.rstrip(_LINE_ENDS), number)
+        if split is None or len(split.fields) <= count:
             return self
-        return self._with_line(number, line[: _end(parted.fields[count - 1])] + line[_end(parted.fields[-1]) :])
+        return self._with_line(number, line[: _end(split.fields[count - 1])] + line[_end(split.fields[-1]) :])
 
     def with_record(self, fields: Sequence[str], before: int | None, names: int) -> ControlLines:
         """Return the text with a line more: before a line of that number, else at the end.
@@ -112,8 +112,8 @@ def read_control_lines(path: Path, shown: str) -> ControlLines:
 
 def _with_field(line: str, index: int, text: str) -> str:
     """Return a line with one field replaced; it ends where the old one ended if the blanks before it allow that."""
-    parted = split_line(line.rstrip(_LINE_ENDS), 1)
-    fields = parted.fields if parted is not None else ()
+    split = split_line(line.rstrip(_LINE_ENDS), 1)
+    fields = split.fields if split is not None else ()
     if index >= len(fields):
         end = _end(fields[-1])
         return f"{line[:end]} {text}{line[end:]}"

@@ -23,7 +23,7 @@ def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, .
 
 
 def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
-    """Do what `read_preliminary` does with a text that is at hand."""
+    """Read a text as `read_preliminary` reads a file."""
     points: list[PreliminaryPoint] = []
     complaints: list[Complaint] = list(text.complaints)
     first_lines: dict[str, int] = {}

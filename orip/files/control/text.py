@@ -79,7 +79,7 @@ def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
 
 
 def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
-    """Do what `read_points` does with a text that is at hand."""
+    """Read a text as `read_points` reads a file."""
     parsed = _read(text, shown, _read_point)
     lines = {point.name: point.line for point in parsed.records}
     warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
@@ -140,7 +140,7 @@ def read_elements(path: Path, shown: str) -> Parsed[tuple[ControlElement, ...]]:
 
 
 def parse_elements(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlElement, ...]]:
-    """Do what `read_elements` does with a text that is at hand."""
+    """Read a text as `read_elements` reads a file."""
     return _read(text, shown, _read_element)
 
 
@@ -169,7 +169,7 @@ def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]
 
 
 def parse_distances(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDistance, ...]]:
-    """Do what `read_distances` does with a text that is at hand."""
+    """Read a text as `read_distances` reads a file."""
     return _read(text, shown, _read_distance)
 
 
@@ -208,7 +208,7 @@ def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ..
 
 
 def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
-    """Do what `read_directions` does with a text that is at hand."""
+    """Read a text as `read_directions` reads a file."""
     parsed = _read(text, shown, _read_direction)
     return Parsed(parsed.records, (*parsed.complaints, *_moved_sets(parsed.records, shown)))
 

@@ -181,7 +181,7 @@ class TableLines:
             if len(self._words) == count or (count is None and len(self._words) >= 4):
                 return True
             wanted = "4 or more" if count is None else count
-            self._format_fault(f"{len(self._words)} words parted by single blanks; {wanted} are needed")
+            self._format_fault(f"{len(self._words)} words separated by single blanks; {wanted} are needed")
         return False
 
     def _word(self, index: int, allowed: tuple[Word, ...]) -> Word:

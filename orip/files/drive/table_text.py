@@ -16,8 +16,8 @@
     START <X> <Y> <Z>
     END <number of lines before this> <CRC-32 of all bytes before this line>
 
-The kinds of lines come in this order, words are parted by single blanks, lines end in LF, and all is ASCII. Here only
-the form is read; whether the parts agree is for `orip.multimodel.table_checks`.
+The kinds of lines come in this order, words are separated by single blanks, lines end in LF, and all is ASCII. Here
+only the form is read; whether the parts agree is for `orip.multimodel.table_checks`.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ from orip.files.listings.bundle_residuals import (
     photo_residual_lines,
 )
 from orip.files.listings.title import bundle_title
-from orip.files.text.numbers import fixed, one_fixed, root_mean_square
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
+from orip.number_text import fixed, one_fixed, root_mean_square
 from orip.records.measurement import PhotoObservations
 from orip.records.solution import Reliability, Solution
 
@@ -23,8 +23,8 @@ TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 STRONG_CORRELATION = 0.95
 
 
-def bundle_listing(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> str:
-    """Return BUNDLE_RESULT.OUT as one text with a newline at its end.
+def bundle_listing_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> Iterator[str]:
+    """Yield the lines of BUNDLE_RESULT.OUT, without newlines.
 
     Parameters
     ----------
@@ -34,11 +34,6 @@ def bundle_listing(solution: Solution, reliability: Reliability, measured: Photo
     measured : PhotoObservations
         Those that were adjusted; of a photo point that is not among them no measured coordinates are listed.
     """
-    return "".join(f"{line}\n" for line in bundle_listing_lines(solution, reliability, measured))
-
-
-def bundle_listing_lines(solution: Solution, reliability: Reliability, measured: PhotoObservations) -> Iterator[str]:
-    """Yield the lines of BUNDLE_RESULT.OUT, without newlines."""
     yield from bundle_title(TITLE, solution)
     yield from section("KEY FIGURES", _key_figures(solution))
     if solution.remarks:
@@ -120,7 +115,7 @@ def _iterations(solution: Solution) -> list[str]:
         ]
     )
     if any(row.step_limited for row in passes):
-        lines += ["", *paragraph("* the corrections of this iteration were shortened: a photo rotated too far")]
+        lines += ["", *paragraph("* the step of this iteration was shortened or damped")]
     return lines
 
 

@@ -8,26 +8,11 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.files.text.fixed_cells import FixedCells, deviation_cells
-from orip.files.text.numbers import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
 from orip.files.text.table import Column, each_table_line, paragraph, table_lines
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
+from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import AdditionalEstimate, Estimates, Solution
-
-CAMERA_UNITS = {
-    "C": "mm",
-    "DX": "mm",
-    "DY": "mm",
-    "A1": "",
-    "A3": "mm^-2",
-    "A5": "mm^-4",
-    "A7": "mm^-6",
-    "P1": "mm^-1",
-    "P2": "mm^-1",
-    "B1": "",
-    "B2": "",
-}
-"""Unit of each camera parameter; empty for a pure number."""
 
 AXES_MARK = "*"
 

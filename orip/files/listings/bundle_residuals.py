@@ -10,21 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
-from orip.files.listings.bundle_estimates import CAMERA_UNITS
 from orip.files.text.fixed_cells import FixedCells
-from orip.files.text.numbers import decimals_for, fixed, measure, root_mean_square
 from orip.files.text.table import Column, Table, table_lines, xy_pair
+from orip.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
+from orip.records.observation_kinds import unit_of_observation
 from orip.records.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 
 LARGEST = 10
 """So many of the largest standard residuals stand at the front of the listing."""
-
-ANGLES = frozenset({"OMEGA", "PHI", "KAPPA", "R"})
-
-GROUND_COORDINATES = frozenset({"X0", "Y0", "Z0", "X", "Y", "Z"})
 
 LEGEND = [
     "",
@@ -66,22 +62,13 @@ class PhotoRows(NamedTuple):
     parts: IntArray
 
 
-def unit_of(kind: str, component: str, ground_unit: str) -> str:
-    """Return the unit of an observation component; empty for a pure number."""
-    if kind == "photo":
-        return "mm"
-    if kind == "direction" or component in ANGLES:
-        return "degrees"
-    if kind == "element" and component not in GROUND_COORDINATES:
-        return CAMERA_UNITS.get(component, "")
-    return ground_unit
-
-
 def component_columns(residuals: Residuals, rows: Sequence[int], ground_unit: str) -> list[Column]:
     """Return the columns of a table with one observation component a row, of any kinds."""
     kinds = [residuals.kind[i] for i in rows]
     components = [residuals.component[i] for i in rows]
-    units = [unit_of(kind, component, ground_unit) for kind, component in zip(kinds, components, strict=True)]
+    units = [
+        unit_of_observation(kind, component, ground_unit) for kind, component in zip(kinds, components, strict=True)
+    ]
     index = np.array(rows, dtype=np.int64)
     columns = [
         Column("Kind", kinds, align="left"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orip.arrays import FloatArray
-from orip.files.text.numbers import fixed, root_mean_square
 from orip.files.text.table import Column, table_lines
+from orip.number_text import fixed, root_mean_square
 
 
 def distortion_lines(

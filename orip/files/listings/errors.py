@@ -6,18 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orip.files.listings.bundle_residuals import LEGEND, component_columns, unit_of
+from orip.files.listings.bundle_residuals import LEGEND, component_columns
 from orip.files.listings.title import bundle_title
-from orip.files.text.numbers import fixed, measure
 from orip.files.text.table import INDENT, Column, key_lines, paragraph, section, table_lines
+from orip.number_text import fixed, measure
+from orip.records.observation_kinds import unit_of_observation
 from orip.records.solution import Solution
 
 TITLE = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
-
-
-def error_listing(solution: Solution) -> str:
-    """Return BUNDLE_ERROR.OUT as one text with a newline at its end."""
-    return "".join(f"{line}\n" for line in error_listing_lines(solution))
 
 
 def error_listing_lines(solution: Solution) -> Iterator[str]:
@@ -64,6 +60,7 @@ def _diagnosis(solution: Solution) -> list[str]:
 
 def _blunders(solution: Solution) -> list[str]:
     rows = solution.blunders
+    units = [unit_of_observation(row.kind, row.component, solution.ground_unit) for row in rows]
     return table_lines(
         [
             Column("No.", [str(row.order) for row in rows]),
@@ -73,7 +70,7 @@ def _blunders(solution: Solution) -> list[str]:
             Column("Component", [row.component for row in rows], align="left"),
             Column("Size", [measure(row.size, row.sd) for row in rows], align="point"),
             Column("sd", [measure(row.sd, row.sd) for row in rows], align="point"),
-            Column("Unit", [unit_of(row.kind, row.component, solution.ground_unit) for row in rows], align="left"),
+            Column("Unit", units, align="left"),
             Column("Statistic", fixed([row.statistic for row in rows], 2)),
             Column("Limit", fixed([row.limit for row in rows], 2)),
         ]

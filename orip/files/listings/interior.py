@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orip.files.listings.title import title_block
-from orip.files.text.numbers import fixed
 from orip.files.text.table import INDENT, Column, paragraph, section, table_lines
+from orip.number_text import fixed
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import TransformationKind
 

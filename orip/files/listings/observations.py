@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orip.files.text.numbers import fixed
 from orip.files.text.table import Column, table_lines, xy_columns
+from orip.number_text import fixed
 from orip.records.listed_observation import ListedObservation, PointToMeasure, StereoPartner
 
 

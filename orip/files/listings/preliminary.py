@@ -18,8 +18,8 @@ from orip.files.listings.preliminary_steps import (
     similarity_remarks,
 )
 from orip.files.listings.title import title_block
-from orip.files.text.numbers import decimals_for, fixed
 from orip.files.text.table import INDENT, PAGE_WIDTH, Column, one_line, paragraph, section, table_lines
+from orip.number_text import decimals_for, fixed
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS

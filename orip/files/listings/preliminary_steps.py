@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orip.files.text.numbers import decimals_for, fixed, one_fixed
 from orip.files.text.table import INDENT, Column, paragraph, table_lines
+from orip.number_text import decimals_for, fixed, one_fixed
 from orip.records.preliminary import (
     ModelCoordinates,
     NotOriented,

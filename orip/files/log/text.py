@@ -70,10 +70,10 @@ class _Log:
 
     def _read_line(self, line: str, number: int) -> None:
         """Read a line that is not just a name and two numbers."""
-        parted = split_line(line, number)
-        if parted is None:
+        split = split_line(line, number)
+        if split is None:
             return
-        reader = FieldReader(parted, self.shown)
+        reader = FieldReader(split, self.shown)
         is_measurement = _is_measurement(reader)
         keyword = reader.text(0).upper()
         if keyword in KEYWORDS and not (is_measurement and self.block):

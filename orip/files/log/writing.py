@@ -85,7 +85,7 @@ class LogFile:
         self._write()
 
     def edit(self, line: str) -> None:
-        """Put an edit behind all that was measured so far, and write; blocks begin anew behind it."""
+        """Write an edit after everything measured so far; a new block begins after it."""
         self._catch_up()
         self._before = _ended(self._text()) + f"{line}\n"
         self._blocks = {}

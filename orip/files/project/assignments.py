@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 
 from orip.files.project.record_values import TomlTable
-from orip.files.project.tables import TABLE_OF_KIND, Table, keys_of
+from orip.files.project.tables import TABLE_OF_KIND, CheckedTable, keys_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
 
@@ -54,7 +54,7 @@ def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: 
         if not text and annotation is None:
             return unknown_key(key, "the record", keys_of(form))
         return _set(table, key, annotation, text)
-    inner = _table_in(annotation) or Table
+    inner = _table_in(annotation) or CheckedTable
     if get_origin(_without_none(annotation)) is list:
         return _assign_to_named(inner, table, key, rest, text)
     if not isinstance(table.setdefault(key, {}), dict):
@@ -65,7 +65,7 @@ def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: 
 def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
     """Assign to an element of a list of tables, which is told by its name; a new name is a new element."""
     name, *inner = rest
-    if form is Table:
+    if form is CheckedTable:
         return f"the items of {key} have no names; write all of them in one list"
     elements: list[TomlTable] = table.setdefault(key, [])
     known = next((each for each in elements if each["name"] == name), None)

@@ -39,8 +39,8 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
     -------
     str
         Records of a kind come in the order of the definition, kinds in that of the text. One that is as it was stands
-        as it stood; in one that has changed the lines of the keys that have changed are written anew. Where a text of
-        another build (arrays in place of headers) is in the way of that, more of it is written anew, at most all.
+        as it stood; in one that has changed the lines of the keys that have changed are rewritten. Where a text of
+        another structure (arrays in place of headers) prevents that, more of it is rewritten, if need be all.
     """
     old = parse_project(text)
     if old.records is None or old.complaints:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
 from typing import Any, TypeAlias, TypeVar, cast
 
-from orip.files.project.tables import Table
+from orip.files.project.tables import CheckedTable
 from orip.records.fields import Part, RecordField, fields_by_key, fields_of
 from orip.records.project import Precision
 
@@ -16,7 +16,7 @@ TomlTable: TypeAlias = dict[str, Any]
 T = TypeVar("T")
 
 
-def record_of(record: type[T], table: Table) -> T:
+def record_of(record: type[T], table: CheckedTable) -> T:
     """Return the record that a table says; a key that is missing has the record's default."""
     given, kind = {}, cast(type, record)
     for each in fields_of(kind):
@@ -27,7 +27,7 @@ def record_of(record: type[T], table: Table) -> T:
     return record(**given)
 
 
-def _elements(part: Part, table: Table) -> Sequence[Any]:
+def _elements(part: Part, table: CheckedTable) -> Sequence[Any]:
     value = getattr(table, part.key)
     if part.names:
         return [0.0 if value is None else getattr(value, name) for name in part.names]
@@ -44,7 +44,7 @@ def _value(each: RecordField, value: Any) -> Any:
 
 def _converted(kind: Any, value: Any) -> Any:
     """Return a checked value as records hold it: tuples in place of lists, dataclasses in place of tables."""
-    if isinstance(value, Table):
+    if isinstance(value, CheckedTable):
         return record_of(kind, value)
     if isinstance(value, list):
         return tuple(_converted(kind, item) for item in value)

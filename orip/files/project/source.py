@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar, cast
 from pydantic import ValidationError
 
 from orip.files.project.record_values import record_of
-from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, Table, table_of
+from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, ProjectTable, table_of
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
@@ -17,7 +17,7 @@ from orip.records.camera import Camera
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.project import BundleDefinition, StereoModel
 
-AnyTable = TypeVar("AnyTable", bound=Table)
+AnyTable = TypeVar("AnyTable", bound=CheckedTable)
 Record = TypeVar("Record")
 
 

@@ -25,13 +25,13 @@ SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "bundl
 """Tables of orip.toml; all but the first two may come several times."""
 
 
-class Table(BaseModel):
+class CheckedTable(BaseModel):
     """A TOML table: no unknown keys, no conversion of types, no NaN."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
 
 
-class ProjectTable(Table):
+class ProjectTable(CheckedTable):
     """``[project]``."""
 
     name: Annotated[str, Limits(min_length=1, max_length=20, examples=['"ZURICH"'])]
@@ -45,7 +45,7 @@ class ProjectTable(Table):
     crs: Annotated[str | None, Limits(min_length=1, examples=['"EPSG:2056"'])] = None
 
 
-class CheckTable(Table):
+class CheckTable(CheckedTable):
     """``[check]``."""
 
     gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
@@ -97,7 +97,7 @@ def _one_for_both(value: object) -> tuple[float, float]:
 
 
 @cache
-def table_of(record: type) -> type[Table]:
+def table_of(record: type) -> type[CheckedTable]:
     """Return the table that a record is in orip.toml; records in it that have headers of their own are not part of it.
 
     A key that may be missing is None without it; its default is that of the record.
@@ -109,7 +109,7 @@ def table_of(record: type) -> type[Table]:
             keys |= {part.key: _key(_part(element, part), part, required=part.required) for part in each.field.parts}
         elif not each.field.own_records:
             keys[each.key] = _key(_read_by(each) or _value(each.type, each.field), each.field, required=each.required)
-    return create_model(f"{record.__name__}Table", __base__=Table, **keys)
+    return create_model(f"{record.__name__}Table", __base__=CheckedTable, **keys)
 
 
 def _key(annotation: Any, field: Field | Part, *, required: bool) -> Any:
@@ -145,9 +145,9 @@ def _value(kind: Any, field: Field) -> Any:
     return _limited(kind, field.above, field.least)
 
 
-def _elements_table(names: Sequence[str]) -> type[Table]:
+def _elements_table(names: Sequence[str]) -> type[CheckedTable]:
     elements: dict[str, Any] = dict.fromkeys(names, (float, 0.0))
-    return create_model("ElementsTable", __base__=Table, **elements)
+    return create_model("ElementsTable", __base__=CheckedTable, **elements)
 
 
 def _list_of(item: Any, length: int | None) -> Any:
@@ -160,5 +160,5 @@ def _limited(kind: Any, above: float | None, least: float | None) -> Any:
     return Annotated[kind, Limits(gt=above) if least is None else Limits(ge=least)]
 
 
-TABLE_OF_KIND: Mapping[str, type[Table]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}
+TABLE_OF_KIND: Mapping[str, type[CheckedTable]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}
 """The table of orip.toml by kind of record."""

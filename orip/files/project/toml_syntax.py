@@ -21,7 +21,7 @@ _MEANT_BY_TEXT = (
     (re.compile("[“”„‟‘’‚«»]"), 'these are typographic quotation marks; write straight ones (")'),
     (re.compile("!"), "'!' begins no comment here; write '#'"),
     (re.compile(";"), "no ';' ends a line here; remove it"),
-    (re.compile(":"), "a key and its value are parted by '='"),
+    (re.compile(":"), "a key and its value are separated by '='"),
     (re.compile(r"\.[0-9]"), "a number begins with a digit; write for example 0.5"),
     (re.compile("true|false", re.IGNORECASE), "write true or false, in small letters"),
 )

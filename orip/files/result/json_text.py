@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.text.numbers import shortest_texts
+from orip.number_text import shortest_texts
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution

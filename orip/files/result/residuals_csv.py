@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.text.numbers import shortest_texts
+from orip.number_text import shortest_texts
 from orip.records.solution import Reliability, Residuals
 
 HEADER = (
@@ -16,11 +16,6 @@ HEADER = (
 )
 
 ROWS_PER_PIECE = 16384
-
-
-def residuals_csv(residuals: Residuals, reliability: Reliability) -> str:
-    """Return residuals.csv as one text; empty cells stand for NaN."""
-    return "".join(residuals_csv_pieces(residuals, reliability))
 
 
 def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[str]:

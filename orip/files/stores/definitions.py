@@ -10,7 +10,7 @@ from typing import Generic, Protocol, TypeVar, cast
 from orip.errors import Complaint, InputError
 from orip.files.stores.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, list_table, position, record_name, text
+from orip.files.stores.table import StoreTable, list_table, position, record_name, text
 from orip.records.fields import fields_of
 from orip.records.names import case_twins, record_key
 
@@ -53,15 +53,15 @@ class Definitions(Generic[T]):
     ----------
     kind : type
         Dataclass of the records.
-    table : Table
+    table : StoreTable
         From `definition_table`.
-    lists : mapping of str to Table
+    lists : mapping of str to StoreTable
         From `list_table`, by the field of the record.
     """
 
     kind: type[T]
-    table: Table
-    lists: Mapping[str, Table]
+    table: StoreTable
+    lists: Mapping[str, StoreTable]
 
     def read(self, store: Store) -> tuple[StoredRecord[T], ...]:
         """Return all records in the order they were written; none if the store is absent."""
@@ -87,7 +87,7 @@ class Definitions(Generic[T]):
                 store.insert(table, ((name, place, *values) for place, values in enumerate(rows)))
 
 
-def definition_table(name: str, record: type) -> Table:
+def definition_table(name: str, record: type) -> StoreTable:
     """Return the table of a kind of definition: name, order and text it came from, then the record's columns."""
     columns = (
         record_name("name"),
@@ -96,10 +96,10 @@ def definition_table(name: str, record: type) -> Table:
         text("origin", optional=True),
         *columns_of(record)[1:],
     )
-    return Table(name, columns, key=("name",), checks=checks_of(record))
+    return StoreTable(name, columns, key=("name",), checks=checks_of(record))
 
 
-def record_list(name: str, owner: str, item: type) -> Table:
+def record_list(name: str, owner: str, item: type) -> StoreTable:
     """Return the table of a list of records that each record of another table has; their names differ."""
     return list_table(name, owner, columns_of(item), "name")
 

@@ -22,7 +22,7 @@ from orip.files.stores.explain import explained
 from orip.files.stores.provenance import META, run_of
 from orip.files.stores.schema import SCHEMA_VERSION, TABLES_OF_KIND
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table
+from orip.files.stores.table import StoreTable
 from orip.files.stores.transaction import reading
 
 FORMAT = "orip.dump/1"
@@ -44,7 +44,7 @@ def dump(path: Path) -> Iterator[str]:
         yield from _body(store)
 
 
-def dumped_tables(kind: str) -> tuple[Table, ...]:
+def dumped_tables(kind: str) -> tuple[StoreTable, ...]:
     """Return the tables of a dump in their order; what `meta` says stands in the header."""
     return tuple(table for table in TABLES_OF_KIND[kind] if table is not META)
 

@@ -13,7 +13,7 @@ from orip.errors import Complaint, InputError
 from orip.files.stores.dump import FORMAT, dumped_tables
 from orip.files.stores.schema import SCHEMA_VERSION
 from orip.files.stores.store import Store, stored_fault
-from orip.files.stores.table import Column, Table
+from orip.files.stores.table import StoreColumn, StoreTable
 from orip.files.text.shown import printable
 from orip.records.names import name_fault, record_key
 
@@ -67,8 +67,8 @@ class _Reader:
     store: Store
     complaints: _Complaints
     run: str | None = None
-    table: Table | None = None
-    due: list[Table] = field(default_factory=list)
+    table: StoreTable | None = None
+    due: list[StoreTable] = field(default_factory=list)
     names: dict[str, str] = field(default_factory=dict)
     refused: set[tuple[str, str]] = field(default_factory=set)
 
@@ -140,7 +140,7 @@ class _Reader:
         for fault in faults:
             self.complaints.add(line, f"table {self.table.name}: {fault}")
 
-    def _faults_of_insertion(self, table: Table, row: list[Any]) -> list[str]:
+    def _faults_of_insertion(self, table: StoreTable, row: list[Any]) -> list[str]:
         if table.columns[0].record_name:
             owner = record_key(row[0])
             if table.parent and (table.parent, owner) in self.refused:
@@ -154,14 +154,14 @@ class _Reader:
         return []
 
 
-def _as_float(column: Column, value: Any) -> Any:
+def _as_float(column: StoreColumn, value: Any) -> Any:
     """Return a whole number that stands for a float as float; anything else as it is."""
     if column.type == "REAL" and type(value) is int and abs(value) < 2**1000:
         return float(value)
     return value
 
 
-def _fault(column: Column, value: Any) -> str | None:
+def _fault(column: StoreColumn, value: Any) -> str | None:
     fault = stored_fault(column, value)
     if fault or value is None:
         return fault
@@ -185,7 +185,7 @@ def _is_unicode(value: str) -> bool:
     return True
 
 
-def _rule_broken(table: Table, row: list[Any], error: str) -> str:
+def _rule_broken(table: StoreTable, row: list[Any], error: str) -> str:
     rule, _, what = error.partition(": ")
     if rule.startswith("FOREIGN KEY"):
         return f"table {table.parent} has no '{row[0]}'; add it there or remove this row"

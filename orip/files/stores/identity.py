@@ -33,7 +33,7 @@ def is_present(store: Store) -> bool:
     if missing and META.name in tables and 0 < version < SCHEMA_VERSION:
         message = (
             f"this store was written by an older orip (schema {version}; this one writes {SCHEMA_VERSION}) and has no "
-            f"{', '.join(missing)}; move it away, then 'orip run' makes it anew"
+            f"{', '.join(missing)}; move it away, then 'orip run' creates a new one"
         )
         raise InputError.single(message, str(store.path))
     if missing or kind is None or version < 1:
@@ -42,7 +42,7 @@ def is_present(store: Store) -> bool:
 
 
 def create(store: Store) -> None:
-    """Make the tables of an empty store inside the transaction at hand."""
+    """Make the tables of an empty store inside the current transaction."""
     store.connection.execute(f"PRAGMA {store.schema}.application_id = {APPLICATION_ID}")
     store.connection.execute(f"PRAGMA {store.schema}.user_version = {SCHEMA_VERSION}")
     for table in TABLES_OF_KIND[store.kind]:

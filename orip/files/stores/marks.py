@@ -8,13 +8,13 @@ from typing import get_args
 import numpy as np
 
 from orip.files.stores.store import Row
-from orip.files.stores.table import Table, flag, list_table, real, text
+from orip.files.stores.table import StoreTable, flag, list_table, real, text
 from orip.records.measurement import MeasuredMarks, TransformationKind
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
 
 
-def measured_marks_table(name: str, owner: str, parent: str) -> Table:
+def measured_marks_table(name: str, owner: str, parent: str) -> StoreTable:
     """Return the table of measured marks; their own given coordinates are NULL where a record has them."""
     columns = (text("name"), real("x"), real("y"), flag("disregarded"), real("given_x", "nan"), real("given_y", "nan"))
     return list_table(name, owner, columns, "name", parent=parent)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, flag, integer, position, real, record_name, text
+from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
 from orip.records.measurement import PhotoObservations
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
-BUNDLE = Table("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
-OBSERVATION = Table(
+BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
+OBSERVATION = StoreTable(
     "observation",
     (
         record_name("photo"),

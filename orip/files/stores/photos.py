@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, list_table, record_name, text
+from orip.files.stores.table import StoreTable, list_table, record_name, text
 from orip.records.measurement import PhotoOrientation
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
@@ -15,7 +15,7 @@ from orip.records.photo import PHOTO_PARAMETERS, Photo
 PHOTO = definition_table("photo", Photo)
 CONSTANT = list_table("constant_parameter", "photo", (text("parameter", PHOTO_PARAMETERS),), "parameter")
 # Orientations refer to no definition: they are what replaying the measurements left, whichever photos are defined now.
-ORIENTATION = Table("photo_orientation", (record_name("photo"), TRANSFORMATION), key=("photo",))
+ORIENTATION = StoreTable("photo_orientation", (record_name("photo"), TRANSFORMATION), key=("photo",))
 MARK = measured_marks_table("photo_mark", "photo", parent="photo_orientation")
 TABLES = (PHOTO, CONSTANT, ORIENTATION, MARK)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, position, text
+from orip.files.stores.table import StoreTable, position, text
 
-META = Table("meta", (text("key"), text("value")), key=("key",))
-TEXT_INPUT = Table(
+META = StoreTable("meta", (text("key"), text("value")), key=("key",))
+TEXT_INPUT = StoreTable(
     "text_input",
     (text("command"), position(), text("file"), text("sha256")),
     key=("command", "position"),

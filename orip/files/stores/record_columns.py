@@ -8,11 +8,11 @@ from itertools import islice
 from typing import Any, Literal, get_args, get_origin
 
 from orip.files.stores.store import Row
-from orip.files.stores.table import Column, Null, all_or_none, integer, real, record_name, text
+from orip.files.stores.table import Null, StoreColumn, all_or_none, integer, real, record_name, text
 from orip.records.fields import RecordField, fields_by_column, fields_of, without_none
 
 
-def columns_of(record: type) -> tuple[Column, ...]:
+def columns_of(record: type) -> tuple[StoreColumn, ...]:
     """Return the columns of all fields of a record but its lists, which have tables of their own."""
     return tuple(column for each in fields_by_column(record) if each.item is None for column in _columns(each))
 
@@ -52,7 +52,7 @@ def list_of(each: RecordField, rows: Sequence[Row]) -> tuple[Any, ...] | None:
     return tuple(each.item(**values_of(each.item, row)) for row in rows) if _is_record(each.item) else tuple(rows)
 
 
-def _columns(each: RecordField, around: str = "", null: Null = "never") -> tuple[Column, ...]:
+def _columns(each: RecordField, around: str = "", null: Null = "never") -> tuple[StoreColumn, ...]:
     """Return the columns of a field; `around` is the column name of the record that it is in."""
     name = _name(each, around)
     null = "none" if each.optional else null
@@ -74,7 +74,7 @@ def _name(each: RecordField, around: str) -> str:
     return around if each.name == "value" else f"{around}_{each.name}"
 
 
-def _column(kind: Any, name: str, null: Null, names_record: bool, check: str) -> Column:
+def _column(kind: Any, name: str, null: Null, names_record: bool, check: str) -> StoreColumn:
     if kind is float:
         return real(name, null, check)
     if kind is int:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from orip.errors import UsageError
 from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
-from orip.files.stores.table import Table
+from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
 SCHEMA_VERSION = 2
 """1: solutions had no correlations of coordinates. A store of an older version is read as long as it has all tables."""
 
-TABLES_OF_KIND: dict[str, tuple[Table, ...]] = {
+TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "CAM": (*provenance.TABLES, *cameras.TABLES),
     "TIK": (*provenance.TABLES, *temticks.TABLES),
     "PHO": (*provenance.TABLES, *photos.TABLES),

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from orip.files.stores.store import ColumnValues, Row, Store
-from orip.files.stores.table import Column, Table, flag, integer, list_table, real, record_name, text
+from orip.files.stores.table import StoreColumn, StoreTable, flag, integer, list_table, real, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PointKind
 from orip.records.photo import PHOTO_PARAMETERS
@@ -32,16 +32,16 @@ from orip.records.solution import (
 POINT_COORDINATES = ("X", "Y", "Z")
 
 
-def _reals(*names: str) -> tuple[Column, ...]:
+def _reals(*names: str) -> tuple[StoreColumn, ...]:
     """Return columns of figures; any figure of a solution may be NaN."""
     return tuple(real(name, "nan") for name in names)
 
 
-def _texts(*names: str) -> tuple[Column, ...]:
+def _texts(*names: str) -> tuple[StoreColumn, ...]:
     return tuple(text(name) for name in names)
 
 
-SOLUTION = Table(
+SOLUTION = StoreTable(
     "solution",
     (
         record_name("bundle"),
@@ -58,11 +58,11 @@ SOLUTION = Table(
 )
 
 
-def _list_of_solution(name: str, *columns: Column) -> Table:
+def _list_of_solution(name: str, *columns: StoreColumn) -> StoreTable:
     return list_table(name, "bundle", columns, parent="solution")
 
 
-def _estimates_table(name: str, parameters: Sequence[str], *further: Column) -> Table:
+def _estimates_table(name: str, parameters: Sequence[str], *further: StoreColumn) -> StoreTable:
     figures = _reals(*(column for parameter in parameters for column in (parameter, f"{parameter}_sd")))
     return _list_of_solution(name, text("name"), *figures, *further)
 
@@ -77,7 +77,7 @@ RESIDUALS = _list_of_solution(
 )
 
 # Lists of a solution whose items are dataclasses of single values: the columns are named as their fields.
-ITEM_LISTS: dict[str, tuple[type[Any], Table]] = {
+ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
     "iterations": (
         IterationPass,
         _list_of_solution(
@@ -122,7 +122,7 @@ ITEM_LISTS: dict[str, tuple[type[Any], Table]] = {
     ),
 }
 # Lists of a solution whose items are tuples of text.
-TUPLE_LISTS: dict[str, Table] = {
+TUPLE_LISTS: dict[str, StoreTable] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),
     "warnings": _list_of_solution("warning", *_texts("code", "where", "text")),
 }
@@ -220,16 +220,18 @@ def delete(store: Store, bundle: str) -> None:
         store.delete(SOLUTION, name)
 
 
-def _items(store: Store, table: Table, bundle: str) -> list[Row]:
+def _items(store: Store, table: StoreTable, bundle: str) -> list[Row]:
     return [row[2:] for row in store.rows(table, bundle)]
 
 
-def _insert(store: Store, table: Table, bundle: str, *columns: ColumnValues) -> None:
+def _insert(store: Store, table: StoreTable, bundle: str, *columns: ColumnValues) -> None:
     count = len(columns[0])
     store.insert_columns(table, (bundle,) * count, np.arange(count), *columns)
 
 
-def _write_estimates(store: Store, table: Table, bundle: str, estimates: Estimates, *further: ColumnValues) -> None:
+def _write_estimates(
+    store: Store, table: StoreTable, bundle: str, estimates: Estimates, *further: ColumnValues
+) -> None:
     count = len(estimates.names)
     figures = np.stack([estimates.values, estimates.sd], axis=-1).reshape(count, -1) if count else np.empty((0, 0))
     expected = len(table.columns) - 3 - len(further)
@@ -240,7 +242,7 @@ def _write_estimates(store: Store, table: Table, bundle: str, estimates: Estimat
     _insert(store, table, bundle, estimates.names, *columns, *further)
 
 
-def _read_estimates(store: Store, table: Table, bundle: str, count: int) -> tuple[Estimates, tuple[Any, ...]]:
+def _read_estimates(store: Store, table: StoreTable, bundle: str, count: int) -> tuple[Estimates, tuple[Any, ...]]:
     _bundle, _position, names, *columns = store.columns(table, bundle)
     figures = np.column_stack(columns[: 2 * count])
     estimates = Estimates(tuple(names), figures[:, 0::2].copy(), figures[:, 1::2].copy())

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import InputError
-from orip.files.stores.table import Column, Table
+from orip.files.stores.table import StoreColumn, StoreTable
 from orip.records.names import record_key
 
 Row = tuple[Any, ...]
@@ -31,14 +31,14 @@ def damage(path: Path, finding: str) -> InputError:
     """Return the error for a store whose content cannot be what orip wrote."""
     return InputError.single(
         f"the store is damaged ({finding}); a store is whole or absent: move it away and load its last dump, "
-        f"or make it anew with 'orip init' and 'orip measure'",
+        f"or create a new one with 'orip init' and 'orip measure'",
         str(path),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """A store that takes part in the transaction at hand.
+    """A store that takes part in the current transaction.
 
     Parameters
     ----------
@@ -59,30 +59,30 @@ class Store:
     schema: str
     present: bool
 
-    def insert(self, table: Table, rows: Iterable[Sequence[Any]]) -> None:
+    def insert(self, table: StoreTable, rows: Iterable[Sequence[Any]]) -> None:
         """Insert rows of single values; NaN becomes NULL."""
         self._insert(table, (tuple(map(_plain, row)) for row in rows))
 
-    def insert_columns(self, table: Table, *columns: ColumnValues) -> None:
+    def insert_columns(self, table: StoreTable, *columns: ColumnValues) -> None:
         """Insert many rows given as one array or tuple per column, all of one length."""
         self._insert(table, _rows_of(columns))
 
-    def delete(self, table: Table, owner: str | None = None) -> None:
+    def delete(self, table: StoreTable, owner: str | None = None) -> None:
         """Delete all rows, or those whose first column is `owner`."""
         of_owner = owner is not None
         self.connection.execute(table.delete(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
 
-    def rows(self, table: Table, owner: str | None = None) -> Iterator[Row]:
+    def rows(self, table: StoreTable, owner: str | None = None) -> Iterator[Row]:
         """Yield rows in reading order with NULL as None or NaN; those whose first column is `owner`, or all."""
         for row in self._checked(table, self._cursor(table, owner)):
             yield tuple(map(_read, table.columns, row))
 
-    def stored_rows(self, table: Table) -> Iterator[Row]:
+    def stored_rows(self, table: StoreTable) -> Iterator[Row]:
         """Yield all rows sorted by primary key as SQLite holds them: NaN as None, flags as 0 and 1."""
         cursor = self.connection.execute(table.select(self.schema, order=table.key) if self.present else NOTHING)
         yield from self._checked(table, cursor)
 
-    def columns(self, table: Table, owner: str | None = None) -> tuple[ColumnValues, ...]:
+    def columns(self, table: StoreTable, owner: str | None = None) -> tuple[ColumnValues, ...]:
         """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
         chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
         # A block has far more observations than names: each name is kept once, not once a row.
@@ -96,33 +96,33 @@ class Store:
                     raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
         return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
 
-    def lists(self, table: Table) -> dict[str, list[Row]]:
+    def lists(self, table: StoreTable) -> dict[str, list[Row]]:
         """Return the items of a list table, without owner and position, by the `record_key` of their owner."""
         items: dict[str, list[Row]] = {}
         for owner, _position, *values in self.rows(table):
             items.setdefault(record_key(owner), []).append(tuple(values))
         return items
 
-    def spelling(self, table: Table, name: str) -> str | None:
+    def spelling(self, table: StoreTable, name: str) -> str | None:
         """Return the name in the table's first column that is `name` when case is ignored."""
         # NOCASE knows the letters of ASCII only; record names may have others.
         return next((row[0] for row in self.rows(table) if record_key(row[0]) == record_key(name)), None)
 
-    def _insert(self, table: Table, rows: Iterable[Row]) -> None:
+    def _insert(self, table: StoreTable, rows: Iterable[Row]) -> None:
         try:
             self.connection.executemany(table.insert(self.schema), rows)
         except UnicodeEncodeError as error:
             message = f"the text {error.object!a} has characters that no file of text can hold; spell it otherwise"
             raise InputError.single(message, str(self.path)) from error
 
-    def _checked(self, table: Table, rows: Iterable[Row]) -> Iterator[Row]:
+    def _checked(self, table: StoreTable, rows: Iterable[Row]) -> Iterator[Row]:
         for row in rows:
             fault = next(filter(None, map(stored_fault, table.columns, row)), None)
             if fault is not None:
                 raise damage(self.path, f"table {table.name}, {fault}")
             yield row
 
-    def _cursor(self, table: Table, owner: str | None) -> sqlite3.Cursor:
+    def _cursor(self, table: StoreTable, owner: str | None) -> sqlite3.Cursor:
         if not self.present:
             return self.connection.execute(NOTHING)
         of_owner = owner is not None
@@ -145,7 +145,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def stored_fault(column: Column, value: Any) -> str | None:
+def stored_fault(column: StoreColumn, value: Any) -> str | None:
     """Say why SQLite should not hold this value in a column, or return None if it may."""
     if value is None:
         return None if column.null != "never" else f"column {column.name}: null, but a value is needed"
@@ -154,20 +154,20 @@ def stored_fault(column: Column, value: Any) -> str | None:
     return None
 
 
-def _read(column: Column, value: Any) -> Any:
+def _read(column: StoreColumn, value: Any) -> Any:
     if value is None:
         return math.nan if column.null == "nan" else None
     return bool(value) if column.flag else value
 
 
-def _column_values(column: Column, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
+def _column_values(column: StoreColumn, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
     if column.type == "TEXT":
         return tuple(map(known.setdefault, values, values))
     array = np.array(values, dtype=ARRAY_TYPES[column.type])
     return array.astype(np.bool_) if column.flag else array
 
 
-def _joined(column: Column, parts: list[ColumnValues]) -> ColumnValues:
+def _joined(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:
     if column.type == "TEXT":
         return tuple(chain.from_iterable(parts))
     empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])

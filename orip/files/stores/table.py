@@ -12,7 +12,7 @@ Null = Literal["never", "none", "nan"]
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class StoreColumn:
     """One column of a table.
 
     Parameters
@@ -48,45 +48,45 @@ class Column:
         return " ".join(filter(None, parts))
 
 
-def text(name: str, choices: Sequence[str] = (), *, optional: bool = False) -> Column:
+def text(name: str, choices: Sequence[str] = (), *, optional: bool = False) -> StoreColumn:
     """Return a column of text; `optional` text may be None."""
     check = f"{quoted(name)} IN ({', '.join(map(_literal, choices))})" if choices else ""
-    return Column(name, "TEXT", "none" if optional else "never", check)
+    return StoreColumn(name, "TEXT", "none" if optional else "never", check)
 
 
-def record_name(name: str, *, optional: bool = False) -> Column:
+def record_name(name: str, *, optional: bool = False) -> StoreColumn:
     """Return a column of names of records."""
-    return Column(name, "TEXT", "none" if optional else "never", record_name=True)
+    return StoreColumn(name, "TEXT", "none" if optional else "never", record_name=True)
 
 
-def integer(name: str, check: str = "", *, optional: bool = False) -> Column:
+def integer(name: str, check: str = "", *, optional: bool = False) -> StoreColumn:
     """Return a column of whole numbers."""
-    return Column(name, "INTEGER", "none" if optional else "never", check)
+    return StoreColumn(name, "INTEGER", "none" if optional else "never", check)
 
 
-def flag(name: str) -> Column:
+def flag(name: str) -> StoreColumn:
     """Return a column of yes or no."""
-    return Column(name, "INTEGER", check=f"{quoted(name)} IN (0, 1)", flag=True)
+    return StoreColumn(name, "INTEGER", check=f"{quoted(name)} IN (0, 1)", flag=True)
 
 
-def real(name: str, null: Null = "never", check: str = "") -> Column:
+def real(name: str, null: Null = "never", check: str = "") -> StoreColumn:
     """Return a column of floating point numbers."""
-    return Column(name, "REAL", null, check)
+    return StoreColumn(name, "REAL", null, check)
 
 
-def position() -> Column:
+def position() -> StoreColumn:
     """Return the column that keeps the order of a list."""
     return integer("position", '"position" >= 0')
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class StoreTable:
     """One table of a store.
 
     Parameters
     ----------
     name : str
-    columns : tuple of Column
+    columns : tuple of StoreColumn
     key : tuple of str
         Columns of the primary key.
     parent : str
@@ -98,7 +98,7 @@ class Table:
     """
 
     name: str
-    columns: tuple[Column, ...]
+    columns: tuple[StoreColumn, ...]
     key: tuple[str, ...]
     parent: str = ""
     unique: tuple[tuple[str, ...], ...] = ()
@@ -147,13 +147,13 @@ class Table:
         return f"DELETE FROM {schema}.{quoted(self.name)}{where}"
 
 
-def list_table(name: str, owner: str, columns: Sequence[Column], *unique: str, parent: str = "") -> Table:
+def list_table(name: str, owner: str, columns: Sequence[StoreColumn], *unique: str, parent: str = "") -> StoreTable:
     """Return the table of a list that each record of another table has: owner, position, then the items' columns.
 
     The owner's column is called `owner`, and so is its table unless `parent` says otherwise. Items of one owner differ
     in the `unique` column, if one is given.
     """
-    return Table(
+    return StoreTable(
         name,
         (record_name(owner), position(), *columns),
         key=(owner, "position"),

@@ -8,7 +8,7 @@ from typing import get_args
 from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
 from orip.files.stores.store import Store
-from orip.files.stores.table import Table, list_table, record_name, text
+from orip.files.stores.table import StoreTable, list_table, record_name, text
 from orip.records.measurement import TemplateOrientation
 from orip.records.names import record_key
 from orip.records.photo import Stage, Template
@@ -16,7 +16,7 @@ from orip.records.photo import Stage, Template
 TEMPLATE = definition_table("template", Template)
 TEMPLATE_PHOTO = list_table("template_photo", "template", (record_name("photo"),), "photo")
 # As with photos: what replaying the measurements left, whichever templates are defined now.
-ORIENTATION = Table(
+ORIENTATION = StoreTable(
     "template_orientation",
     (record_name("template"), TRANSFORMATION, text("stage", get_args(Stage), optional=True)),
     key=("template",),

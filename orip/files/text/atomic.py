@@ -138,7 +138,7 @@ def _write_through(temporary: Path, pieces: Iterable[str], mode: int | None) -> 
 
 
 def _flush_folder(folder: Path) -> None:
-    """Bring the new name to the disk; some systems cannot, and the text is in place all the same."""
+    """Bring the new name to the disk; some systems cannot, but the text is in place nevertheless."""
     if os.name != "posix":
         return
     with suppress(OSError):

@@ -63,7 +63,7 @@ def _number_fault(token: str) -> str:
         sign, whole, fraction = comma.groups()
         return f"'{shown}' has a decimal comma; write a decimal point: {shown_token(f'{sign}{whole or 0}.{fraction}')}"
     if token.endswith(",") and _NUMBER.fullmatch(token[:-1]):
-        return f"'{shown}' ends in a comma; part fields by blanks and write {shown_token(token[:-1])}"
+        return f"'{shown}' ends in a comma; separate fields by blanks and write {shown_token(token[:-1])}"
     return f"'{shown}' is not a number; write a plain decimal such as {_likely_number(token)}"
 
 

@@ -66,10 +66,10 @@ class FieldReader:
         return False
 
     def part_by_blanks(self) -> str:
-        """Return what to do where fields seem to be parted by commas or semicolons; "" where they are not."""
+        """Return what to do where fields seem to be separated by commas or semicolons; "" where they are not."""
         written = " ".join(field.text for field in self._line.fields)
         mark = next((mark for mark in ",;" if mark in written), None)
-        return "" if mark is None else f"; part fields by blanks or tabs, not by '{mark}'"
+        return "" if mark is None else f"; separate fields by blanks or tabs, not by '{mark}'"
 
     def is_heading(self, numbers: Iterable[int]) -> bool:
         """Tell whether all fields that are to be numbers begin with a letter, and complain of a heading."""

@@ -2,7 +2,7 @@
 
 The digits of many numbers are taken apart together, as arrays of characters. A number whose last digit depends on more
 than its double tells here (a tie, as far as one can see) is left to Python's own formatting, so that every cell is what
-`orip.files.text.numbers.fixed` makes of its number.
+`orip.number_text.fixed` makes of its number.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orip.arrays import FloatArray
-from orip.files.text.numbers import CONSTANT, HUGE, MISSING, SINGULAR, fixed
+from orip.number_text import CONSTANT, HUGE, MISSING, SINGULAR, fixed
 
 Characters = NDArray[np.uint32]
 """One code point each, rows one under the other."""
@@ -116,7 +116,7 @@ class FixedCells(Sequence[str]):
 
 
 def deviation_cells(values: ArrayLike, decimals: int) -> FixedCells:
-    """Return what `orip.files.text.numbers.deviations` makes of standard deviations."""
+    """Return what `orip.number_text.deviations` makes of standard deviations."""
     return FixedCells(values, decimals, CONSTANT, SINGULAR)
 
 

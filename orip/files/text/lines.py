@@ -1,4 +1,4 @@
-"""Lines of a text file parted into fields, with the place of each field for the messages."""
+"""Lines of a text file split into fields, with the place of each field for the messages."""
 
 from __future__ import annotations
 
@@ -122,9 +122,9 @@ def split_line(line: str, number: int) -> TextLine | None:
 def field_lines(lines: list[str]) -> Iterator[TextLine]:
     """Iterate over the lines that have fields."""
     for number, line in enumerate(lines, start=1):
-        parted = split_line(line, number)
-        if parted is not None:
-            yield parted
+        split = split_line(line, number)
+        if split is not None:
+            yield split
 
 
 def field_name_fault(text: str) -> str | None:
@@ -133,5 +133,5 @@ def field_name_fault(text: str) -> str | None:
     if fault is None:
         return None
     if not text.isprintable():
-        return f"the name '{shown_token(text)}' has a character that cannot be printed; write it anew"
+        return f"the name '{shown_token(text)}' has a character that cannot be printed; write it again"
     return f"{fault}; choose another name"

@@ -9,7 +9,7 @@ from pathlib import Path
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
 from orip.records.figure import ResultFigures
-from orip.workflow.adjust.differences import Comparison, Tolerance, compare_figures
+from orip.solving.differences import Comparison, Tolerance, compare_figures
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 from orip.progress import stage
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
-from orip.report.matter import Matter
 from orip.report.page import report_page
+from orip.report.report_input import ReportInput
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
@@ -57,6 +57,6 @@ def report_of(
     path = output if output is not None else project.report(solution.bundle)
     with stage("report"):
         definition = state.definitions.bundle(solution.bundle)
-        text = report_page(Matter(solution, tuple(gates), definition, state.records.cameras, state.records.photos))
+        text = report_page(ReportInput(solution, tuple(gates), definition, state.records.cameras, state.records.photos))
     written = WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
     return Change(state, written, outputs=(TextOutput(path, lambda: [text], _REMEDY),))

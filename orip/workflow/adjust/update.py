@@ -13,8 +13,7 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
-from orip.wording import first_names
-from orip.workflow.adjust.updated_values import (
+from orip.solving.updated_values import (
     ChangedValue,
     Estimate,
     KeptValue,
@@ -24,6 +23,7 @@ from orip.workflow.adjust.updated_values import (
     updated_photo,
     updated_points,
 )
+from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import Project

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,16 +10,16 @@ from typing import Any, Literal
 from orip.errors import Complaint, InputError, ProjectWarning, UsageError
 from orip.files.control.forms import FORMS, REJECTED, UNKNOWN, ControlForm, ControlKind, Fields, with_words
 from orip.files.control.lines import ControlLines, read_control_lines
-from orip.files.stores.transaction import writing
-from orip.files.text.atomic import replace_text, reporting_failure
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextLine
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.wording import listed_names
 from orip.workflow.control.names import unknown_name_warnings
-from orip.workflow.project.folder import Project, open_project
-from orip.workflow.project.texts import ProjectTexts
+from orip.workflow.project.commit import Change
+from orip.workflow.project.folder import Project
+from orip.workflow.project.state import ProjectState
+from orip.workflow.project.text_output import EditedText, digest_of_text
 from orip.workflow.records.measurements import is_written
 
 Weighting = Literal["disregard", "include", "reject"]
@@ -74,10 +73,14 @@ class ControlTable:
 class _File:
     """A control text of a project."""
 
-    project: Project
+    state: ProjectState
     kind: ControlKind
     path: Path
     bundle: str | None
+
+    @property
+    def project(self) -> Project:
+        return self.state.project
 
     @property
     def form(self) -> ControlForm:
@@ -91,7 +94,7 @@ class _File:
 _Edit = Callable[[_File, ControlLines], ControlLines]
 
 
-def list_control(folder: Path, kind: ControlKind, bundle: str | None = None) -> ControlTable:
+def list_control(state: ProjectState, kind: ControlKind, bundle: str | None = None) -> ControlTable:
     """Return the records of a control text.
 
     Raises
@@ -101,7 +104,7 @@ def list_control(folder: Path, kind: ControlKind, bundle: str | None = None) -> 
     UsageError
         If it is not clear which bundle's preliminary coordinates are meant.
     """
-    file = _file(folder, kind, bundle)
+    file = _file(state, kind, bundle)
     lines = _read(file)
     _check(file, lines)
     rows = tuple((line.number, file.form.fields_of(line), _is_rejected(file.form, line)) for line in lines.records())
@@ -109,7 +112,7 @@ def list_control(folder: Path, kind: ControlKind, bundle: str | None = None) -> 
 
 
 def add_control(
-    folder: Path,
+    state: ProjectState,
     kind: ControlKind,
     name: str,
     words: Sequence[str],
@@ -117,7 +120,7 @@ def add_control(
     before: str | None = None,
     bundle: str | None = None,
     dry_run: bool = False,
-) -> ControlOutcome:
+) -> Change[ControlOutcome]:
     """Add a line with values given as KEY=VALUE, at the end or before another one.
 
     Raises
@@ -139,21 +142,21 @@ def add_control(
         number = None if before is None else _find(file, lines, before).number
         return lines.with_record([text for text in fields if text is not None], number, form.identity)
 
-    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+    return _change(_file(state, kind, bundle), edit, dry_run=dry_run)
 
 
 def edit_control(
-    folder: Path,
+    state: ProjectState,
     kind: ControlKind,
     name: str,
     words: Sequence[str],
     *,
     bundle: str | None = None,
     dry_run: bool = False,
-) -> ControlOutcome:
+) -> Change[ControlOutcome]:
     """Change values of a line, its name as well; raises what `add_control` does.
 
-    `name` is the record's name, or as many of its first fields as tell it from others, parted by blanks.
+    `name` is the record's name, or as many of its first fields as tell it from others, separated by blanks.
     """
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
@@ -162,24 +165,24 @@ def edit_control(
         _raise(faults)
         return _with_fields(file.form, lines, line, fields)
 
-    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+    return _change(_file(state, kind, bundle), edit, dry_run=dry_run)
 
 
 def kill_control(
-    folder: Path, kind: ControlKind, names: Sequence[str], *, bundle: str | None = None, dry_run: bool = False
-) -> ControlOutcome:
+    state: ProjectState, kind: ControlKind, names: Sequence[str], *, bundle: str | None = None, dry_run: bool = False
+) -> Change[ControlOutcome]:
     """Take lines out, none named: all of them; comments on lines of their own stay. Raises what `add_control` does."""
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
         found = [_find(file, lines, name) for name in names] if names else lines.records()
         return lines.without_lines(line.number for line in found)
 
-    return _change(_file(folder, kind, bundle), edit, dry_run=dry_run)
+    return _change(_file(state, kind, bundle), edit, dry_run=dry_run)
 
 
 def weight_control(
-    folder: Path, kind: ControlKind, weighting: Weighting, names: Sequence[str], *, dry_run: bool = False
-) -> ControlOutcome:
+    state: ProjectState, kind: ControlKind, weighting: Weighting, names: Sequence[str], *, dry_run: bool = False
+) -> Change[ControlOutcome]:
     """Disregard records (a-priori errors become negative), include them again, or reject control points altogether.
 
     Raises
@@ -196,7 +199,7 @@ def weight_control(
         _raise(faults)
         return lines
 
-    return _change(_file(folder, kind, None), edit, dry_run=dry_run)
+    return _change(_file(state, kind, None), edit, dry_run=dry_run)
 
 
 # one line
@@ -264,19 +267,19 @@ def _is_rejected(form: ControlForm, line: TextLine) -> bool:
 # the file
 
 
-def _file(folder: Path, kind: ControlKind, bundle: str | None) -> _File:
-    project = open_project(folder)
+def _file(state: ProjectState, kind: ControlKind, bundle: str | None) -> _File:
+    project = state.project
     if kind == "preliminary":
         name = project.bundle_name(bundle)
-        return _File(project, kind, project.preliminary(name), name)
+        return _File(state, kind, project.preliminary(name), name)
     path = project.folder / f"{project.definition.control_files}.{FORMS[kind].extension}"
-    return _File(project, kind, path, None)
+    return _File(state, kind, path, None)
 
 
 def _read(file: _File) -> ControlLines:
     """Return the lines of the file; one of the same name in other letters is not to be overlooked."""
     if not file.path.exists():
-        texts = ProjectTexts(file.project)
+        texts = file.state.texts
         found: Parsed[Any] = texts.control if file.bundle is None else texts.control_input(file.bundle)
         same = [each for each in found.complaints if each.path.lower() == file.shown.lower()]
         if same:
@@ -284,21 +287,24 @@ def _read(file: _File) -> ControlLines:
     return read_control_lines(file.path, file.shown)
 
 
-def _change(file: _File, edit: _Edit, *, dry_run: bool) -> ControlOutcome:
+def _change(file: _File, edit: _Edit, *, dry_run: bool) -> Change[ControlOutcome]:
+    digest = digest_of_text(file.path)
+    old = _read(file)
+    new = edit(file, old)
+    changes = tuple(_changes(old, new))
+    warnings = _check(file, new) if changes else ()
+    known = {warning.text for warning in file.form.parse(old.parsed, file.shown).warnings}
+    touched = [change.line for change in changes if change.new is not None]
+    names = unknown_name_warnings(file.state, file.kind, file.shown, new, touched)
+    warnings = (*(warning for warning in warnings if warning.text not in known), *names)
+    outcome = ControlOutcome(file.project, file.shown, changes, warnings, dry_run)
+    if dry_run or not changes:
+        return Change(file.state, outcome)
     # Who edits the same text at the same time waits, as for a store.
     lock = file.project.exterior
-    with writing([lock]) if is_written(lock) and not dry_run else nullcontext():
-        old = _read(file)
-        new = edit(file, old)
-        changes = tuple(_changes(old, new))
-        warnings = _check(file, new) if changes else ()
-        if changes and not dry_run:
-            _write(file, new)
-    known = {each.text for each in file.form.parse(old.parsed, file.shown).warnings}
-    touched = [change.line for change in changes if change.new is not None]
-    names = unknown_name_warnings(file.project, file.kind, file.shown, new, touched)
-    warnings = (*(each for each in warnings if each.text not in known), *names)
-    return ControlOutcome(file.project, file.shown, changes, warnings, dry_run)
+    text = EditedText(file.path, digest, new.text, "it is as it was")
+    locks = (lock,) if is_written(lock) else ()
+    return Change(file.state, outcome, locks=locks, is_compared=False, edited_texts=(text,))
 
 
 def _check(file: _File, lines: ControlLines) -> tuple[ProjectWarning, ...]:
@@ -326,11 +332,6 @@ def _changes(old: ControlLines, new: ControlLines) -> Iterator[LineChange]:
         for number, (was, now) in enumerate(zip(before, after, strict=True), start=1):
             if was != now:
                 yield LineChange("changed", number, was, now)
-
-
-def _write(file: _File, lines: ControlLines) -> None:
-    with reporting_failure(file.shown, "it is as it was"):
-        replace_text(file.path, lines.text)
 
 
 def _raise(faults: Sequence[str]) -> None:

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from orip.errors import ProjectWarning
 from orip.files.control.forms import FORMS, ControlKind
 from orip.files.control.lines import ControlLines
-from orip.files.stores import cameras, exterior, observations, photos
-from orip.files.stores.transaction import reading
 from orip.files.text.shown import shown_token
 from orip.records.names import record_key
-from orip.workflow.project.folder import Project
-from orip.workflow.project.texts import read_ground_control
-from orip.workflow.records.measurements import is_written
+from orip.workflow.project.state import ProjectState
 
 _POINT_FIELDS: dict[ControlKind, tuple[str, ...]] = {
     "points": ("name",),
@@ -36,13 +32,13 @@ class _Known:
 
 
 def unknown_name_warnings(
-    project: Project, kind: ControlKind, shown: str, lines: ControlLines, numbers: Iterable[int]
+    state: ProjectState, kind: ControlKind, shown: str, lines: ControlLines, numbers: Iterable[int]
 ) -> tuple[ProjectWarning, ...]:
     """Warn of names in some lines that are neither measured nor otherwise known; nothing measured yet: no warnings."""
     wanted = set(numbers)
     if not wanted:
         return ()
-    known, form = _known(project), FORMS[kind]
+    known, form = _known(state), FORMS[kind]
     return tuple(
         ProjectWarning("unused-name", f"{shown}:{line.number}", text)
         for line in lines.records()
@@ -51,24 +47,14 @@ def unknown_name_warnings(
     )
 
 
-def _known(project: Project) -> _Known:
-    with reading([project.cameras, project.photos, project.exterior]) as stores:
-        camera_names = [each.record.name for each in cameras.read(stores[project.cameras])]
-        photo_names = [each.record.name for each in photos.read(stores[project.photos])]
-        bundles = [each.record.name for each in exterior.read(stores[project.exterior])]
-    measured: set[str] = set()
-    paths = list(filter(is_written, map(project.observations, bundles)))
-    with reading(paths) as stores:
-        for path in paths:
-            found = observations.read(stores[path])
-            measured.update(found.points if found is not None else ())
-    control = read_ground_control(project).records
+def _known(state: ProjectState) -> _Known:
+    control = state.texts.control.records
     return _Known(
-        frozenset(measured),
+        frozenset(point for found in state.measured.observations.values() for point in found.points),
         frozenset(point.name for point in control.points),
-        frozenset(map(record_key, camera_names)),
-        frozenset(map(record_key, photo_names)),
-        frozenset(each.set for each in control.directions),
+        frozenset(state.records.cameras),
+        frozenset(state.records.photos),
+        frozenset(direction.set for direction in control.directions),
     )
 
 

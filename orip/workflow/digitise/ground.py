@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Literal
@@ -26,8 +27,10 @@ from orip.workflow.digitise.session import Ending, Entry, Outcome, Session
 from orip.workflow.digitise.setup import DigitisingSetup
 from orip.workflow.digitise.wanted import model_named
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.commit import carry_out
 from orip.workflow.project.folder import Project
 from orip.workflow.project.texts import EDITS_FILE, raise_complaints
+from orip.workflow.records.commands import read_records
 
 Target = Literal["PNT", "PRE"]
 
@@ -94,7 +97,7 @@ def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, ch
     model = model_named(definition, choice.model)
     kind: ControlKind
     kind, of_bundle = ("points", None) if choice.target == "PNT" else ("preliminary", definition.name)
-    table = list_control(folder, kind, of_bundle)
+    table = list_control(films.state, kind, of_bundle)
     names, file = _names(films, choice, table), table.shown
     points: list[GroundPoint] = []
     with setup.session(films, f"all of it is in {file}; go on with the points that are left") as session:
@@ -106,7 +109,9 @@ def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, ch
                 break
             if point.xyz is not None:
                 words = _words(point.xyz, choice.error if choice.target == "PNT" else None)
-                add_control(folder, kind, name, words, bundle=of_bundle)
+                carry_out(
+                    read_records(folder), partial(add_control, kind=kind, name=name, words=words, bundle=of_bundle)
+                )
             points.append(point)
             session.enter(Entry("ground point", model.name, name, point.outcome, "nowhere", None, None))
     return GroundDigitised(file, tuple(points), session.ending, (*ground.warnings, *session.warnings))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Protocol, Self, TypeVar
@@ -13,6 +14,7 @@ from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
+from orip.files.text.atomic import reporting_failure
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
@@ -69,8 +71,14 @@ class Change(Generic[T]):
         of what it was computed from: a change in the meantime shows in `orip status`.
     edited_texts : tuple of EditedText
         Written while the stores are locked and before they change: a text is ahead of the stores, never behind.
+    further : callable or None
+        Writes to the locked stores what has no part of its own in `stored`: names of what is measured, moved solutions.
+    kept : tuple of (Path, Path)
+        Files that an output replaces, and where what is in them is kept.
     outputs : tuple of TextOutput
         Written after the commit, in this order.
+    superseded : tuple of Path
+        Files that are removed after the commit, as far as that is possible.
     restores_outputs : bool
         Outputs that are not of the last commit are written again, and leftovers of killed runs are removed.
     """
@@ -81,7 +89,10 @@ class Change(Generic[T]):
     locks: tuple[Path, ...] = ()
     is_compared: bool = True
     edited_texts: tuple[EditedText, ...] = ()
+    further: Callable[[Stores], None] | None = None
+    kept: tuple[tuple[Path, Path], ...] = ()
     outputs: tuple[TextOutput, ...] = ()
+    superseded: tuple[Path, ...] = ()
     restores_outputs: bool = False
 
     def with_outcome(self, outcome: U) -> Change[U]:
@@ -93,7 +104,10 @@ class Change(Generic[T]):
             self.locks,
             self.is_compared,
             self.edited_texts,
+            self.further,
+            self.kept,
             self.outputs,
+            self.superseded,
             self.restores_outputs,
         )
 
@@ -128,12 +142,20 @@ def commit(change: Change[T]) -> Committed[T]:
                 _require_unchanged(change.state, stores)
             _write_edited_texts(project, change.edited_texts)
             changed = _write_stores(project, stores, change)
+            if change.further is not None:
+                change.further(stores)
     else:
         _write_edited_texts(project, change.edited_texts)
+    for path, backup in change.kept:
+        with reporting_failure(project.shown(backup), "nothing was written"):
+            backup.write_bytes(path.read_bytes())
     if change.outputs:
         with stage("writing the listings"):
             for output in change.outputs:
                 write_output(project, output)
+    for path in change.superseded:
+        with suppress(OSError):  # empty stores, copies, results: of no use, and of no harm
+            path.unlink(missing_ok=True)
     if change.restores_outputs:
         rewrite_stale_outputs(project)
     return Committed(change.outcome, changed)

@@ -8,37 +8,33 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from orip.errors import InputError, LockedError, ProjectWarning
+from orip.errors import InputError, ProjectWarning
 from orip.files.project.text import project_document
-from orip.files.stores import exterior
-from orip.files.stores.transaction import Stores, reading, writing
+from orip.files.stores.transaction import Stores
 from orip.wording import first_names
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions, write_definitions
+from orip.workflow.project.commit import Change, ChangedMeanwhileError
+from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.state import Part, ProjectState, StoredParts, read_state
 from orip.workflow.records import edits as record_edits
 from orip.workflow.records.changes import RecordChange, Renaming, record_changes
 from orip.workflow.records.document import CheckedDocument, bound, checked, stored_document
 from orip.workflow.records.edits import Edit, Edited, RecordName
-from orip.workflow.records.measurements import (
-    delete_measurements,
-    is_written,
-    measurements_of,
-    rename_measurements,
-)
+from orip.workflow.records.measurements import delete_measurements, is_written, measurements_of, rename_measurements
 from orip.workflow.records.mentions import mention_warnings
 from orip.workflow.records.renamed_bundle import (
     copy_preliminary,
-    remove_files,
-    remove_files_of_old_name,
+    files_of_old_name,
     rename_solution,
     require_free_file,
 )
 
 _SHOWN_REFERENTS = 12
+_BUNDLES = "the bundles"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,45 +68,70 @@ class _Plan:
         return [each.record.name for each in self.before.bundles]
 
 
+def read_records(folder: Path, *, with_solutions: bool = False) -> ProjectState:
+    """Read what the commands on records need: records, and what is measured of the bundles of the stores.
+
+    Parameters
+    ----------
+    folder : Path
+    with_solutions : bool
+        Also the solutions, which a bundle takes along when it gets another name.
+
+    Raises
+    ------
+    InputError, LockedError
+    """
+    project = open_project(folder)
+    bundles = [stored.record.name for stored in read_state(project, {"definitions"}, ()).definitions.bundles]
+    parts: tuple[Part, ...] = ("definitions", "marks", "observations")
+    return read_state(project, (*parts, "solutions") if with_solutions else parts, bundles)
+
+
 def add_record(
-    folder: Path, record: RecordName, words: Sequence[str] = (), before: str | None = None, *, dry_run: bool = False
-) -> RecordsOutcome:
+    state: ProjectState, record: RecordName, words: Sequence[str] = (), before: str | None = None
+) -> Change[RecordsOutcome]:
     """Add a record with values given as KEY=VALUE, at the end or before another one.
+
+    Parameters
+    ----------
+    state : ProjectState
+        From `read_records`.
+    record : RecordName
+    words : sequence of str
+    before : str or None
 
     Raises
     ------
     InputError
-        With everything that is wrong, or if there is another record of that name; nothing is written then.
+        With everything that is wrong, or if there is another record of that name.
     UsageError
         If a record that is named is not there.
-    LockedError
     """
-    return _change(folder, record_edits.adding(record, words, before), dry_run=dry_run)
+    return _change(state, record_edits.adding(record, words, before))
 
 
-def edit_record(folder: Path, record: RecordName, words: Sequence[str], *, dry_run: bool = False) -> RecordsOutcome:
+def edit_record(state: ProjectState, record: RecordName, words: Sequence[str]) -> Change[RecordsOutcome]:
     """Change values of a record; raises what `add_record` does."""
-    return _change(folder, record_edits.editing(record, words), dry_run=dry_run)
+    return _change(state, record_edits.editing(record, words))
 
 
 def copy_record(
-    folder: Path, record: RecordName, name: str, words: Sequence[str] = (), *, dry_run: bool = False
-) -> RecordsOutcome:
+    state: ProjectState, record: RecordName, name: str, words: Sequence[str] = ()
+) -> Change[RecordsOutcome]:
     """Add a record with the values of another one, some of them changed; raises what `add_record` does."""
-    return _change(folder, record_edits.copying(record, name, words), dry_run=dry_run)
+    return _change(state, record_edits.copying(record, name, words))
 
 
-def rename_record(folder: Path, record: RecordName, name: str, *, dry_run: bool = False) -> RecordsOutcome:
+def rename_record(state: ProjectState, record: RecordName, name: str) -> Change[RecordsOutcome]:
     """Give a record another name, in all records that name it and in what is measured; raises what `add_record` does.
 
-    Text files keep the old name: a warning tells where. What is named after a bundle takes its new name.
+    Text files keep the old name: a warning tells where. What is named after a bundle takes its new name; the state of
+    such a command has the solutions.
     """
-    return _change(folder, record_edits.renaming(record, name), dry_run=dry_run)
+    return _change(state, record_edits.renaming(record, name))
 
 
-def delete_record(
-    folder: Path, record: RecordName, *, with_referents: bool = False, dry_run: bool = False
-) -> RecordsOutcome:
+def delete_record(state: ProjectState, record: RecordName, *, with_referents: bool = False) -> Change[RecordsOutcome]:
     """Delete a record, and with `with_referents` all that refers to it: records, and what is measured of them.
 
     Raises
@@ -119,61 +140,73 @@ def delete_record(
         If something refers to the record, without `with_referents`; it is all named.
     UsageError
         If there is no such record.
-    LockedError
     """
-    alone = None if with_referents else record
-    return _change(folder, record_edits.deleting(record), alone=alone, dry_run=dry_run)
+    return _change(state, record_edits.deleting(record), alone=None if with_referents else record)
 
 
-def _change(folder: Path, edit: Edit, *, dry_run: bool, alone: RecordName | None = None) -> RecordsOutcome:
-    project = open_project(folder)
-    with reading([project.exterior]) as stores:
-        bundles = [each.record.name for each in exterior.read(stores[project.exterior])]
-    paths = [*project.record_stores, *filter(is_written, map(project.observations, bundles))]
-    with reading(paths) as stores:
-        plan = _plan(project, stores, edit, alone)
-    removed: tuple[ProjectWarning, ...] = ()
-    if plan.changes and not dry_run:
-        renamed = plan.renaming if plan.renaming is not None and plan.renaming.kind == "bundle" else None
+def dry_run(change: Change[RecordsOutcome]) -> Change[RecordsOutcome]:
+    """Return a change that writes nothing, and says so."""
+    warnings = tuple(warning for warning in change.outcome.warnings if warning.code != "renamed-bundle")
+    return Change(change.state, replace(change.outcome, warnings=warnings, dry_run=True))
+
+
+def _change(state: ProjectState, edit: Edit, alone: RecordName | None = None) -> Change[RecordsOutcome]:
+    plan, project = _plan(state, edit, alone), state.project
+    if tuple(plan.bundles) != state.bundles:
+        raise ChangedMeanwhileError(_BUNDLES)
+    renamed = plan.renaming if plan.renaming is not None and plan.renaming.kind == "bundle" else None
+    if renamed and plan.changes:
+        require_free_file(project, renamed)
+    superseded, removed = files_of_old_name(project, renamed) if renamed and plan.changes else ((), ())
+    deleted = [change.name for change in _deleted(plan.changes) if change.kind == "bundle"]
+    mentions = mention_warnings(state, plan.changes)
+    outcome = RecordsOutcome(
+        project, plan.changes, plan.measurements, (*plan.warnings, *mentions, *removed), dry_run=False
+    )
+    if not plan.changes:
+        return Change(state, outcome)
+
+    def further(stores: Stores) -> None:
+        _write_measurements(project, stores, plan)
         if renamed:
-            require_free_file(project, renamed)
-        new = [project.observations(renamed.new)] if renamed and is_written(project.observations(renamed.old)) else []
-        with writing([*paths, *new]) as stores:
-            plan = _plan(project, stores, edit, alone)  # another run may have changed them meanwhile
-            if plan.bundles != bundles:
-                message = (
-                    "another run of orip has changed the bundles meanwhile; nothing was written, repeat the command"
-                )
-                raise LockedError(message)
-            _write(project, stores, plan)
-            if renamed:
-                rename_solution(project, stores, renamed, plan.before, plan.after)
-                copy_preliminary(project, renamed)
-        deleted = [change.name for change in _deleted(plan.changes) if change.kind == "bundle"]
-        remove_files([project.observations(name) for name in deleted])
-        removed = remove_files_of_old_name(project, renamed) if renamed else ()
-    warnings = (*plan.warnings, *mention_warnings(project, plan.before, plan.changes), *removed)
-    return RecordsOutcome(project, plan.changes, plan.measurements, warnings, dry_run)
+            rename_solution(state, stores, renamed, plan.after)
+            copy_preliminary(project, renamed)
+
+    return Change(
+        state,
+        outcome,
+        StoredParts(plan.after),
+        _locks(state, renamed),
+        further=further,
+        superseded=(*map(project.observations, deleted), *superseded),
+    )
 
 
-def _plan(project: Project, stores: Stores, edit: Edit, alone: RecordName | None) -> _Plan:
-    stored = read_definitions(project, stores)
+def _locks(state: ProjectState, renamed: Renaming | None) -> tuple[Path, ...]:
+    """Return the stores that are changed: those of records, and of photo observations that are there."""
+    project = state.project
+    names = [*state.bundles, *([renamed.new] if renamed and is_written(project.observations(renamed.old)) else [])]
+    new = project.observations(renamed.new) if renamed else None
+    paths = (path for path in map(project.observations, names) if path == new or is_written(path))
+    return tuple(dict.fromkeys((*project.record_stores, *paths)))
+
+
+def _plan(state: ProjectState, edit: Edit, alone: RecordName | None) -> _Plan:
+    project, stored = state.project, state.definitions
     _require_applied(project, stored)
     before = stored_document(project, stored)
     edited = edit(copy.deepcopy(before))
     found = _checked(edited)
     after = project_document(found.definition)
-    ground_unit = project.definition.ground_unit
-    changes = record_changes(before, after, edited.renaming, ground_unit)
+    changes = record_changes(before, after, edited.renaming, project.definition.ground_unit)
     if changes and edited.known:
         raise InputError.single(edited.known)
     new = bound(found.definition, after, before, stored)
-    bundles = [each.record.name for each in stored.bundles]
-    measurements = tuple(_measurements(project, stores, bundles, changes))
+    measurements = tuple(_measurements(state, changes))
     if alone is not None:
         _require_alone(alone, changes, measurements)
     known = _warnings_before(before) if found.warnings else frozenset()
-    warnings = tuple(each for each in found.warnings if each not in known)
+    warnings = tuple(warning for warning in found.warnings if warning not in known)
     return _Plan(stored, new, changes, edited.renaming, measurements, warnings)
 
 
@@ -205,11 +238,9 @@ def _deleted(changes: Sequence[RecordChange]) -> Iterator[RecordChange]:
     return (change for change in changes if change.action == "deleted")
 
 
-def _measurements(
-    project: Project, stores: Stores, bundles: Sequence[str], changes: Sequence[RecordChange]
-) -> Iterator[str]:
+def _measurements(state: ProjectState, changes: Sequence[RecordChange]) -> Iterator[str]:
     for change in _deleted(changes):
-        for what in measurements_of(project, stores, bundles, change.kind, change.name):
+        for what in measurements_of(state.measured, change.kind, change.name):
             yield f"{what} of {change.kind} {change.name}" if change.kind != "bundle" else f"{what} of {change.name}"
 
 
@@ -229,11 +260,7 @@ def _require_alone(record: RecordName, changes: Sequence[RecordChange], measurem
         raise InputError.single(message)
 
 
-# writing
-
-
-def _write(project: Project, stores: Stores, plan: _Plan) -> None:
-    write_definitions(project, stores, plan.before, plan.after)
+def _write_measurements(project: Project, stores: Stores, plan: _Plan) -> None:
     if plan.renaming is not None:
         rename_measurements(project, stores, plan.bundles, plan.renaming)
     for kind in ("photo", "template", "bundle"):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import UsageError
-from orip.files.stores.transaction import reading
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
 from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import near_names, record_key
-from orip.workflow.project.definitions import read_definitions, require_initialised
-from orip.workflow.project.folder import open_project
+from orip.workflow.project.state import ProjectState
 
 DistortionForm = Literal["polynomial", "isp", "curve"]
 
@@ -56,12 +53,13 @@ class DistortionCurve:
     residual: FloatArray
 
 
-def distortion_curve(folder: Path, name: str, largest_radius: float | None = None) -> DistortionCurve:
+def distortion_curve(state: ProjectState, name: str, largest_radius: float | None = None) -> DistortionCurve:
     """Return the distortion curve of a camera as its store has it.
 
     Parameters
     ----------
-    folder : Path
+    state : ProjectState
+        With definitions.
     name : str
     largest_radius : float or None
         mm; None: to the corner of the frame that is farthest from the principal point, and to all given points.
@@ -73,11 +71,8 @@ def distortion_curve(folder: Path, name: str, largest_radius: float | None = Non
     UsageError
         If there is no such camera, or nothing tells how far its photos reach.
     """
-    project = open_project(folder)
-    with reading(project.record_stores) as stores:
-        definitions = read_definitions(project, stores)
-    require_initialised(project, definitions)
-    cameras = definitions.by_name().cameras
+    state.require_initialised()
+    cameras = state.records.cameras
     camera = cameras.get(record_key(name))
     if camera is None:
         message = f"there is no camera {name}; {near_names(name, (each.name for each in cameras.values()))}"

@@ -11,17 +11,21 @@ from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
 from orip.files.project.text import project_document
 from orip.files.stores.definitions import Named, StoredRecord
-from orip.files.stores.transaction import reading
-from orip.files.text.atomic import replace_text, reporting_failure
+from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.commit import Change
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import Project
+from orip.workflow.project.state import ProjectState
+from orip.workflow.project.text_output import TextOutput
 from orip.workflow.records.apply_text import apply_text
 from orip.workflow.records.document import checked, stored_definition
 
 T = TypeVar("T", bound=Named)
+
+_REMEDY = "it is as it was"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,17 +54,18 @@ class ExportedToml:
     warnings: tuple[ProjectWarning, ...]
 
 
-def export_toml(folder: Path, output: Path | None = None, *, force: bool = False) -> ExportedToml:
-    """Bring the stores into the text: return a project file that says what they hold, and write it to a file.
+def export_toml(state: ProjectState, output: Path | None = None, *, force: bool = False) -> Change[ExportedToml]:
+    """Bring the stores into the text: make a project file that says what they hold.
 
     Records that orip.toml already has as the stores hold them keep their lines, and others the comments above them.
     Cameras and temticks of other projects in shared stores are left out, unless a record of this project names them.
 
     Parameters
     ----------
-    folder : Path
+    state : ProjectState
+        With definitions.
     output : Path or None
-        Relative to the project folder.
+        Where to, relative to the project folder; None: nothing is written.
     force : bool
         Also if there is another text of that name; it is kept beside it, with the ending .bak.
 
@@ -70,11 +75,8 @@ def export_toml(folder: Path, output: Path | None = None, *, force: bool = False
         If there are no stores, or their records are not fit for a project file.
     UsageError
         If there is another file of that name, without `force`.
-    LockedError
     """
-    project = open_project(folder)
-    with reading(project.record_stores) as stores:
-        stored = read_definitions(project, stores)
+    project, stored = state.project, state.definitions
     if not any((stored.cameras, stored.temticks, stored.templates, stored.photos, stored.bundles)):
         message = "the project has no record stores yet; run 'orip init' first"
         raise InputError.single(message)
@@ -83,10 +85,19 @@ def export_toml(folder: Path, output: Path | None = None, *, force: bool = False
     text = merged_project_text(_text_of(project), _without_polynomial(definition))
     warnings = tuple(_not_applied(project, stored))
     if output is None:
-        return ExportedToml(project, text, None, changed=False, backup=None, warnings=warnings)
+        return Change(state, ExportedToml(project, text, None, changed=False, backup=None, warnings=warnings))
     path = project.folder / output
-    changed, backup = _write(project, path, text, force=force)
-    return ExportedToml(project, text, path, changed, backup, warnings)
+    there = _bytes_of(project, path)
+    if there == text.encode():
+        return Change(state, ExportedToml(project, text, path, changed=False, backup=None, warnings=warnings))
+    if there is not None and not force:
+        shown = project.shown(path)
+        message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
+        raise UsageError(message)
+    backup = None if there is None else _free_name(path)
+    outcome = ExportedToml(project, text, path, changed=True, backup=backup, warnings=warnings)
+    output_text = TextOutput(path, lambda: [text], _REMEDY)
+    return Change(state, outcome, kept=((path, backup),) if backup else (), outputs=(output_text,))
 
 
 def _own(project: Project, stored: StoredDefinitions) -> StoredDefinitions:
@@ -145,21 +156,10 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
         yield ProjectWarning("not-applied", where, f"{conflict}: what is exported is the store's")
 
 
-def _write(project: Project, path: Path, text: str, *, force: bool) -> tuple[bool, Path | None]:
-    shown = project.shown(path)
-    with reporting_failure(shown, "it is as it was"):
-        old = path.read_bytes() if path.exists() else None
-        if old == text.encode():
-            return False, None
-        if old is not None and not force:
-            message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
-            raise UsageError(message)
-        backup = None
-        if old is not None:
-            backup = _free_name(path)
-            backup.write_bytes(old)
-        replace_text(path, text)
-    return True, backup
+def _bytes_of(project: Project, path: Path) -> bytes | None:
+    """Return what is in a file; None if there is none."""
+    with reporting_failure(project.shown(path), _REMEDY):
+        return path.read_bytes() if path.exists() else None
 
 
 def _free_name(path: Path) -> Path:

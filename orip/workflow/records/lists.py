@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from orip.files.project.record_values import TomlTable
 from orip.files.stores.definitions import Named, StoredRecord
 from orip.files.stores.digest import record_digest
-from orip.files.stores.transaction import reading
 from orip.files.text.table import Column, table_lines
 from orip.records.fields import headings_of
 from orip.records.names import record_key
 from orip.records.project import RECORD_TYPES
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions
-from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.folder import PROJECT_FILE, Project
+from orip.workflow.project.state import ProjectState
 from orip.workflow.records.apply_text import with_polynomial
 from orip.workflow.records.document import stored_document
 from orip.workflow.records.edits import RecordName, bundle_of_models, find
@@ -52,14 +51,23 @@ class ShownRecord:
     text: str
 
 
-def list_records(folder: Path, kind: RecordKind, bundle: str | None = None) -> RecordList:
+def list_records(state: ProjectState, kind: RecordKind, bundle: str | None = None) -> RecordList:
     """Return the records of a kind in the order of their store; models of one bundle, or of all.
+
+    Parameters
+    ----------
+    state : ProjectState
+        With definitions.
+    kind : str
+    bundle : str or None
 
     Raises
     ------
-    InputError, UsageError, LockedError
+    UsageError
+        If there is no such bundle.
     """
-    project, stored, document = _stored(folder)
+    project, stored = state.project, state.definitions
+    document = stored_document(project, stored)
     chosen = bundle_of_models(document, bundle)["name"] if bundle is not None else None
     places = [each for each in records_of(document, kind) if chosen in {None, each.bundle}]
     rows = tuple(_row(project, stored, each) for each in places)
@@ -72,9 +80,10 @@ def list_records(folder: Path, kind: RecordKind, bundle: str | None = None) -> R
     return RecordList(rows, "\n".join(table_lines(columns)) + "\n")
 
 
-def show_record(folder: Path, record: RecordName) -> ShownRecord:
+def show_record(state: ProjectState, record: RecordName) -> ShownRecord:
     """Return a record with all its values; raises what `list_records` does."""
-    project, stored, document = _stored(folder)
+    project, stored = state.project, state.definitions
+    document = stored_document(project, stored)
     place = find(document, record)
     row = _row(project, stored, place)
     values = tuple(values_of(record.kind, place.table, project.definition.ground_unit))
@@ -82,13 +91,6 @@ def show_record(folder: Path, record: RecordName) -> ShownRecord:
     lines = [f"{record.kind} {place.name}", *_value_lines(values), "", f"  from      {row.source}"]
     lines.append(f"  named by  {', '.join(named_by) or 'no record'}")
     return ShownRecord(row, values, named_by, "\n".join(lines) + "\n")
-
-
-def _stored(folder: Path) -> tuple[Project, StoredDefinitions, TomlTable]:
-    project = open_project(folder)
-    with reading(project.record_stores) as stores:
-        stored = read_definitions(project, stores)
-    return project, stored, stored_document(project, stored)
 
 
 def _value_lines(values: Iterable[RecordValue]) -> list[str]:

@@ -13,7 +13,7 @@ from orip.files.stores import observations, photos, templates
 from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.wording import counted
 from orip.workflow.project.folder import Project
@@ -26,22 +26,18 @@ def is_written(path: Path) -> bool:
     return path.is_file() and path.stat().st_size > 0
 
 
-def measurements_of(
-    project: Project, stores: Stores, bundles: Sequence[str], kind: RecordKind, name: str
-) -> Iterator[str]:
+def measurements_of(measured: Measured, kind: RecordKind, name: str) -> Iterator[str]:
     """Say what is measured of a record."""
     key = record_key(name)
-    if kind == "photo" and (photo := photos.read_orientations(stores[project.photos]).get(key)) is not None:
-        yield counted(len(photo.marks.names), "measured fiducial mark")
-    if kind == "template":
-        found = templates.read_orientations(stores[project.templates]).get(key)
-        if found is not None:
-            yield counted(len(found.marks.names), "measured tick mark")
-    for bundle, measured in _observed(project, stores, bundles):
-        if kind == "bundle" and record_key(bundle) == key and measured.points:
-            yield counted(len(measured.points), "measured photo point")
-        if kind == "photo" and (count := sum(record_key(photo) == key for photo in measured.photos)):
-            yield f"{counted(count, 'measured photo point')} of {bundle}"
+    if kind == "photo" and key in measured.photos:
+        yield counted(len(measured.photos[key].marks.names), "measured fiducial mark")
+    if kind == "template" and key in measured.templates:
+        yield counted(len(measured.templates[key].marks.names), "measured tick mark")
+    for bundle, found in measured.observations.items():
+        if kind == "bundle" and bundle == key and found.points:
+            yield counted(len(found.points), "measured photo point")
+        if kind == "photo" and (count := sum(record_key(photo) == key for photo in found.photos)):
+            yield f"{counted(count, 'measured photo point')} of {found.bundle}"
 
 
 def rename_measurements(project: Project, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:

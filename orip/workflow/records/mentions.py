@@ -17,13 +17,11 @@ from orip.records.measurement import (
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
-from orip.workflow.project.texts import ProjectTexts
+from orip.workflow.project.state import ProjectState
 from orip.workflow.records.changes import RecordChange
 
 
-def mention_warnings(
-    project: Project, before: StoredDefinitions, changes: tuple[RecordChange, ...]
-) -> Iterator[ProjectWarning]:
+def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> Iterator[ProjectWarning]:
     """Warn of each text that names a record by a name that it has no longer."""
     gone = [
         change
@@ -34,14 +32,14 @@ def mention_warnings(
     ]
     if not gone:
         return
-    texts = ProjectTexts(project)
-    log, elements = texts.log.records.records, texts.control.records.elements
+    project = state.project
+    log, elements = state.texts.log.records.records, state.texts.control.records.elements
     control = f"{project.definition.control_files}.ELE"
     for change in gone:
         name = change.old_name or change.name
         now = f"is called {change.name} now" if change.old_name else "is deleted"
         yield from _in_project_text(project, change, name, now)
-        yield from _shared(project, before, change, name)
+        yield from _shared(project, state.definitions, change, name)
         for path, line in dict(reversed([_place(each) for each in log if _mentions(each, change.kind, name)])).items():
             text = f"{change.kind} {name} {now}, but is still measured here; correct it before the next 'orip measure'"
             yield ProjectWarning("still-in-measurements", f"{path}:{line}", text)

@@ -6,7 +6,6 @@ What is measured of it follows in `orip.workflow.records.measurements`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,22 +19,20 @@ from orip.wording import agreeing
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import Project
 from orip.workflow.project.run_id import digest_of_records, run_id
+from orip.workflow.project.state import ProjectState
 from orip.workflow.records.changes import Renaming
 
 
-def rename_solution(
-    project: Project, stores: Stores, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
-) -> None:
+def rename_solution(state: ProjectState, stores: Stores, renaming: Renaming, after: StoredDefinitions) -> None:
     """Give the solution of a bundle its new name.
 
     It stays as current as it was. Its run id is another one, so that the listings under the old name are written again.
     """
-    store = stores[project.exterior]
-    solution = solutions.read(store, renaming.old)
+    solution, store = state.solution(renaming.old), stores[state.project.exterior]
     if solution is None:
         return
     solutions.delete(store, renaming.old)
-    inputs = _renamed_inputs(project, solution, renaming, before, after)
+    inputs = _renamed_inputs(state.project, solution, renaming, state.definitions, after)
     run = run_id("rename", solution.run, renaming.new)
     solutions.write(store, replace(solution, bundle=renaming.new, inputs=inputs, run=run))
 
@@ -87,22 +84,21 @@ def copy_preliminary(project: Project, renaming: Renaming) -> None:
         raise OripError(message) from error
 
 
-def remove_files_of_old_name(project: Project, renaming: Renaming) -> tuple[ProjectWarning, ...]:
-    """Remove what is named after a bundle that is called otherwise now, and say which results those were."""
+def files_of_old_name(project: Project, renaming: Renaming) -> tuple[tuple[Path, ...], tuple[ProjectWarning, ...]]:
+    """Return the files that are named after a bundle that gets another name, and a warning of the results in them."""
     if renaming.old == renaming.new:
-        return ()
-    remove_files([project.observations(renaming.old), project.preliminary(renaming.old)])
+        return (), ()
+    sources = (project.observations(renaming.old), project.preliminary(renaming.old))
     kept = _results(project, renaming.new)
     results = [path for path in _results(project, renaming.old) if path not in kept and path.is_file()]
     if not results:
-        return ()
-    remove_files(results)
+        return sources, ()
     text = (
         f"{', '.join(map(project.shown, results))} had the old name and {agreeing(len(results), 'is', 'are')} gone; "
         f"as soon as orip.toml has the new one, 'orip init' writes the listings, 'orip prelim', 'orip drive table' and "
         f"'orip report' write the rest"
     )
-    return (ProjectWarning("renamed-bundle", "", text),)
+    return (*sources, *results), (ProjectWarning("renamed-bundle", "", text),)
 
 
 def _results(project: Project, bundle: str) -> Sequence[Path]:
@@ -112,10 +108,3 @@ def _results(project: Project, bundle: str) -> Sequence[Path]:
         project.report(bundle),
         project.beside_photos(bundle, "DRV"),
     )
-
-
-def remove_files(paths: Sequence[Path]) -> None:
-    """Remove files that are of no use any more, as far as that is possible: empty stores, copies, results."""
-    for path in paths:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)

@@ -1,4 +1,7 @@
-"""Numbers as people read them: decimals that follow from the precision, words where there is no number."""
+"""Numbers as people read them: decimals that follow from the precision, words where there is no number.
+
+Listings print columns of equal decimals in plain text; `orip.report.numbers` has what the report's page does otherwise.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,19 @@ def decimals_for(deviations: ArrayLike, at_least: int = 3, at_most: int = 6) -> 
     at_least, at_most : int
         Limits; `at_least` is also the answer where no deviation counts.
     """
+    known = known_precisions(deviations)
+    return decimals_of_two_digits(float(known.min()), at_least, at_most) if known.size else at_least
+
+
+def known_precisions(deviations: ArrayLike) -> FloatArray:
+    """Return the standard deviations that are finite and positive, as one row."""
     known = np.asarray(deviations, dtype=np.float64)
-    known = known[np.isfinite(known) & (known > 0.0)]
-    if known.size == 0:
-        return at_least
-    return min(max(math.ceil(-math.log10(known.min())) + 1, at_least), at_most)
+    return known[np.isfinite(known) & (known > 0.0)]
+
+
+def decimals_of_two_digits(precision: float, at_least: int, at_most: int) -> int:
+    """Return the decimals with which a precision has two significant digits, between the limits."""
+    return min(max(math.ceil(-math.log10(precision)) + 1, at_least), at_most)
 
 
 def decimals_of(values: ArrayLike, at_least: int = 3, at_most: int = 6) -> int:

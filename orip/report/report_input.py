@@ -13,7 +13,7 @@ from orip.records.solution import Solution
 
 
 @dataclass(frozen=True, slots=True)
-class Matter:
+class ReportInput:
     """A solution with the definitions that it stands on.
 
     Parameters
