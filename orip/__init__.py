@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from orip.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from orip.api import (
         AdjustedCamera,
@@ -38,8 +40,6 @@ if TYPE_CHECKING:
         UsageError,
         open_project,
     )
-
-__version__ = "0.1.0"
 
 __all__ = [
     "AdjustedCamera",
