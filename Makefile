@@ -76,6 +76,7 @@ check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy tests/api/typed_script.py
 	$(BIN)/lint-imports
 	$(build_docs) html docs $(DOCS)
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from orip.version import __version__
+
 if TYPE_CHECKING:
     from orip.api import (
         AdjustedCamera,
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
         open_project,
     )
 
-__version__ = "0.1.0"
-
 __all__ = [
     "AdjustedCamera",
     "AdjustedCameras",
@@ -68,6 +68,7 @@ __all__ = [
     "Solution",
     "UnknownNameError",
     "UsageError",
+    "__version__",
     "open_project",
 ]
 

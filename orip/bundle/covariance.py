@@ -19,6 +19,9 @@ from orip.bundle.solve import SolvedBlock, threads_that_pay
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.units import DEGREES_PER_RADIAN
 
+_AT_ONCE = 60
+"""Columns of the inverse that are in memory together: each has as many elements as there are unknowns."""
+
 
 class Figures(NamedTuple):
     """The r figures of a record as functions of k unknowns.
@@ -86,7 +89,9 @@ def covariance(solved: SolvedBlock, rows: Sequence[Figures], columns: Sequence[F
         nothing determines.
     """
     one, other = _joined(rows), _joined(columns)
-    cofactors = _rows_of(cofactor_columns(solved, other.columns), one.columns)
+    starts = range(0, len(other.columns), _AT_ONCE)
+    parts = [_rows_of(cofactor_columns(solved, other.columns[at : at + _AT_ONCE]), one.columns) for at in starts]
+    cofactors = np.hstack(parts)
     found = solved.deviation_scale**2 * (one.partials @ cofactors @ other.partials.T)
     found[_undetermined(solved, one)] = np.nan
     found[:, _undetermined(solved, other)] = np.nan

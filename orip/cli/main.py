@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-from orip import __version__
 from orip.cli import adjust, control, digitise, drive, observations, project, records
 from orip.cli.exits import exit_on_error, report_usage
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.errors import INTERRUPTED
+from orip.version import __version__
 
 app = typer.Typer(
     name="orip",

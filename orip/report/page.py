@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from orip import __version__
 from orip.records.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
@@ -24,6 +23,7 @@ from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, global_test, verdict
+from orip.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Template

@@ -17,7 +17,7 @@ from orip.adjustment.band import BandMatrix
 from orip.bundle.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results import solution_of
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.state import State
+from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.control import Control
@@ -60,7 +60,7 @@ def records(found: SolvedBlock) -> list[Figures]:
     ]
 
 
-def values_of(found: SolvedBlock, state: State) -> list[np.ndarray]:
+def values_of(found: SolvedBlock, state: BlockState) -> list[np.ndarray]:
     """Return the same records' figures at a state; angles about the project's axes at the adjusted centres."""
     ground = found.block.ground
     axes = ground.axes_at(ground.to_project(found.state.centres))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from orip import __version__
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
 from orip.records.solution import Solution, Status
+from orip.version import __version__
 
 RUN_LABEL = "Run id"
 TITLE_LINES = 16

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 
-from orip import __version__
 from orip.files.stores.digest import record_digest
 from orip.records.measurement import PhotoObservations
+from orip.version import __version__
 
 _LENGTH = 12
 
