@@ -31,7 +31,7 @@ from orip.multimodel.driving import drive_objects
 from orip.multimodel.movement import drive_object
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.processor import Loaded, load
-from orip.multimodel.state import State
+from orip.multimodel.state import ProcessorState
 from orip.records.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits
 
 TIMES = 5
@@ -91,7 +91,7 @@ def seconds(work: Callable[[], object]) -> float:
     return min(times)
 
 
-def one_by_one(block: OrientedBlock, state: State, points: list[tuple[float, ...]]) -> None:
+def one_by_one(block: OrientedBlock, state: ProcessorState, points: list[tuple[float, ...]]) -> None:
     """Drive to points by one command each."""
     for point in points:
         state, _ = drive_object(block, state, point)

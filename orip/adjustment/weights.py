@@ -10,11 +10,14 @@ import numpy as np
 
 from orip.arrays import FloatArray
 
-_FLOOR = 1e-10
+LEAST_WEIGHT = 1e-10
 """Smallest weight: unknowns that only down-weighted observations determine remain determined."""
 
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of the size of a standard normal residual."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a standard normal residual."""
+
+LIMIT_OF_TWO_COMPONENTS = 3.5
+"""Limit c for the length of a residual with two components: one good residual in 460 is longer."""
 
 
 def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
@@ -31,7 +34,7 @@ def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     -------
     array (n,)
     """
-    reduced = np.maximum(np.exp(-standard_residuals / limit), _FLOOR)
+    reduced = np.maximum(np.exp(-standard_residuals / limit), LEAST_WEIGHT)
     return np.where(standard_residuals <= limit, 1.0, reduced)
 
 
@@ -54,6 +57,6 @@ def scaled_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     """
     if not len(standard_residuals):
         return np.ones(0)
-    scale = max(float(np.median(standard_residuals)) / _MEDIAN_OF_NORMAL, 1.0)
+    scale = max(float(np.median(standard_residuals)) / MEDIAN_OF_NORMAL, 1.0)
     raised = limit * scale
     return (raised / np.maximum(standard_residuals, raised)) ** 2

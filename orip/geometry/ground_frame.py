@@ -11,7 +11,6 @@ project's coordinates are functions of the local ones, with partials.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +31,6 @@ The third derivatives of a projection are of the order of 1/R², so that a centr
 
 _CONFORMAL = 1e-6
 """Angular distortion (radians) below which the axes of the grid count as perpendicular: 0.2 seconds of arc."""
-
-
-class LocalCoordinates(NamedTuple):
-    """Local coordinates (n, 3) of n points, and their partials (n, 3, 3) by the points' coordinates in the project."""
-
-    value: FloatArray
-    by_project: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,23 +157,6 @@ class GroundFrame:
         """
         geocentric = self._geocentric(local)
         return ProjectCoordinates(self._project_of(geocentric), self._partials(self._geographic_of(geocentric)))
-
-    def local_with_partials(self, xyz: FloatArray) -> LocalCoordinates:
-        """Return local coordinates and their partials by those in the project: `project_with_partials` inverted.
-
-        Parameters
-        ----------
-        xyz : array (n, 3)
-
-        Returns
-        -------
-        LocalCoordinates
-        """
-        by_local = self.jacobian_at(xyz)
-        by_project = np.full_like(by_local, np.nan)
-        known = np.isfinite(by_local).all(axis=(1, 2))
-        by_project[known] = np.linalg.inv(by_local[known])
-        return LocalCoordinates(self.to_local(xyz), by_project)
 
     def description(self) -> tuple[str, ...]:
         """Return lines for a listing: the frame, and what coordinates and rotations refer to."""

@@ -156,3 +156,9 @@ def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
     one, zero = np.ones_like(so), np.zeros_like(so)
     rows = [[one, so * tp, -co * tp], [zero, co, so], [zero, -so / cp, co / cp]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the angles (...), radians, of the rotations that take rotation matrices (..., 3, 3) to other ones."""
+    trace = np.einsum("...ij,...ij->...", one, other)
+    return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from orip.interior.known_names import unknown_record
 from orip.interior.orientation import OrientationError
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
+from orip.wording import listed_names
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)
 
@@ -64,6 +64,14 @@ class Definitions:
     def with_temtick(self, temtick: Temtick) -> Definitions:
         """Return the definitions with the tick marks of one name replaced."""
         return replace(self, temticks={**self.temticks, record_key(temtick.name): temtick})
+
+
+def unknown_record(what: str, name: str, known: Iterable[str]) -> str:
+    """Say that a record is not defined, and which are."""
+    return (
+        f"{what} {name} is not defined; known are: {listed_names(known)}; correct the name, or define it in orip.toml "
+        "and run 'orip init'"
+    )
 
 
 def _referred_to(records: Mapping[str, Referred], kind: str, name: str, by: str) -> Referred:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from orip.interior.definitions import Definitions
+from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.fiducial_system import fiducials_from_plate
-from orip.interior.known_names import unknown_record
 from orip.interior.orientation import OrientationError
 from orip.records.camera import Camera, Mark
 from orip.records.measurement import FiducialsRecord, TicksRecord

@@ -27,7 +27,7 @@ Mapped = tuple[Number, Number, Number, Number, Number, Number]
 A plain tuple: making a named one takes as long as a tenth of the formulas.
 """
 
-_NEWTON_STEPS = 20
+_NEWTON_STEPS = 10
 _STEP_ENOUGH_MM = 1e-12
 _FOUND_MM = 1e-9
 """A thousandth of a thousandth of what can be measured; rounding may keep Newton's steps above their tolerance."""

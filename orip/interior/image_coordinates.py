@@ -12,9 +12,10 @@ loop have these equations from here; the compiled loops are held to them by test
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -62,8 +63,7 @@ class ImageEquation:
         Arrays may overflow where nothing is shown; callers silence numpy.
         """
         if self.at_measured:
-            x, y, found = inverse(self.explicit_with_partials, x, y)
-            x, y = _where(found & self.is_within_reach(x, y), x, y)
+            x, y = self._inverse(x, y)
         else:
             x, y = _where(self.is_within_reach(x, y), *self.explicit_with_partials(x, y)[:2])
         return x + self.x0, y + self.y0
@@ -73,18 +73,27 @@ class ImageEquation:
         x, y = xf - self.x0, yf - self.y0
         if self.at_measured:
             return _where(self.is_within_reach(x, y), *self.explicit_with_partials(x, y)[:2])
-        x, y, found = inverse(self.explicit_with_partials, x, y)
-        return _where(found & self.is_within_reach(x, y), x, y)
+        return self._inverse(x, y)
 
     def explicit_with_partials(self, x: Number, y: Number) -> Mapped[Number]:
         """Return what the formula gives: measured coordinates of ideal ones, or ideal ones of measured ones.
 
         Both are reduced to the principal point, mm.
         """
-        deformation = None
-        if self.additional is not None:
-            deformation = deformation_with_partials(self.additional, x + self.x0, y + self.y0)
-        return _explicit(self.at_measured, self.coefficients, x, y, deformation)
+        if self.additional is None:
+            return _formula(self.at_measured)(self.coefficients, x, y)
+        deformation = deformation_with_partials(self.additional, x + self.x0, y + self.y0)
+        return _deformed(self.at_measured, _formula(self.at_measured)(self.coefficients, x, y), deformation)
+
+    def _inverse(self, u: Number, v: Number) -> tuple[Number, Number]:
+        """Return what the formula gives u and v of; NaN where there is nothing within the reach."""
+        if self.additional is None:
+            # called some thousand times a second: without the calls in between; mypy forgets that it takes arrays too
+            formula: Any = partial(_formula(self.at_measured), self.coefficients)
+            x, y, found = inverse(formula, u, v)
+        else:
+            x, y, found = inverse(self.explicit_with_partials, u, v)
+        return _where(found & self.is_within_reach(x, y), x, y)
 
     def is_within_reach(self, x: Number, y: Number) -> bool | BoolArray:
         """Tell whether the argument of the polynomial is within the reach, for an argument of the formula."""
@@ -146,15 +155,16 @@ def image_residuals_with_partials(
     """
     principal_point, coefficients = camera[:, :2], tuple(camera[:, 2:].T)
     argument = measured - principal_point if at_measured else ideal
-    by_additional, by_place, deformation = np.empty((len(ideal), 2, 0)), np.zeros((1, 2, 2)), None
+    by_additional, by_place = np.empty((len(ideal), 2, 0)), np.zeros((1, 2, 2))
+    x, y = np.ascontiguousarray(argument.T)
+    mapped = _formula(at_measured)(coefficients, x, y)
     if additional is not None:
         place = measured if at_measured else principal_point + ideal
         found = additional_with_partials(additional.name, place, additional.base_mm, additional.values)
         by_additional, by_place = found.by_values, found.by_xy
-        deformation = *found.value.T, *found.by_xy.reshape(-1, 4).T
-    x, y = np.ascontiguousarray(argument.T)
-    mapped = np.stack(_explicit(at_measured, coefficients, x, y, deformation), axis=1)
-    to, by_argument = mapped[:, :2], mapped[:, 2:].reshape(-1, 2, 2)
+        mapped = _deformed(at_measured, mapped, (*found.value.T, *found.by_xy.reshape(-1, 4).T))
+    stacked = np.stack(mapped, axis=1)
+    to, by_argument = stacked[:, :2], stacked[:, 2:].reshape(-1, 2, 2)
     unit = np.broadcast_to(np.eye(2), by_argument.shape)
     if at_measured:
         by_coefficients = -corrected_by_coefficients(coefficients, x, y)
@@ -164,22 +174,17 @@ def image_residuals_with_partials(
     return ImageResiduals(principal_point + to - measured, by_argument, unit + by_place, by_coefficients, by_additional)
 
 
-def _explicit(
-    at_measured: bool,
-    coefficients: Sequence[float] | Sequence[Number],
-    x: Number,
-    y: Number,
-    deformation: Mapped[Number] | None,
-) -> Mapped[Number]:
-    """Return the side of the image equation that a formula gives, from the other one; both from the principal point."""
-    if deformation is None:
-        function = corrected_with_partials if at_measured else distorted_with_partials
-        return function(coefficients, x, y)
+def _formula(at_measured: bool) -> Callable[[Sequence[float] | Sequence[Number], Number, Number], Mapped[Number]]:
+    """Return the formula of the polynomial's form: from the argument of the polynomial to the other side."""
+    return corrected_with_partials if at_measured else distorted_with_partials
+
+
+def _deformed(at_measured: bool, mapped: Mapped[Number], deformation: Mapped[Number]) -> Mapped[Number]:
+    """Return what a formula gives, with additional parameters: an image is deformed, an ideal place is corrected."""
+    to_x, to_y, xx, xy, yx, yy = mapped
     dx, dy, dxx, dxy, dyx, dyy = deformation
     if at_measured:
-        to_x, to_y, xx, xy, yx, yy = corrected_with_partials(coefficients, x, y)
         return to_x - dx, to_y - dy, xx - dxx, xy - dxy, yx - dyx, yy - dyy
-    to_x, to_y, xx, xy, yx, yy = distorted_with_partials(coefficients, x, y)
     return to_x + dx, to_y + dy, xx + dxx, xy + dxy, yx + dyx, yy + dyy
 
 

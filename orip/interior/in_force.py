@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
 from orip.records.interior import MarkAdjustment
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 
 

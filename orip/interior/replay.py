@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.definitions import Definitions
+from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
 from orip.interior.findings import Findings
-from orip.interior.known_names import unknown_record
-from orip.interior.measured import Measured
 from orip.interior.measured_points import MeasuredPoints, points_of_record
 from orip.interior.mounting import STORED, MountedFilms, Mounting
 from orip.interior.orientation import OrientationError
@@ -28,6 +26,7 @@ from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
+    Measured,
     PhotoOrientation,
     PhotoRecord,
     Place,

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator
 from types import TracebackType
 from typing import Literal, Self, overload
 
@@ -42,9 +41,6 @@ FIRST_PAUSE_S = 0.2
 
 DOWNLOAD_TIMEOUT_S = 600.0
 """For a download, and for its reply: a serial line takes a kilobyte a second, and a large table takes time to check."""
-
-EVENT_PAUSE_S = 0.05
-"""Between two questions for an event: nobody notices less at a foot switch."""
 
 
 class ProcessorFault(LinkError):  # noqa: N818  # what it refuses is a fault of the request, and its word is fault
@@ -202,15 +198,6 @@ class PlateProcessorLink:
     def next_event(self) -> Event | None:
         """Return the oldest event that nobody has asked for yet; None if there is none."""
         return event_of(self.request("EVENT"))
-
-    def events(self, pause_s: float = EVENT_PAUSE_S) -> Iterator[Event]:
-        """Yield what the operator does, as it comes; without an end."""
-        while True:
-            event = self.next_event()
-            if event is None:
-                time.sleep(pause_s)
-            else:
-                yield event
 
     def operate(self) -> None:
         """Take the operator's role."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from orip.multimodel.oriented_block import OrientedBlock, oriented_block
 from orip.multimodel.processor import Loaded
-from orip.multimodel.state import Condition, Position, State
+from orip.multimodel.state import Condition, Position, ProcessorState
 from orip.records.drive_table import (
     DriveCamera,
     DriveFault,
@@ -51,23 +51,23 @@ class Station:
     Parameters
     ----------
     block : OrientedBlock
-    state : State
+    state : ProcessorState
         Where everything is, or is going to.
     table : bytes
         The drive table as it was loaded; empty: none.
     digest : str
         Its SHA-256, hexadecimal.
-    on_the_way : State or None
+    on_the_way : ProcessorState or None
         What shows while the stages are on their way.
     is_paced : bool
         Travel takes time.
     """
 
     block: OrientedBlock
-    state: State
+    state: ProcessorState
     table: bytes = b""
     digest: str = ""
-    on_the_way: State | None = None
+    on_the_way: ProcessorState | None = None
     is_paced: bool = False
 
     @property
@@ -76,7 +76,7 @@ class Station:
         return bool(self.table)
 
     @property
-    def shown(self) -> State:
+    def shown(self) -> ProcessorState:
         """Return the state that read-outs show."""
         return self.on_the_way or self.state
 
@@ -117,5 +117,5 @@ def bare_stages(*, is_paced: bool = False) -> Station:
     )
     model = DriveModel(NO_MODEL, 1, 1, "LEFT", "RIGHT", "NORMAL")
     table = DriveTable("-", "-", "mm", "-", limits, limits, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
-    state = State(0, ((0.0, 0.0), (0.0, 0.0)), None, "IN", guide="UPPER")
+    state = ProcessorState(0, ((0.0, 0.0), (0.0, 0.0)), None, "IN", guide="UPPER")
     return Station(oriented_block(table), state, is_paced=is_paced)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import dist, floor
 from typing import NamedTuple
 
-from orip.multimodel.state import Position, State
+from orip.multimodel.state import Position, ProcessorState
 
 Plates = tuple[Position, Position]
 
@@ -25,7 +25,7 @@ class Travel(NamedTuple):
     began_s: float
 
 
-def on_the_way(pace: Pace, travel: Travel, goal: State, now_s: float) -> State | None:
+def on_the_way(pace: Pace, travel: Travel, goal: ProcessorState, now_s: float) -> ProcessorState | None:
     """Return what shows of stages that go to their places straight and at equal speed; None: they have arrived."""
     covered = pace.speed * floor((now_s - travel.began_s) * pace.rate_hz) / pace.rate_hz
     pairs = zip(travel.origin, goal.plates, strict=True)

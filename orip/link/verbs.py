@@ -24,7 +24,7 @@ from orip.link.request_words import Refused, keyword, numbers, shown, three_numb
 from orip.link.station import Station, bare_stages
 from orip.multimodel import movement, panel, readout
 from orip.multimodel.driving import profile as drive_profile
-from orip.multimodel.state import GUIDES, SIDES, Driven, Side, State, Status
+from orip.multimodel.state import GUIDES, SIDES, Driven, ProcessorState, Side, Status
 from orip.records.drive_table import STAGES, DriveCode, DriveFault
 from orip.records.photo import Stage
 
@@ -180,12 +180,12 @@ def digest(station: Station, _words: Words) -> Outcome:
     return station, station.digest
 
 
-def _moved(station: Station, outcome: tuple[State, Driven | DriveFault]) -> Outcome:
+def _moved(station: Station, outcome: tuple[ProcessorState, Driven | DriveFault]) -> Outcome:
     state, reply = outcome
     return replace(station, state=state), driven_text(_unless_fault(reply))
 
 
-def _set(station: Station, outcome: tuple[State, Status | DriveFault]) -> Outcome:
+def _set(station: Station, outcome: tuple[ProcessorState, Status | DriveFault]) -> Outcome:
     state, reply = outcome
     return replace(station, state=state), _status_text(station, _unless_fault(reply))
 

@@ -12,7 +12,7 @@ from orip.multimodel.movement import drive_object, next_model
 from orip.multimodel.panel import automatic
 from orip.multimodel.processor import Loaded
 from orip.multimodel.readout import ObjectReadout, object_position, plate_position, status
-from orip.multimodel.state import Position, State, Status
+from orip.multimodel.state import Position, ProcessorState, Status
 from orip.records.drive_table import DriveFault, Triple
 
 T = TypeVar("T")
@@ -81,7 +81,7 @@ class OwnProcessor:
     def close(self) -> None:
         """Do nothing: there is nobody else."""
 
-    def _take(self, outcome: tuple[State, object]) -> None:
+    def _take(self, outcome: tuple[ProcessorState, object]) -> None:
         self._state, reply = outcome
         if isinstance(reply, DriveFault):
             raise ProcessorFault(reply.code, reply.text)

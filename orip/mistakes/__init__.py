@@ -1,4 +1,5 @@
-"""What somebody probably mistook when they typed, named or measured something: units, names, signs, the wrong photo.
+"""What was probably mistaken when something was typed, named or measured: units, names, signs, the wrong photo.
 
-Every suspicion is tested against the data: undoing it has to explain the misfit.
+`before_adjustment` looks at records, marks and the gathered block, `misread_control` at what the preliminary values
+found, `explanation` at an adjustment: it adjusts the data again as they were probably meant and compares the fits.
 """

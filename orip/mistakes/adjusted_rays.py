@@ -1,4 +1,4 @@
-"""What the adjusted photos see, without regard to control: where they show a place, and where their rays meet."""
+"""The rays of an adjustment's photos, without regard to control: where they meet, and where photos show a position."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 _ERRORS = 5.0
-"""Standard errors within which a photo point is where a place is seen."""
-
+"""Standard errors within which a photo point is the image of a position."""
 
 _PART = 100_000
-"""Photo points whose distortion is removed at a time: partials take several times the memory of the vectors."""
+"""Photo points whose distortion is removed together: the partials take several times the memory of the vectors."""
 
 
-class PhotoSight:
-    """The photo points of a block as an adjustment's photos see them; rows are those of `Block.photo_points`.
+class AdjustedRays:
+    """The rays of a block's photo points with adjusted cameras and orientations.
+
+    Rows are those of `Block.photo_points`.
 
     Parameters
     ----------
@@ -47,11 +48,11 @@ class PhotoSight:
         self._rotations = np.swapaxes(axes, 1, 2) @ rotations
 
     def limit(self, row: int) -> float:
-        """Return how far (mm) a photo point may be from where its place is seen."""
+        """Return how far (mm) a photo point may be from the image of a position and still show it."""
         return float(_ERRORS * max(1.0, self.solution.sigma0) * self.block.photo_points.error[row].max())
 
-    def off(self, row: int, xyz: FloatArray) -> FloatArray:
-        """Return how far (n,) (mm) from a photo point its photo shows places (n, 3); NaN for those behind it."""
+    def distances(self, row: int, xyz: FloatArray) -> FloatArray:
+        """Return the distances (n,), mm, of a photo point from the images of positions (n, 3); NaN behind the photo."""
         photo = int(self.block.photo_points.photo[row])
         camera = self.block.cameras[self.block.photo_camera[photo]]
         name = self.block.photos[photo].name
@@ -59,23 +60,24 @@ class PhotoSight:
         return np.asarray(np.linalg.norm(xy - self.block.photo_points.xy[row], axis=1))
 
     def meeting(self, rows: Sequence[int] | IntArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return where the rays of photo points meet, and its standard deviations; None where they do not meet."""
+        """Return where the rays of photo points meet (3,) and its standard deviations (3,); None where they do not."""
         chosen = np.asarray(rows, dtype=np.int64)
         photos = self.block.photo_points.photo[chosen]
         directions = (self._rotations[photos] @ self._vectors[chosen][:, :, None])[:, :, 0]
         index = np.zeros(len(chosen), dtype=np.int64)
-        place = intersect_rays(self._centres[photos], directions, index, 1)
-        if not np.isfinite(place).all():
+        position = intersect_rays(self._centres[photos], directions, index, 1)
+        if not np.isfinite(position).all():
             return None
-        xyz = self.block.ground.to_project(place)
-        if not all(bool(self.off(row, xyz)[0] <= self.limit(row)) for row in chosen.tolist()):
+        xyz = self.block.ground.to_project(position)
+        if not all(bool(self.distances(row, xyz)[0] <= self.limit(row)) for row in chosen.tolist()):
             return None
-        return xyz[0], self._deviations(chosen, place[0], directions)
+        return xyz[0], self._deviations(chosen, position[0], directions)
 
-    def _deviations(self, rows: IntArray, place: FloatArray, directions: FloatArray) -> FloatArray:
-        """Return standard deviations (3,) of a place from the errors of its photo points."""
+    def _deviations(self, rows: IntArray, position: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return standard deviations (3,) of a position from the errors of its photo points."""
         unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        distance = np.linalg.norm(place - self._centres[self.block.photo_points.photo[rows]], axis=1)
+        distance = np.linalg.norm(position - self._centres[self.block.photo_points.photo[rows]], axis=1)
+        # error of the photo point across its ray, at the distance of the position
         across = (
             self.block.photo_points.error[rows].max(axis=1) * distance / np.linalg.norm(self._vectors[rows], axis=1)
         )
@@ -84,11 +86,11 @@ class PhotoSight:
 
 
 def _vectors_in_parts(block: Block) -> FloatArray:
-    """Return the image vectors (n, 3) of a block's photo points, some at a time."""
+    """Return the image vectors (n, 3) of a block's photo points, `_PART` at a time."""
     points = block.photo_points
     count = len(points.photo)
     parts = [
-        PhotoPoints(points.photo[part], points.point[part], points.xy[part], points.error[part], points.used[part])
-        for part in (slice(first, first + _PART) for first in range(0, count, _PART))
+        PhotoPoints(points.photo[rows], points.point[rows], points.xy[rows], points.error[rows], points.used[rows])
+        for rows in (slice(first, first + _PART) for first in range(0, count, _PART))
     ]
-    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=each)) for each in parts)])
+    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=part)) for part in parts)])

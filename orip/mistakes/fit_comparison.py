@@ -1,9 +1,8 @@
 """Two adjustments of the same observations compared: whether one explains what the other leaves unexplained.
 
-The question comes up when an adjustment does not fit, and the same data would if something had been written otherwise:
-the rows of a camera counted the other way, a lens exchanged. Each observation fits one of the two, both or neither;
-those that fit one alone decide, by the sign test (McNemar, 1947). It asks nothing of the size of residuals that are far
-too large, nor of their distribution.
+One adjustment is of the data as given, the other of the data as they may have been meant. Each observation fits one of
+the two, both or neither; those that fit only one decide, by the sign test (McNemar, 1947). It assumes nothing about the
+size or the distribution of residuals that are far too large.
 """
 
 from __future__ import annotations
@@ -13,24 +12,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.records.solution import Solution
 
 _FITS = 3.0
-"""Standard errors, taken from the better one of the two adjustments."""
+"""Standard errors within which an observation fits, by the better of the two adjustments."""
 
 _SIGN_TEST = 3.7
-"""Quantile of the normal distribution, error probability 1e-4: some ten ways of writing something are tried."""
+"""Quantile of the normal distribution, error probability 1e-4: some ten hypotheses are tried."""
 
 _FAR_OFF, _FEW = 10.0, 4
-"""An observation that is off by ten times the limit comes to fit by chance with a probability of a tenth at most, four
-of them with 1e-4."""
+"""An observation that is off by ten times the limit fits by chance with a probability of at most a tenth, four of them
+with 1e-4."""
 
 _EXPLAINED = 0.5
-"""Part of the misfits that has to go."""
-
-_NORMAL_MEDIAN = 0.6745
+"""The other adjustment may have at most this part of the misfits."""
 
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
 """Standard error of unit weight, and part of the observations that may be blunders, in an adjustment that fits."""
@@ -54,20 +52,20 @@ class Fit:
     @property
     def observations(self) -> tuple[tuple[str, str, str, str], ...]:
         """Return the names of the observations."""
-        # made when asked for: in a large block they take more memory than all figures
+        # not stored: in a large block the names take more memory than all figures
         return tuple(zip(*self.columns, strict=True))
 
     @property
     def scale(self) -> float:
-        """Return the standard error of unit weight as the median tells it, at least 1."""
-        return max(1.0, float(np.median(self.standard)) / _NORMAL_MEDIAN)
+        """Return the standard error of unit weight, from the median; at least 1."""
+        return max(1.0, float(np.median(self.standard)) / MEDIAN_OF_NORMAL)
 
     def of(self, observations: tuple[tuple[str, str, str, str], ...]) -> FloatArray:
-        """Return the standard residuals of some observations; infinite for those that are not there."""
+        """Return the standard residuals of some observations; infinite for those that it has not."""
         if observations == self.observations:
             return self.standard
         place = dict(zip(self.observations, self.standard.tolist(), strict=True))
-        return np.array([place.get(each, np.inf) for each in observations])
+        return np.array([place.get(name, np.inf) for name in observations])
 
 
 def fit_of_solution(solution: Solution) -> Fit:
@@ -80,12 +78,12 @@ def fit_of_solution(solution: Solution) -> Fit:
 
 def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment."""
-    rows = [each.rows for each in solved.problem.observations]
+    rows = [observations.rows for observations in solved.problem.observations]
     names = (
-        [each.kind.name for each in rows for _ in each.photo],
-        [name for each in rows for name in each.photo],
-        [name for each in rows for name in each.point],
-        [name for each in rows for name in each.component],
+        [observations.kind.name for observations in rows for _ in observations.photo],
+        [name for observations in rows for name in observations.photo],
+        [name for observations in rows for name in observations.point],
+        [name for observations in rows for name in observations.component],
     )
     equations = solved.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
@@ -95,7 +93,7 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
 def explains(other: Fit, given: Fit) -> bool:
     """Tell whether another adjustment explains what the given one does not.
 
-    Few observations decide, too, where they are off by far: control that a block is bent to fits in most coordinates.
+    A few observations suffice if they are far off: a block that is bent to fit wrong control fits in most coordinates.
     """
     limit = _FITS * min(other.scale, given.scale)
     before = given.of(other.observations)
@@ -113,7 +111,7 @@ def explains(other: Fit, given: Fit) -> bool:
 
 
 def is_good(fit: Fit) -> bool:
-    """Tell whether observations fit within their a-priori errors, but for blunders: nothing better is to be found."""
+    """Tell whether the observations, except a few blunders, fit within their a-priori errors."""
     return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS
 
 

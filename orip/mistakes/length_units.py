@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from orip.units import METRES_PER_FOOT
+from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.units import METRES_PER_FOOT, MILLIMETRES_PER_INCH
 
 LENGTH_UNITS = {
     METRES_PER_FOOT: ("feet", "metres"),
@@ -17,3 +19,17 @@ compared with."""
 
 FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
 """The factors of the two units that are in use side by side."""
+
+
+def millimetres_per_unit(camera: Camera) -> dict[str, float]:
+    """Return the size (mm) of the units that principal distances are written in by mistake; pixels if it has any."""
+    sizes = {"metres": 1e3, "inches": MILLIMETRES_PER_INCH}
+    if camera.sensor is not None:
+        sizes["pixels"] = camera.sensor.width / camera.sensor.columns
+    return sizes
+
+
+def smallest_pixel(block: Block) -> float | None:
+    """Return the width (mm) of the smallest pixel of a block's cameras; None where none has a sensor."""
+    widths = [camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None]
+    return min(widths, default=None)

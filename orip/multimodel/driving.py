@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
-from orip.multimodel.state import State
+from orip.multimodel.state import ProcessorState
 from orip.multimodel.switching import SelectedModels, inside_model, select_models
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 
@@ -46,20 +46,20 @@ class DrivenPoints(NamedTuple):
     code: NDArray[np.int64]
 
 
-def drive_objects(block: OrientedBlock, state: State, xyz: FloatArray) -> tuple[State, DrivenPoints]:
+def drive_objects(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) -> tuple[ProcessorState, DrivenPoints]:
     """Drive to points (n, 3) of the object one after the other: `drive_object`, n times.
 
     Parameters
     ----------
     block : OrientedBlock
-    state : State
+    state : ProcessorState
         With its locks, and automatic switching on or off.
     xyz : array (n, 3)
         Finite, ground units.
 
     Returns
     -------
-    state : State
+    state : ProcessorState
         At the last point that could be driven to.
     driven : DrivenPoints
     """
@@ -69,8 +69,8 @@ def drive_objects(block: OrientedBlock, state: State, xyz: FloatArray) -> tuple[
 
 
 def profile(
-    block: OrientedBlock, state: State, start: Triple, end: Triple, step: float
-) -> tuple[State, DrivenPoints | DriveFault]:
+    block: OrientedBlock, state: ProcessorState, start: Triple, end: Triple, step: float
+) -> tuple[ProcessorState, DrivenPoints | DriveFault]:
     """Drive along the line between two points in equal steps, from the start to the end; both are driven to.
 
     Parameters
@@ -92,7 +92,7 @@ def profile(
     return drive_objects(block, state, np.array(start) + along[:, None] * direction)
 
 
-def _driven(block: OrientedBlock, state: State, xyz: FloatArray) -> DrivenPoints:
+def _driven(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) -> DrivenPoints:
     selected = _selected(block, state, xyz)
     code = np.zeros(len(xyz), dtype=np.int64)
     plates = np.empty((2, len(xyz), 2))
@@ -111,13 +111,13 @@ def _driven(block: OrientedBlock, state: State, xyz: FloatArray) -> DrivenPoints
     return DrivenPoints(xyz, selected.model, plates[0], plates[1], selected.inside, code)
 
 
-def _selected(block: OrientedBlock, state: State, xyz: FloatArray) -> SelectedModels:
+def _selected(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) -> SelectedModels:
     if state.switches:
         return select_models(block, state.model, xyz)
     return SelectedModels(np.full(len(xyz), state.model), inside_model(block, state.model, xyz))
 
 
-def _state_after(state: State, driven: DrivenPoints) -> State:
+def _state_after(state: ProcessorState, driven: DrivenPoints) -> ProcessorState:
     done = np.flatnonzero(driven.code == DriveCode.NONE)
     if not len(done):
         return state

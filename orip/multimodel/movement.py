@@ -12,7 +12,7 @@ from dataclasses import replace
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import PhotoLoop, PlatePlace
 from orip.multimodel.readout import object_position
-from orip.multimodel.state import Condition, Outcome, Position, State, active_model, driven
+from orip.multimodel.state import Condition, Outcome, Position, ProcessorState, active_model, driven
 from orip.multimodel.switching import Selected, places_in_model, select_model
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 from orip.records.photo import Stage
@@ -24,7 +24,7 @@ _NOT_DRIVEN = {
 }
 
 
-def drive_object(block: OrientedBlock, state: State, xyz: Triple) -> Outcome:
+def drive_object(block: OrientedBlock, state: ProcessorState, xyz: Triple) -> Outcome:
     """Drive to a point of the object; the model changes where the point is not inside the active one.
 
     A locked plate stays, and so does then the model.
@@ -33,17 +33,17 @@ def drive_object(block: OrientedBlock, state: State, xyz: Triple) -> Outcome:
     return _driven_to(block, state, select(block, state.model, xyz), xyz)
 
 
-def drive_model(block: OrientedBlock, state: State, xyz: Triple) -> Outcome:
+def drive_model(block: OrientedBlock, state: ProcessorState, xyz: Triple) -> Outcome:
     """Drive to a point given in the axes of the active model, ground units."""
     return drive_object(block, state, active_model(block, state).object_of_model(*xyz))
 
 
-def drive_plate(block: OrientedBlock, state: State, stage: Stage, xy: Position) -> Outcome:
+def drive_plate(block: OrientedBlock, state: ProcessorState, stage: Stage, xy: Position) -> Outcome:
     """Drive one stage to plate coordinates; the model never changes."""
     return _plates_to(block, state, {stage: xy})
 
 
-def drive_photo(block: OrientedBlock, state: State, photo: str, xy: Position) -> Outcome:
+def drive_photo(block: OrientedBlock, state: ProcessorState, photo: str, xy: Position) -> Outcome:
     """Drive the stage of a photo, of whatever model, to photo coordinates (mm); the model never changes."""
     found = block.photo(photo)
     if found is None:
@@ -51,7 +51,7 @@ def drive_photo(block: OrientedBlock, state: State, photo: str, xy: Position) ->
     return _plates_to(block, state, {found.stage: found.plate_of_photo(*xy)})
 
 
-def move(block: OrientedBlock, state: State, increments: Sequence[float]) -> Outcome:
+def move(block: OrientedBlock, state: ProcessorState, increments: Sequence[float]) -> Outcome:
     """Move by increments in the guiding system: two or three numbers, plate units, or ground units in MODEL and OBJECT.
 
     Wheels in MODEL and OBJECT go on from where the mark was driven to, or from where the rays meet after the plates
@@ -71,7 +71,7 @@ def move(block: OrientedBlock, state: State, increments: Sequence[float]) -> Out
     return _plates_to(block, state, wanted)
 
 
-def change_model(block: OrientedBlock, state: State, name: str) -> Outcome:
+def change_model(block: OrientedBlock, state: ProcessorState, name: str) -> Outcome:
     """Make a model the active one, at the same place of the object as far as the plates can be driven there.
 
     Where they cannot, they stay, the state is OUTSIDE, and the next movement in the object goes on from the mark.
@@ -82,12 +82,12 @@ def change_model(block: OrientedBlock, state: State, name: str) -> Outcome:
     return _change(block, state, index)
 
 
-def next_model(block: OrientedBlock, state: State) -> Outcome:
+def next_model(block: OrientedBlock, state: ProcessorState) -> Outcome:
     """Change to the next model of the row, else to the first of the next row; after the last comes the first."""
     return _change(block, state, (state.model + 1) % len(block.models))
 
 
-def forward(block: OrientedBlock, state: State) -> Outcome:
+def forward(block: OrientedBlock, state: ProcessorState) -> Outcome:
     """Bring both plates to the front for mounting films: the middle in x, the lower end in y."""
     wanted = {}
     for stage in STAGES:
@@ -99,7 +99,7 @@ def forward(block: OrientedBlock, state: State) -> Outcome:
     )
 
 
-def _driven_to(block: OrientedBlock, state: State, selected: Selected, xyz: Triple) -> Outcome:
+def _driven_to(block: OrientedBlock, state: ProcessorState, selected: Selected, xyz: Triple) -> Outcome:
     photos = block.models[selected.model].photos
     plates = list(state.plates)
     for photo, place in zip(photos, selected.places, strict=True):
@@ -110,7 +110,7 @@ def _driven_to(block: OrientedBlock, state: State, selected: Selected, xyz: Trip
         plates[STAGES.index(photo.stage)] = place.plate
     condition: Condition = "IN" if selected.inside else "OUTSIDE"
     upper, lower = plates
-    after = State(
+    after = ProcessorState(
         selected.model, (upper, lower), xyz, condition, state.guide, state.automatic, state.locked, state.prisms,
         state.events,
     )  # fmt: skip
@@ -121,7 +121,7 @@ def _fault(photo: PhotoLoop, place: PlatePlace) -> DriveFault:
     return DriveFault(place.code, _NOT_DRIVEN[place.code].format(photo=photo.name, stage=photo.stage))
 
 
-def _plates_to(block: OrientedBlock, state: State, wanted: dict[Stage, Position]) -> Outcome:
+def _plates_to(block: OrientedBlock, state: ProcessorState, wanted: dict[Stage, Position]) -> Outcome:
     """Drive stages to plate coordinates, all or none."""
     if state.locked in wanted:
         text = f"the {state.locked} plate is locked; unlock it, or move the other one"
@@ -138,14 +138,14 @@ def _plates_to(block: OrientedBlock, state: State, wanted: dict[Stage, Position]
     return after, driven(block, after)
 
 
-def _is_within_frames(block: OrientedBlock, state: State) -> bool:
+def _is_within_frames(block: OrientedBlock, state: ProcessorState) -> bool:
     return all(
         photo.frame_ratio(*photo.photo_of_plate(*state.plate(photo.stage))) <= 1.0
         for photo in active_model(block, state).photos
     )
 
 
-def _move_mark(block: OrientedBlock, state: State, increments: Sequence[float]) -> Outcome:
+def _move_mark(block: OrientedBlock, state: ProcessorState, increments: Sequence[float]) -> Outcome:
     dx, dy, dz = (*increments, 0.0)[:3]
     mark = state.mark
     if mark is None:
@@ -158,7 +158,7 @@ def _move_mark(block: OrientedBlock, state: State, increments: Sequence[float]) 
     return drive_object(block, state, (mark[0] + dx, mark[1] + dy, mark[2] + dz))
 
 
-def _change(block: OrientedBlock, state: State, index: int) -> Outcome:
+def _change(block: OrientedBlock, state: ProcessorState, index: int) -> Outcome:
     mark = state.mark
     if mark is None:
         found = object_position(block, state)

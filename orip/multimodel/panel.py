@@ -16,9 +16,9 @@ from orip.multimodel.state import (
     SIDES,
     Event,
     Guide,
+    ProcessorState,
     Rotation,
     Side,
-    State,
     Status,
     active_model,
     read_out,
@@ -28,7 +28,7 @@ from orip.records.drive_table import DriveCode, DriveFault
 KEYS = (*(str(number) for number in range(16)), "ENTER", "ZERO")
 """The keypad of four by four keys, and the two beside it."""
 
-Setting = tuple[State, Status | DriveFault]
+Setting = tuple[ProcessorState, Status | DriveFault]
 
 
 def guide_named(word: str) -> Guide | None:
@@ -40,17 +40,17 @@ def guide_named(word: str) -> Guide | None:
     return None
 
 
-def guide(block: OrientedBlock, state: State, system: Guide) -> Setting:
+def guide(block: OrientedBlock, state: ProcessorState, system: Guide) -> Setting:
     """Choose the guiding system."""
     return _set(block, replace(state, guide=system))
 
 
-def automatic(block: OrientedBlock, state: State, on: bool) -> Setting:
+def automatic(block: OrientedBlock, state: ProcessorState, on: bool) -> Setting:
     """Let models change at frame lines, or not."""
     return _set(block, replace(state, automatic=on))
 
 
-def lock(block: OrientedBlock, state: State, side: Side | None) -> Setting:
+def lock(block: OrientedBlock, state: ProcessorState, side: Side | None) -> Setting:
     """Lock the plate of the active model's left or right photo; None unlocks.
 
     The plate stays locked when the model is changed: so a point is transferred from a photo of the strip beside. After
@@ -62,7 +62,7 @@ def lock(block: OrientedBlock, state: State, side: Side | None) -> Setting:
     return _set(block, replace(state, locked=stage))
 
 
-def prism(block: OrientedBlock, state: State, side: Side | Literal["BOTH"], degrees: float) -> Setting:
+def prism(block: OrientedBlock, state: ProcessorState, side: Side | Literal["BOTH"], degrees: float) -> Setting:
     """Turn what one eye or both see by 0 or 90 degrees (the side lap in stereo); no coordinate changes."""
     if degrees not in (0, 90):
         return state, DriveFault(DriveCode.BAD_KEYWORD, f"a prism turns by 0 or 90 degrees, not by {degrees:g}")
@@ -73,29 +73,29 @@ def prism(block: OrientedBlock, state: State, side: Side | Literal["BOTH"], degr
     )
 
 
-def foot(block: OrientedBlock, state: State, side: Side) -> Setting:
+def foot(block: OrientedBlock, state: ProcessorState, side: Side) -> Setting:
     """Queue a foot switch; the right one with the read-out of both stages at this moment."""
     event = Event(side, plates=read_out(block, state)) if side == "RIGHT" else Event(side)
     return _set(block, _queued(state, event))
 
 
-def key(block: OrientedBlock, state: State, name: str) -> Setting:
+def key(block: OrientedBlock, state: ProcessorState, name: str) -> Setting:
     """Queue a key of the keypad: 0 to 15, ENTER or ZERO."""
     if name.upper() not in KEYS:
         return state, DriveFault(DriveCode.BAD_KEYWORD, f"'{name}' is no key; allowed: 0 to 15, ENTER, ZERO")
     return _set(block, _queued(state, Event("KEY", name.upper())))
 
 
-def next_event(state: State) -> tuple[State, Event | None]:
+def next_event(state: ProcessorState) -> tuple[ProcessorState, Event | None]:
     """Take the oldest event out of the queue; None if there is none."""
     if not state.events:
         return state, None
     return replace(state, events=state.events[1:]), state.events[0]
 
 
-def _queued(state: State, event: Event) -> State:
+def _queued(state: ProcessorState, event: Event) -> ProcessorState:
     return replace(state, events=(*state.events, event)[-MOST_EVENTS:])
 
 
-def _set(block: OrientedBlock, state: State) -> Setting:
+def _set(block: OrientedBlock, state: ProcessorState) -> Setting:
     return state, status(block, state)

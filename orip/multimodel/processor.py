@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.multimodel.movement import drive_object
 from orip.multimodel.oriented_block import OrientedBlock, oriented_block
-from orip.multimodel.state import Position, State
+from orip.multimodel.state import Position, ProcessorState
 from orip.multimodel.table_checks import table_faults
 from orip.records.drive_table import DriveFault, DriveTable
 
@@ -17,7 +17,7 @@ class Loaded(NamedTuple):
     """A table that has been loaded: the block, and the state to begin with."""
 
     block: OrientedBlock
-    state: State
+    state: ProcessorState
 
 
 def load(table: DriveTable) -> Loaded | tuple[DriveFault, ...]:
@@ -30,12 +30,12 @@ def load(table: DriveTable) -> Loaded | tuple[DriveFault, ...]:
         return Loaded(block, first_state(block))
 
 
-def first_state(block: OrientedBlock) -> State:
+def first_state(block: OrientedBlock) -> ProcessorState:
     """Return the state after loading: the first model, driven to START; in the middle of the stages if that fails."""
     middles: list[Position] = [
         (0.5 * (limits.x_min + limits.x_max), 0.5 * (limits.y_min + limits.y_max))
         for limits in (block.table.upper, block.table.lower)
     ]
     upper, lower = middles
-    state, _ = drive_object(block, State(0, (upper, lower), None, "OUTSIDE"), block.table.start)
+    state, _ = drive_object(block, ProcessorState(0, (upper, lower), None, "OUTSIDE"), block.table.start)
     return state

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orip.multimodel.oriented_block import OrientedBlock
-from orip.multimodel.state import SIDES, Position, Side, State, Status, active_model, read_out
+from orip.multimodel.state import SIDES, Position, ProcessorState, Side, Status, active_model, read_out
 from orip.multimodel.switching import select_model
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 
@@ -32,7 +32,7 @@ _NO_PLACE = {
 }
 
 
-def status(block: OrientedBlock, state: State) -> Status:
+def status(block: OrientedBlock, state: ProcessorState) -> Status:
     """Return what is set."""
     model = active_model(block, state)
     sides = [side for side, photo in zip(SIDES, model.photos, strict=True) if photo.stage == state.locked]
@@ -40,7 +40,7 @@ def status(block: OrientedBlock, state: State) -> Status:
     return Status(model.name, state.guide, state.condition, lock, state.prisms, state.automatic)
 
 
-def object_position(block: OrientedBlock, state: State) -> ObjectReadout | DriveFault:
+def object_position(block: OrientedBlock, state: ProcessorState) -> ObjectReadout | DriveFault:
     """Return where the two rays meet, ground units: whatever moved the plates, this is what they show."""
     found = active_model(block, state).object_place(*state.plates)
     if found.code != DriveCode.NONE:
@@ -48,7 +48,7 @@ def object_position(block: OrientedBlock, state: State) -> ObjectReadout | Drive
     return ObjectReadout(found.xyz, found.y_parallax)
 
 
-def model_position(block: OrientedBlock, state: State) -> ObjectReadout | DriveFault:
+def model_position(block: OrientedBlock, state: ProcessorState) -> ObjectReadout | DriveFault:
     """Return where the two rays meet in the axes of the active model, ground units."""
     found = object_position(block, state)
     if isinstance(found, DriveFault):
@@ -56,12 +56,12 @@ def model_position(block: OrientedBlock, state: State) -> ObjectReadout | DriveF
     return found._replace(xyz=active_model(block, state).model_of_object(*found.xyz))
 
 
-def plate_position(block: OrientedBlock, state: State) -> tuple[Position, Position]:
+def plate_position(block: OrientedBlock, state: ProcessorState) -> tuple[Position, Position]:
     """Return the read-out of the upper and the lower stage, rounded to their least counts."""
     return read_out(block, state)
 
 
-def photo_positions(block: OrientedBlock, state: State) -> tuple[PhotoReadout, PhotoReadout]:
+def photo_positions(block: OrientedBlock, state: ProcessorState) -> tuple[PhotoReadout, PhotoReadout]:
     """Return where the mark is in the left and in the right photo of the active model."""
     left, right = (
         PhotoReadout(photo.name, side, photo.photo_of_plate(*state.plates[STAGES.index(photo.stage)]))
@@ -70,7 +70,7 @@ def photo_positions(block: OrientedBlock, state: State) -> tuple[PhotoReadout, P
     return left, right
 
 
-def which(block: OrientedBlock, state: State, xyz: Triple) -> str | None:
+def which(block: OrientedBlock, state: ProcessorState, xyz: Triple) -> str | None:
     """Return the model that a point would be driven to in, coming from the active one; None where none shows it."""
     found = select_model(block, state.model, xyz)
     return block.models[found.model].name if found.inside else None

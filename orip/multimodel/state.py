@@ -60,7 +60,7 @@ class Event(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class ProcessorState:
     """Everything that a command may change.
 
     Parameters
@@ -102,7 +102,7 @@ class State:
         """Return the position of a stage."""
         return self.plates[STAGES.index(stage)]
 
-    def with_plate(self, stage: Stage, position: Position) -> State:
+    def with_plate(self, stage: Stage, position: Position) -> ProcessorState:
         """Return the state with one stage at another position."""
         upper, lower = self.plates
         return replace(self, plates=(position, lower) if stage == "UPPER" else (upper, position))
@@ -127,21 +127,21 @@ class Status(NamedTuple):
     automatic: bool
 
 
-Outcome = tuple[State, Driven | DriveFault]
+Outcome = tuple[ProcessorState, Driven | DriveFault]
 """What a movement returns."""
 
 
-def active_model(block: OrientedBlock, state: State) -> ModelLoop:
+def active_model(block: OrientedBlock, state: ProcessorState) -> ModelLoop:
     """Return the active model."""
     return block.models[state.model]
 
 
-def driven(block: OrientedBlock, state: State) -> Driven:
+def driven(block: OrientedBlock, state: ProcessorState) -> Driven:
     """Return the reply to a movement that has led to a state."""
     return Driven(active_model(block, state).name, *read_out(block, state))
 
 
-def read_out(block: OrientedBlock, state: State) -> tuple[Position, Position]:
+def read_out(block: OrientedBlock, state: ProcessorState) -> tuple[Position, Position]:
     """Return the plate positions rounded to the least counts."""
     return _rounded(state.plates[0], block.table.upper.least_count), _rounded(
         state.plates[1], block.table.lower.least_count

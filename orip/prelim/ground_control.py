@@ -44,7 +44,7 @@ def known_centres(block: Block) -> KnownPositions:
 
 
 def _in_frame(block: Block, given: FloatArray) -> FloatArray:
-    """Return coordinates in the frame; one that is not known counts as the middle of the others, and stays unknown."""
+    """Return coordinates in the frame; unknown ones, which stay so, are replaced by medians for the transformation."""
     unknown = np.isnan(given)
     columns = given.T
     middle = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in columns]

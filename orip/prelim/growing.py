@@ -1,7 +1,7 @@
-"""Growing from photo to photo: resection from the points that are known, intersection of the points that are then seen.
+"""Adding photo after photo to a block: resection from its known points, then intersection of the points newly seen.
 
-Where a photo sees too few known points for resection, the model that it makes with an oriented photo is joined on: its
-rotation and base come from all points of the two photos, and one known point gives the scale.
+A photo that sees too few known points for resection is added by a model with an oriented photo: rotation and base come
+from all points of the two photos, and one known point gives the scale.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from itertools import islice
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.intersection import intersect
-from orip.prelim.misplaced import MISFIT, misplaced, residual_lengths
+from orip.prelim.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.photo_index import PhotoIndex
-from orip.prelim.placed import Placed, placed_block
 from orip.prelim.refinement.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.resection.configuration import image_configuration
@@ -24,23 +25,23 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
 
 _WELL, _BARELY = 8, 4
-"""Known points in a photo: with eight a blunder or two are found; with four there is no more than a check."""
+"""Known points in a photo: eight reveal one or two blunders; four give only a check."""
 
 _LEAST = 3
-"""Known points that a photo can be oriented by at all, in up to four positions."""
+"""Known points that suffice to orient a photo, in up to four positions."""
 
 _NEARLY_MOST = 0.7
-"""Of the most known points that any photo sees: photos with fewer wait, and will see more."""
+"""Only photos seeing at least this part of the best photo's known points are added now."""
 
 _SCALE_CHECKED = 3
-"""Known points of a model: with three a wrong one is found."""
+"""Known points of a model: three reveal a wrong one."""
 
 _FITTING = 0.6
-"""Least part of the known points that has to fit a resection."""
+"""Part of the known points that has to fit a resection."""
 
 _FEWEST_FOR_MODEL = 5
 
@@ -48,18 +49,18 @@ _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
 _BLOCKS_TRIED = 3
-"""Models that a sub-block is tried to grow from."""
+"""Models from which a partial block is tried to grow."""
 
 _REMOVALS = 2
-"""Times that a photo may be taken out again; then it stays, and tells of itself by its residuals."""
+"""Times that a photo may be removed; after that it stays, and its residuals show that it does not fit."""
 
 _REFINED_AT = 1.5
-"""Errors add up as a system grows; when it has grown by this factor it is adjusted as a whole."""
+"""Errors add up as a block grows: when it has grown by this factor it is adjusted as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Refused:
-    """What could not be added, with the known points that it had then: it is tried again when there are more.
+    """What could not be added, and how many points were known then: it is tried again when there are more.
 
     Photos, and models of an oriented photo and one that is not.
     """
@@ -69,8 +70,8 @@ class _Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Growth:
-    """What a system grows with.
+class BlockGrower:
+    """The rays a block grows by, and what does not change in it.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ class Growth:
     models : dict
         Relative orientations by pairs of photos, kept since many are asked for again.
     branching : bool
-        Sub-blocks may grow by themselves before they are joined on; they do not branch again.
+        Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
         A-priori errors of the coordinates of points that do not change; None: they are exact.
     """
@@ -104,67 +105,67 @@ class Growth:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
 
-    def seen(self, placed: Placed) -> ImageRays:
+    def seen(self, current: GrowingBlock) -> ImageRays:
         """Return the rays as a system shows them: cameras corrected, points that are held as accurate as they are."""
-        return placed.corrected(self._with_errors_of_held(placed))
+        return current.corrected(self._with_errors_of_held(current))
 
-    def _with_errors_of_held(self, placed: Placed) -> ImageRays:
+    def _with_errors_of_held(self, current: GrowingBlock) -> ImageRays:
         """Return the rays with the errors of points that are held counted as errors of their photo points."""
         rays = self.rays
         if self.held_errors is None or not self.held_errors.any():
             return rays
-        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & placed.oriented[rays.photo])
+        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & current.oriented[rays.photo])
         photo, point = rays.photo[rows], rays.point[rows]
-        distance = np.linalg.norm(self.held[point] - placed.centres[photo], axis=1)
+        distance = np.linalg.norm(self.held[point] - current.centres[photo], axis=1)
         error = rays.error.copy()
         error[rows] = np.hypot(error[rows], -rays.vectors[rows, 2] * self.held_errors[point] / distance)
         return replace(rays, error=error)
 
-    def grown(self, start: Placed, enough: float = 0.0) -> Placed:
+    def grow(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
         """Return the system with all photos that can be added to it, adjusted as a whole.
 
-        Photos that are out of place after an adjustment are taken out, and added again by what the others tell.
+        Photos that are in the wrong place after an adjustment are removed, and added again on the basis of the others.
 
         Parameters
         ----------
-        start : Placed
+        start : GrowingBlock
         enough : float
-            At what gain the last adjustment ends (see `refine`): `ROUGH` where another one follows.
+            Gain at which the last adjustment ends (see `refine`): `ROUGH` where another one follows.
         """
         if not self.branching:
-            return self._grown(start, enough, lambda _photos: None)
+            return self._grow(start, enough, lambda _photos: None)
         with stage("orienting photos", len(self.rays.photos)) as advance:
-            return self._grown(start, enough, advance)
+            return self._grow(start, enough, advance)
 
-    def _grown(self, start: Placed, enough: float, advance: Callable[[int], None]) -> Placed:
-        placed, refined = start, int(start.oriented.sum())
+    def _grow(self, start: GrowingBlock, enough: float, advance: Callable[[int], None]) -> GrowingBlock:
+        current, refined = start, int(start.oriented.sum())
         refused = _Refused()
         removals = np.zeros(len(self.rays.photos), dtype=np.int64)
         while True:
-            added = self._with_more_photos(placed, refused)
+            added = self._with_more_photos(current, refused)
             if added is not None:
-                placed = self._intersected_anew(added, added.oriented & ~placed.oriented)
-            count = int(placed.oriented.sum())
+                current = self._intersected_again(added, added.oriented & ~current.oriented)
+            count = int(current.oriented.sum())
             advance(count)
             if added is not None and count < _REFINED_AT * refined + 1:
                 continue
-            placed, refined = self.refined(placed, enough if added is None else ROUGH), count
-            lengths = residual_lengths(self.seen(placed), placed)
-            wrong = misplaced(self.rays, placed, lengths) & (removals < _REMOVALS)
-            if wrong.any() and not wrong[placed.oriented].all():
+            current, refined = self.refined(current, enough if added is None else ROUGH), count
+            lengths = residual_lengths(self.seen(current), current)
+            wrong = misplaced_photos(self.rays, current, lengths) & (removals < _REMOVALS)
+            if wrong.any() and not wrong[current.oriented].all():
                 removals += wrong
                 refused = _Refused()
-                placed = self.intersected(placed.without_photos(wrong))
+                current = self.intersected(current.without_photos(wrong))
             elif added is None:
-                return placed
+                return current
 
-    def intersected(self, placed: Placed) -> Placed:
+    def intersected(self, current: GrowingBlock) -> GrowingBlock:
         """Return the system with all points that its photos determine."""
-        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(self.rays))
-        return self._with_held(replace(placed, coordinates=found.coordinates, deviations=found.deviations))
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(self.rays))
+        return self._with_held(replace(current, coordinates=found.coordinates, deviations=found.deviations))
 
-    def _intersected_anew(self, placed: Placed, photos: BoolArray) -> Placed:
-        """Return the system with the points that some of its photos see intersected anew."""
+    def _intersected_again(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
+        """Return the block after a new intersection of the points that some of its photos see."""
         points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         concerned[points] = True
@@ -172,71 +173,71 @@ class Growth:
         part = self.rays.of(rows)
         names = tuple(self.rays.points[point] for point in points)
         part = replace(part, points=names, point=np.searchsorted(points, part.point))
-        found = intersect(placed.rotations, placed.centres, placed.oriented, placed.corrected(part))
-        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations
-        return self._with_held(replace(placed, coordinates=coordinates, deviations=deviations))
+        return self._with_held(replace(current, coordinates=coordinates, deviations=deviations))
 
-    def refined(self, placed: Placed, enough: float) -> Placed:
+    def refined(self, current: GrowingBlock, enough: float) -> GrowingBlock:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
         found = refine(
-            self._with_errors_of_held(placed),
-            placed.rotations,
-            placed.centres,
-            placed.oriented,
-            placed.coordinates,
-            corrections=placed.corrections,
+            self._with_errors_of_held(current),
+            current.rotations,
+            current.centres,
+            current.oriented,
+            current.coordinates,
+            corrections=current.corrections,
             held_points=self.held_points,
             enough=enough,
         )
-        moved = replace(placed, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
+        moved = replace(current, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
         return self.intersected(moved)
 
-    def _with_held(self, placed: Placed) -> Placed:
+    def _with_held(self, current: GrowingBlock) -> GrowingBlock:
         rows = self.held_points
         if not rows.any():
-            return placed
-        coordinates, deviations = placed.coordinates.copy(), placed.deviations.copy()
+            return current
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
         coordinates[rows] = self.held[rows]
         deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
-        return replace(placed, coordinates=coordinates, deviations=deviations)
+        return replace(current, coordinates=coordinates, deviations=deviations)
 
-    def _with_more_photos(self, placed: Placed, refused: _Refused) -> Placed | None:
-        """Return the system with the photos that can be added in the safest way there is, None if there is none."""
+    def _with_more_photos(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+        """Return the block with the photos that can be added in the safest possible way; None if there are none."""
         return (
-            self._resected(placed, _WELL, refused)
-            or self._with_model(placed, refused)
-            or self._resected(placed, _BARELY, refused)
-            or (self._with_block(placed) if self.branching else None)
-            or (self._by_three_points(placed) if self.held_points.any() else None)
+            self._resected(current, _WELL, refused)
+            or self._with_model(current, refused)
+            or self._resected(current, _BARELY, refused)
+            or (self._with_block(current) if self.branching else None)
+            or (self._by_three_points(current) if self.held_points.any() else None)
         )
 
-    def _resected(self, placed: Placed, fewest: int, refused: _Refused) -> Placed | None:
-        """Return the system with the photos that see most of its points, and at least so many."""
-        known = placed.known
+    def _resected(self, current: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
+        """Return the block with the photos that see most of its points, and at least `fewest`."""
+        known = current.known
         counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
-        counts[placed.oriented | ~self.allowed] = 0
-        # what failed is tried again when it has more to go by
+        counts[current.oriented | ~self.allowed] = 0
+        # what failed is tried again when more points are known
         counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
-        result, seen = None, placed.corrected(self.rays)
+        result, seen = None, current.corrected(self.rays)
         for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
-            found = self.resection(placed, seen, int(photo), known)
+            found = self.resection(current, seen, int(photo), known)
             if found is None:
                 refused.photos[int(photo)] = int(counts[photo])
             else:
-                result = (result or placed).with_photo(int(photo), found.rotation, found.centre, found.how)
+                result = (result or current).with_photo(int(photo), found.rotation, found.centre, found.how)
         return result
 
-    def resection(self, placed: Placed, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
+    def resection(self, current: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
 
         `seen` are the rays, corrected as the system shows the cameras to be.
         """
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
-        deviation = np.sqrt((placed.deviations[points] ** 2).sum(axis=1) / 3.0)
+        deviation = np.sqrt((current.deviations[points] ** 2).sum(axis=1) / 3.0)
         error = float(self.rays.error[rows].mean())
-        found = resect(seen.vectors[rows], placed.coordinates[points], deviation, error_mm=error)
+        found = resect(seen.vectors[rows], current.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
         if np.mean(found.weight_factor >= 1.0) < _FITTING:
@@ -244,83 +245,85 @@ class Growth:
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
-    def _by_three_points(self, placed: Placed) -> Placed | None:
-        """Return the system with the photos that see three known points and no more, each at the likeliest position.
+    def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
+        """Return the block with the photos that see exactly three known points, each in its likeliest position.
 
-        Of up to four positions that is taken in which most of the other rays of the photo meet those of oriented
-        photos, and of equally good ones that with the most upright photo: on the ground there is an upright.
+        Of up to four positions the one is used in which most other rays of the photo meet those of oriented photos,
+        and of equally good ones the most upright: on the ground the vertical is known.
         """
-        known, result = placed.known, None
-        for photo in np.flatnonzero(self.allowed & ~placed.oriented):
+        known, result = current.known, None
+        for photo in np.flatnonzero(self.allowed & ~current.oriented):
             rows = self.index.rows[photo][known[self.index.points[photo]]]
             if len(rows) != _LEAST:
                 continue
             points = self.rays.point[rows]
-            seen = placed.corrected(self.rays.of(rows))
-            found = resect(seen.vectors, placed.coordinates[points], error_mm=float(np.median(seen.error)))
+            seen = current.corrected(self.rays.of(rows))
+            found = resect(seen.vectors, current.coordinates[points], error_mm=float(np.median(seen.error)))
             if not isinstance(found, Resected):
                 continue
             rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
             centres = np.concatenate([found.centre[None], found.alternatives.centres])
-            tried = [placed.with_photo(int(photo), *each, "") for each in zip(rotations, centres, strict=True)]
-            met = np.array([self._rays_that_meet(each, int(photo)) for each in tried])
+            tried = [current.with_photo(int(photo), *position, "") for position in zip(rotations, centres, strict=True)]
+            met = np.array([self._rays_that_meet(position, int(photo)) for position in tried])
             best = np.flatnonzero(met == met.max())
             chosen = max(best, key=lambda row: upright(rotations[[row]]))
-            how = "space resection from 3 points, which nothing checks"
+            how = "space resection from 3 points, without a check"
             if len(best) > 1:
-                how += f"; {len(best)} positions fit them, taken is the most upright one: measure one more known point"
-            result = (result or placed).with_photo(int(photo), rotations[chosen], centres[chosen], how)
+                how += f"; {len(best)} positions fit them, the most upright one was used: measure one more known point"
+            result = (result or current).with_photo(int(photo), rotations[chosen], centres[chosen], how)
         return result
 
-    def _rays_that_meet(self, placed: Placed, photo: int) -> int:
-        """Return how many points have a place by the rays of a photo and fit them, but had none without it."""
-        found = self._intersected_anew(placed, np.arange(len(placed.oriented)) == photo)
+    def _rays_that_meet(self, current: GrowingBlock, photo: int) -> int:
+        """Return how many points are determined only with the rays of a photo, and fit them."""
+        found = self._intersected_again(current, np.arange(len(current.oriented)) == photo)
         lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
         return int(np.count_nonzero(lengths <= MISFIT))
 
-    def _with_model(self, placed: Placed, refused: _Refused) -> Placed | None:
-        """Return the system with the photo that shares most points with an oriented one, joined on by their model.
+    def _with_model(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+        """Return the system with the photo that shares most points with an oriented one, connected by their model.
 
         Known points must fit that give the scale, and check it.
         """
-        for oriented, photo in self._models_to_try(placed):
+        for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
-            known = np.count_nonzero(placed.known[model.block.points])
+            known = np.count_nonzero(current.known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
-            joined = join(model.block, _part(placed, oriented, model.block.points), self.rays, "connect")
+            joined = join(model.block, _part(current, oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
-                    f"model with photo {model.left} ({len(model.points)} points), joined on by "
+                    f"model with photo {model.left} ({len(model.points)} points), connected by "
                     f"{len(joined.step.points)} known points"
                 )
-                return placed.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+                return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
             refused.models[oriented, photo] = int(known)
         return None
 
-    def _with_block(self, placed: Placed) -> Placed | None:
-        """Return the system with a sub-block that grows from an oriented photo and has too few known points at first.
+    def _with_block(self, current: GrowingBlock) -> GrowingBlock | None:
+        """Return the system with a partial block grown from an oriented photo, which has too few known points at first.
 
-        The sub-block grows by itself: the more photos it has, the more of its points are known, and give its scale.
+        The partial block grows by itself: the more photos it has, the more of its points are known, and give its scale.
         """
-        for oriented, photo in islice(self._models_to_try(placed), _BLOCKS_TRIED):
+        for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
             if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
                 continue
             how = f"model with photo {model.left} ({len(model.points)} points)"
-            allowed = self.allowed & ~placed.oriented
+            allowed = self.allowed & ~current.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            start = replace(placed_block(self.rays, model.block, how), corrections=placed.corrections)
-            block = grower.grown(start, ROUGH)
-            joined = join(block.sub_block(), _part(placed, oriented, np.flatnonzero(block.known)), self.rays, "connect")
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=current.corrections)
+            block = grower.grow(start, ROUGH)
+            joined = join(
+                block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+            )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
-            # what the sub-block began with may have turned out to be in the wrong place there
-            more = _with_photos_of(placed, joined, block)
-            if more is not placed:
+            # the photos that the partial block began with may have been removed from it as wrong
+            more = _with_photos_of(current, joined, block)
+            if more is not current:
                 return more
         return None
 
@@ -332,9 +335,9 @@ class Growth:
             self.models[left, right] = found
         return self.models[left, right]
 
-    def _models_to_try(self, placed: Placed) -> Iterator[tuple[int, int]]:
+    def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
-        oriented = placed.oriented
+        oriented = current.oriented
         counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
         tried = np.zeros(len(oriented), dtype=int)
         for flat in np.argsort(-counts, axis=None, kind="stable"):
@@ -346,29 +349,29 @@ class Growth:
                 yield first, photo
 
 
-def _with_photos_of(placed: Placed, joined: Joined, block: Placed) -> Placed:
-    """Return a system with the photos of a sub-block that was joined on."""
+def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
+    """Return a system with the photos of a partial block that was connected."""
     points = counted(len(joined.step.points), "known point")
     for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
-        if not placed.oriented[photo]:
-            how = f"{block.how[photo]}; joined on by {points}"
-            placed = placed.with_photo(int(photo), rotation, centre, how)
-    return placed
+        if not current.oriented[photo]:
+            how = f"{block.how[photo]}; connected by {points}"
+            current = current.with_photo(int(photo), rotation, centre, how)
+    return current
 
 
 def _fitting_points(joined: Joined) -> int:
     return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
 
 
-def _part(placed: Placed, photo: int, points: IntArray) -> SubBlock:
+def _part(current: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
     """Return one photo of a system, with those of its points that are known."""
-    known = points[placed.known[points]]
-    return SubBlock(
-        placed.name,
+    known = points[current.known[points]]
+    return PartialBlock(
+        current.name,
         np.array([photo]),
-        placed.rotations[[photo]],
-        placed.centres[[photo]],
+        current.rotations[[photo]],
+        current.centres[[photo]],
         known,
-        placed.coordinates[known],
-        np.nan_to_num(placed.deviations[known]),
+        current.coordinates[known],
+        np.nan_to_num(current.deviations[known]),
     )

@@ -2,11 +2,76 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
-from orip.records.preliminary import ALL_KNOWN, ImageRays, UnknownCameras
+
+CAMERA_CORRECTIONS = 4
+"""Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownCameras:
+    """Cameras whose interior orientation the adjustment will estimate, in full or in part.
+
+    Parameters
+    ----------
+    of_photo : array (number of photos,) of int
+        -1 for a photo of a camera that is known; empty where all are.
+    unknown : array (cameras, `CAMERA_CORRECTIONS`) of bool
+    """
+
+    of_photo: IntArray
+    unknown: BoolArray
+
+
+ALL_KNOWN = UnknownCameras(np.empty(0, dtype=np.int64), np.empty((0, CAMERA_CORRECTIONS), dtype=np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class ImageRays:
+    """n measured photo points freed of distortion.
+
+    Parameters
+    ----------
+    photos, points : tuples of str
+    photo, point : arrays (n,) of int
+        Indices into `photos` and `points`.
+    xy : array (n, 2)
+        Measured photo coordinates, fiducial system, mm.
+    vectors : array (n, 3)
+        Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
+    error : array (n,)
+        A-priori error of a photo coordinate, mm.
+    cameras : UnknownCameras
+    """
+
+    photos: tuple[str, ...]
+    points: tuple[str, ...]
+    photo: IntArray
+    point: IntArray
+    xy: FloatArray
+    vectors: FloatArray
+    error: FloatArray
+    cameras: UnknownCameras = ALL_KNOWN
+
+    def of(self, rows: IntArray | BoolArray) -> ImageRays:
+        """Return some of the rays, or all in another order; photos and points keep their indices."""
+        return ImageRays(
+            self.photos,
+            self.points,
+            self.photo[rows],
+            self.point[rows],
+            self.xy[rows],
+            self.vectors[rows],
+            self.error[rows],
+            self.cameras,
+        )
+
 
 _CORRECTED = "C", "DX", "DY", "A3"
 """Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""

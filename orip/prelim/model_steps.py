@@ -8,13 +8,14 @@ from itertools import groupby
 
 import numpy as np
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row
 from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.names import record_key
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.records.preliminary import NotOriented, RelativeOrientation
 from orip.records.project import StereoModel
 
 
@@ -65,13 +66,13 @@ def orient_models(
     """Orient all models relatively, in driving order."""
     places = _places(rays)
     found = [_oriented(rays, places, model, index) for model in in_driving_order(models)]
-    oriented = [each for each in found if isinstance(each, RelativeOrientation)]
-    return oriented, [each for each in found if isinstance(each, NotOriented)]
+    oriented = [model for model in found if isinstance(model, RelativeOrientation)]
+    return oriented, [model for model in found if isinstance(model, NotOriented)]
 
 
 def bridge_rows(relative: Sequence[RelativeOrientation], rays: ImageRays) -> JoinedSystems:
     """Bridge oriented models, given in driving order, to strips."""
-    rows = [bridge_row([each.block for each in row], rays) for _, row in groupby(relative, lambda each: each.row)]
+    rows = [bridge_row([model.block for model in row], rays) for _, row in groupby(relative, lambda model: model.row)]
     return JoinedSystems(
         tuple(system for row in rows for system in row.systems),
         tuple(step for row in rows for step in row.steps),

@@ -1,4 +1,4 @@
-"""Which rays belong to which photo, sorted once, so that the common points of any two photos are found at once."""
+"""Which rays belong to which photo, sorted once, so that the common points of two photos are found quickly."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,4 +38,4 @@ def photo_index(rays: ImageRays) -> PhotoIndex:
     order = np.lexsort((rays.point, rays.photo))
     starts = np.searchsorted(rays.photo[order], np.arange(1, len(rays.photos)))
     rows = tuple(np.split(order, starts)) if rays.photos else ()
-    return PhotoIndex(rows, tuple(rays.point[each] for each in rows))
+    return PhotoIndex(rows, tuple(rays.point[of_photo] for of_photo in rows))

@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.misplaced import misplaced, unfit
+from orip.prelim.growing_block import GrowingBlock
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.misplaced_photos import misplaced_photos, unfit
 from orip.prelim.photo_index import PhotoIndex
-from orip.prelim.placed import Placed
-from orip.records.preliminary import ImageRays
 
 _SHARED_NEEDED, _KNOWN_NEEDED = 5, 3
 
 
-def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, placed: Placed, photo: int) -> str:
+def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, grown: GrowingBlock, photo: int) -> str:
     """Say what is missing for the orientation of a photo.
 
     Parameters
@@ -24,11 +24,11 @@ def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, place
     index : PhotoIndex
     common : array (photos, photos)
         Numbers of common points.
-    placed : Placed
+    grown : GrowingBlock
         What has been oriented.
     photo : int
     """
-    oriented = placed.oriented
+    oriented = grown.oriented
     shared = common[photo].copy()
     shared[photo] = 0
     if oriented.any():
@@ -37,24 +37,24 @@ def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, place
     shortage = f"photo {name} shares {most} points with its neighbours, {_SHARED_NEEDED} are needed"
     if not oriented.any():
         return shortage
-    known = int(placed.known[index.points[photo]].sum())
+    known = int(grown.known[index.points[photo]].sum())
     if most < _SHARED_NEEDED and known < _KNOWN_NEEDED:
         return f"{shortage}; of its points {known} are known, {_KNOWN_NEEDED} are needed"
     return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
-def doubtful_photos(rays: ImageRays, placed: Placed, lengths: FloatArray) -> Iterator[str]:
+def doubtful_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> Iterator[str]:
     """Yield a sentence for each photo that is probably in the wrong place.
 
     Parameters
     ----------
     rays : ImageRays
-    placed : Placed
+    grown : GrowingBlock
     lengths : array (n,)
         The system's `residual_lengths`.
     """
     far_off = unfit(lengths)
-    for photo in np.flatnonzero(misplaced(rays, placed, lengths)):
+    for photo in np.flatnonzero(misplaced_photos(rays, grown, lengths)):
         mine = (rays.photo == photo) & ~np.isnan(lengths)
         count = f"{np.count_nonzero(far_off & mine)} of the {np.count_nonzero(mine)}"
         yield (

@@ -1,6 +1,6 @@
-"""The ways to a block in one system: by its models, by control in the photos, by pairs of photos, by what is given.
+"""The routes to a block in one system: by its models, by control in the photos, by pairs of photos, by what is given.
 
-Each way gives sub-blocks in systems of their own, or one that is on the ground from the beginning.
+Each route gives blocks in systems of their own, or one that is on the ground from the beginning.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.growing import Growth
+from orip.prelim.growing import BlockGrower
+from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
-from orip.prelim.placed import Placed, nothing_placed, placed_block
 from orip.prelim.refinement.refinement import ROUGH
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.records.project import StereoModel
 from orip.wording import counted
 
@@ -35,11 +36,11 @@ _KNOWN_POINTS = 6
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where one way led.
+    """Where one route led.
 
     Parameters
     ----------
-    systems : tuple of Placed
+    systems : tuple of GrowingBlock
         The largest first.
     on_ground : bool
         The systems (then one) are on the ground.
@@ -48,7 +49,7 @@ class Route:
     failures : tuple of NotOriented
     """
 
-    systems: tuple[Placed, ...]
+    systems: tuple[GrowingBlock, ...]
     on_ground: bool = False
     relative: tuple[RelativeOrientation, ...] = ()
     bridges: tuple[SimilarityStep, ...] = ()
@@ -56,16 +57,16 @@ class Route:
     failures: tuple[NotOriented, ...] = ()
 
 
-def by_models(growth: Growth, models: Sequence[StereoModel]) -> Route:
+def by_models(grower: BlockGrower, models: Sequence[StereoModel]) -> Route:
     """Go by the models of the bundle: relative orientation, bridging, connection; other photos are added to them."""
-    relative, not_relative = orient_models(growth.rays, models, growth.index)
-    bridged = bridge_rows(relative, growth.rays)
-    connected = connect_rows(bridged, growth.rays)
+    relative, not_relative = orient_models(grower.rays, models, grower.index)
+    bridged = bridge_rows(relative, grower.rays)
+    connected = connect_rows(bridged, grower.rays)
     blocks = sorted(connected.systems, key=lambda block: -len(block.photos))
-    told = _how_by_models(growth.rays, relative, bridged, connected.steps)
-    systems = [_with_sentences(placed_block(growth.rays, block, ""), growth.rays, told) for block in blocks]
+    sentences = _how_by_models(grower.rays, relative, bridged, connected.steps)
+    systems = [_with_sentences(growing_block_of(grower.rays, block, ""), grower.rays, sentences) for block in blocks]
     return Route(
-        (growth.grown(systems[0], ROUGH), *systems[1:]) if systems else (),
+        (grower.grow(systems[0], ROUGH), *systems[1:]) if systems else (),
         relative=tuple(relative),
         bridges=bridged.steps,
         connections=connected.steps,
@@ -83,15 +84,15 @@ def _how_by_models(
     bridges = {step.source: step for step in bridged.steps}
     strips = {rays.photos[photo]: strip.name for strip in bridged.systems for photo in strip.photos}
     connected = {step.source: step for step in connections}
-    told: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     for model in relative:
         sentence = f"relative orientation in model {model.model} from {len(model.points)} points"
         if step := bridges.get(model.model):
             sentence += f", bridged to model {step.target} by {_common(step)}"
         for photo in (model.left, model.right):
             strip = connected.get(strips[photo])
-            told.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
-    return told
+            sentences.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
+    return sentences
 
 
 def _common(step: SimilarityStep) -> str:
@@ -99,57 +100,57 @@ def _common(step: SimilarityStep) -> str:
     return f"{points} and photo {step.common_photo}" if step.common_photo else points
 
 
-def _with_sentences(placed: Placed, rays: ImageRays, told: Mapping[str, str]) -> Placed:
-    pairs = zip(rays.photos, placed.oriented, strict=True)
-    return replace(placed, how=tuple(told[photo] if oriented else "" for photo, oriented in pairs))
+def _with_sentences(grown: GrowingBlock, rays: ImageRays, sentences: Mapping[str, str]) -> GrowingBlock:
+    pairs = zip(rays.photos, grown.oriented, strict=True)
+    return replace(grown, how=tuple(sentences[photo] if oriented else "" for photo, oriented in pairs))
 
 
-def by_control(growth: Growth) -> Route:
-    """Go by resection of the photos that see enough control points; `growth` holds the control."""
-    start = nothing_placed(growth.rays)
-    start = replace(start, coordinates=growth.held.copy(), deviations=np.where(np.isnan(growth.held), np.nan, 0.0))
-    return Route((growth.grown(start),), on_ground=True)
+def by_control(grower: BlockGrower) -> Route:
+    """Go by resection of the photos that see enough control points; `grower` holds the control."""
+    start = empty_growing_block(grower.rays)
+    start = replace(start, coordinates=grower.held.copy(), deviations=np.where(np.isnan(grower.held), np.nan, 0.0))
+    return Route((grower.grow(start),), on_ground=True)
 
 
-def by_given(growth: Growth, rotations: FloatArray, centres: FloatArray) -> Route:
+def by_given(grower: BlockGrower, rotations: FloatArray, centres: FloatArray) -> Route:
     """Go by the photos whose orientation is given in full: intersection, and growing from there."""
-    start = replace(nothing_placed(growth.rays), rotations=rotations, centres=centres)
+    start = replace(empty_growing_block(grower.rays), rotations=rotations, centres=centres)
     start = replace(start, how=tuple("given" if given else "" for given in start.oriented))
-    return Route((growth.grown(growth.intersected(start)),), on_ground=True)
+    return Route((grower.grow(grower.intersected(start)),), on_ground=True)
 
 
-def by_pairs(growth: Growth, choice: int) -> Route:
+def by_pairs(grower: BlockGrower, choice: int) -> Route:
     """Go from the best pairs of photos; `choice` 0 begins with the best, 1 with the second best pair, ..."""
-    systems: list[Placed] = []
+    systems: list[GrowingBlock] = []
     relative: list[RelativeOrientation] = []
-    free = np.ones(len(growth.rays.photos), dtype=bool)
-    while (start := _starting_pair(growth, free, choice if not systems else 0)) is not None:
+    free = np.ones(len(grower.rays.photos), dtype=bool)
+    while (start := _starting_pair(grower, free, choice if not systems else 0)) is not None:
         how = f"model of photos {start.left} and {start.right}, {len(start.points)} points"
-        system = growth.grown(placed_block(growth.rays, start.block, how), ROUGH)
+        system = grower.grow(growing_block_of(grower.rays, start.block, how), ROUGH)
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented
-        # they may have turned out to be in the wrong place there, and would begin the same system again
+        # they may have been removed from it as wrong, and would begin the same system again
         free[start.block.photos] = False
     systems.sort(key=lambda system: -int(system.oriented.sum()))
     return Route(tuple(systems), relative=tuple(relative))
 
 
-def photos_with_control(growth: Growth) -> BoolArray:
+def photos_with_control(grower: BlockGrower) -> BoolArray:
     """Return which photos see enough control points for a resection that a wrong one does not spoil."""
-    known = growth.held_points
-    return np.array([int(known[points].sum()) >= _KNOWN_POINTS for points in growth.index.points], dtype=np.bool_)
+    known = grower.held_points
+    return np.array([int(known[points].sum()) >= _KNOWN_POINTS for points in grower.index.points], dtype=np.bool_)
 
 
-def _starting_pair(growth: Growth, free: BoolArray, choice: int) -> RelativeOrientation | None:
+def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> RelativeOrientation | None:
     """Return the pair of free photos that determines its points best, or the next best ones."""
-    counts = np.where(free[:, None] & free, growth.common, 0)
+    counts = np.where(free[:, None] & free, grower.common, 0)
     found: list[RelativeOrientation] = []
     for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
-        # pairs come with ever fewer points, and one cannot be worth more than with all of them at a good angle
-        if sum(_worth(each) >= np.sqrt(common) * _GOOD_ANGLE for each in found) > choice:
+        # pairs come with fewer and fewer points, and none is better than with all of them at a good angle
+        if sum(_worth(pair) >= np.sqrt(common) * _GOOD_ANGLE for pair in found) > choice:
             break
-        pair = growth.model(left, right)
+        pair = grower.model(left, right)
         if isinstance(pair, RelativeOrientation):
             found.append(pair)
     found.sort(key=_worth, reverse=True)
@@ -157,7 +158,7 @@ def _starting_pair(growth: Growth, free: BoolArray, choice: int) -> RelativeOrie
 
 
 def _worth(pair: RelativeOrientation) -> float:
-    """Return what a pair is worth as the first: many points that fit, at good angles."""
+    """Return how good a starting pair is: many points that fit, at good angles."""
     to_left = pair.block.coordinates
     to_right = to_left - pair.base
     lengths = np.linalg.norm(to_left, axis=1) * np.linalg.norm(to_right, axis=1)

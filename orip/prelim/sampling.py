@@ -1,4 +1,4 @@
-"""Subsets of observations that an orientation without initial values is tried from."""
+"""Subsets of observations from which an orientation without initial values is computed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from orip.arrays import IntArray
 def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
     """Return subsets of `count` things: all of them if there are at most `limit`, else `limit` random ones.
 
-    Random subsets come in random order, each with different members, and may repeat. Equal arguments give equal
-    subsets.
+    Random subsets have different members and may repeat; their order is random. Equal arguments give equal subsets.
 
     Parameters
     ----------
@@ -28,7 +27,7 @@ def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
     Returns
     -------
     array (s, size)
-        Kept for the next who asks, and therefore not to be written to.
+        Shared between callers, and therefore read-only.
     """
     total = math.comb(count, size)
     if total <= limit:
@@ -41,7 +40,7 @@ def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
 
 
 def _random_subsets(count: int, size: int, number: int, generator: np.random.Generator) -> IntArray:
-    """Draw the k-th member from the count - k things left: its rank among them, moved past those drawn before."""
+    """Draw the k-th member from the remaining count - k things: its rank among them, moved past those drawn before."""
     result = np.empty((number, size), dtype=np.int64)
     for k in range(size):
         drawn = generator.integers(count - k, size=number)

@@ -1,4 +1,4 @@
-"""Fewer rays: photos with hundreds of points are oriented as well, and many times faster, by some dozens of them."""
+"""Fewer rays: some dozens of points orient a photo as well as hundreds, and many times faster."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from itertools import compress
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 
 _HOLDING = 4
-"""Points that are kept at least of those that hold two photos together."""
+"""Points kept at least of those that connect two photos."""
 
 _MANY = 1.5
 """Times the points that are enough: photos with fewer, in the middle, keep all of them."""
 
 
 def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
-    """Return the rays of so many points that each photo has enough of them; points that are left out have no index.
+    """Return rays of enough points for each photo; points that are left out have no index.
 
     Of each photo, and of each two photos that are neighbours in the list of those that show a point, those points are
-    taken that most other photos show, since they hold the block together; among equals as a fixed shuffle has them, as
+    kept that most other photos show, since they connect the block; equal ones in the order of a fixed shuffle, as
     neighbours in a list of names are often neighbours on the ground.
 
     Parameters

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.records.photo import Stage
+from orip.records.camera import Camera
+from orip.records.photo import Stage, Temtick
 
 TransformationKind = Literal["A", "C", "W"]
 """Plane transformations: A affine, C conform, W conform without scale."""
@@ -176,3 +177,14 @@ class PhotoObservations:
 def no_observations(bundle: str) -> PhotoObservations:
     """Return the observations of a bundle in which nothing is measured yet."""
     return PhotoObservations(bundle, (), (), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What is measured: orientations by `record_key`, observations by bundle, digitised marks taken into records."""
+
+    templates: dict[str, TemplateOrientation] = field(default_factory=dict)
+    photos: dict[str, PhotoOrientation] = field(default_factory=dict)
+    observations: dict[str, PhotoObservations] = field(default_factory=dict)
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    temticks: dict[str, Temtick] = field(default_factory=dict)

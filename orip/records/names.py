@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import defaultdict
 from collections.abc import Iterable
+
+from orip.wording import listed_names
 
 RESERVED_NAMES = frozenset({"-", "="})
 COMMENT_MARKS = ("!", "#")
@@ -45,3 +48,12 @@ def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     for name in dict.fromkeys(names):
         groups[name.upper().lstrip("0")].append(name)
     return [tuple(group) for group in groups.values() if len(group) > 1]
+
+
+def near_names(name: str, known: Iterable[str]) -> str:
+    """Return the names most like one that is not known, for a message; the first of all names where none is alike."""
+    by_key = {record_key(record): record for record in known}
+    near = set(difflib.get_close_matches(record_key(name), by_key, 4))
+    if near:
+        return f"did you mean {' or '.join(record for key, record in by_key.items() if key in near)}?"
+    return f"known are: {listed_names(by_key.values())}"

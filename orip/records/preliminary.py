@@ -1,8 +1,8 @@
-"""Preliminary values: the rays that they are computed from, and what each step of their computation found.
+"""Preliminary values: what each step of their computation found, as listings and the terminal show it.
 
-Indices of photos and points count in one `ImageRays`. Everything is radians; coordinates are those of the system that a
-class names. A model's own system is that of its left photo: origin in the left projection centre, axes of the left
-photo, unit the metre at photo scale (millimetres of the photo / 1000).
+Indices of photos and points are those of one `orip.prelim.image_rays.ImageRays`. Everything is radians; coordinates
+are those of the system that a class names. A model's own system is that of its left photo: origin in the left
+projection centre, axes of the left photo, unit the metre at photo scale (millimetres of the photo / 1000).
 """
 
 from __future__ import annotations
@@ -14,71 +14,9 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-CAMERA_CORRECTIONS = 4
-"""Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
-
 
 @dataclass(frozen=True, slots=True)
-class UnknownCameras:
-    """Cameras whose interior orientation the adjustment will estimate, in full or in part.
-
-    Parameters
-    ----------
-    of_photo : array (number of photos,) of int
-        -1 for a photo of a camera that is known; empty where all are.
-    unknown : array (cameras, `CAMERA_CORRECTIONS`) of bool
-    """
-
-    of_photo: IntArray
-    unknown: BoolArray
-
-
-ALL_KNOWN = UnknownCameras(np.empty(0, dtype=np.int64), np.empty((0, CAMERA_CORRECTIONS), dtype=np.bool_))
-
-
-@dataclass(frozen=True, slots=True)
-class ImageRays:
-    """n measured photo points freed of distortion.
-
-    Parameters
-    ----------
-    photos, points : tuples of str
-    photo, point : arrays (n,) of int
-        Indices into `photos` and `points`.
-    xy : array (n, 2)
-        Measured photo coordinates, fiducial system, mm.
-    vectors : array (n, 3)
-        Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
-    error : array (n,)
-        A-priori error of a photo coordinate, mm.
-    cameras : UnknownCameras
-    """
-
-    photos: tuple[str, ...]
-    points: tuple[str, ...]
-    photo: IntArray
-    point: IntArray
-    xy: FloatArray
-    vectors: FloatArray
-    error: FloatArray
-    cameras: UnknownCameras = ALL_KNOWN
-
-    def of(self, rows: IntArray | BoolArray) -> ImageRays:
-        """Return some of the rays, or all in another order; photos and points keep their indices."""
-        return ImageRays(
-            self.photos,
-            self.points,
-            self.photo[rows],
-            self.point[rows],
-            self.xy[rows],
-            self.vectors[rows],
-            self.error[rows],
-            self.cameras,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class SubBlock:
+class PartialBlock:
     """Photos and points in one system: a model, a strip of bridged models, or the block.
 
     Parameters
@@ -136,7 +74,7 @@ class RelativeOrientation:
         Standard error of unit weight; 0 with no redundancy.
     max_residual : float
         Largest residual parallax of a point with full weight, mm.
-    block : SubBlock
+    block : PartialBlock
         Both photos and the points in front of both of them, in the model's system.
     remarks : tuple of str
         What the user should know, in sentences.
@@ -161,7 +99,7 @@ class RelativeOrientation:
     iterations: int
     seuw: float
     max_residual: float
-    block: SubBlock
+    block: PartialBlock
     remarks: tuple[str, ...] = ()
 
 
@@ -236,15 +174,15 @@ class ModelCoordinates:
     ----------
     stage : {"relative", "bridged", "connected", "absolute"}
     photos, points : tuples of str
-        Names that the indices of the sub-blocks count in.
-    systems : tuple of SubBlock
+        Names that the indices of the partial blocks count in.
+    systems : tuple of PartialBlock
         One a model, one a strip, or one for the block (several where they could not be joined).
     """
 
     stage: Stage
     photos: tuple[str, ...]
     points: tuple[str, ...]
-    systems: tuple[SubBlock, ...]
+    systems: tuple[PartialBlock, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,6 +228,9 @@ class PointStarts:
         return len(self.names)
 
 
+NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
+
+
 @dataclass(frozen=True, slots=True)
 class CameraStart:
     """Preliminary values of an unknown camera.
@@ -303,9 +244,6 @@ class CameraStart:
 
     name: str
     parameters: tuple[float, ...]
-
-
-NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
 
 
 @dataclass(frozen=True, slots=True)

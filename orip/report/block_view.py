@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.frame import frame_corners
+from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution

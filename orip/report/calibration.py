@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
-from orip.interior.frame import frame_corners
+from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution

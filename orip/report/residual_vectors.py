@@ -10,7 +10,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
-from orip.interior.frame import frame_corners
+from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.solution import Residuals
 from orip.report.drawing import drawing, element, number, round_step, text

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import NotSolvableError, ProjectWarning
-from orip.mistakes.explanation import Trials, explanations_of, explanations_of_failure
+from orip.mistakes.explanation import explain_failure, explain_misfit
+from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
@@ -95,7 +96,7 @@ def solve_gathered(
         With the probable causes first.
     """
     found: list[PreliminaryValues] = []
-    trials = Trials(
+    readjuster = Readjuster(
         gathered.block,
         lambda block: started_block(block, gathered.preliminary, lambda _: None)[0],
         gathered.cameras,
@@ -113,9 +114,9 @@ def solve_gathered(
             solution = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
-        causes = explanations_of_failure(trials, missing)
+        causes = explain_failure(readjuster, missing)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    explained = () if solution.status == "stopped" else explanations_of(solution, block, trials)
+    explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
     warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), found[0] if found else None

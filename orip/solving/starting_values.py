@@ -11,7 +11,7 @@ from orip.bundle.assemble import with_starting_values
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
-from orip.prelim.in_project import orientations_in_frame, points_in_project
+from orip.prelim.project_coordinates import orientations_in_frame, points_in_project
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint

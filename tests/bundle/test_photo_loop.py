@@ -34,6 +34,9 @@ SUMMED = 10.0
 MAX_CONDITION = 1e10
 """Of the blocks below; a larger one would make the tolerances say little."""
 FRAME = (36.0, 24.0)
+_ROWS = 30
+_POINTS_STAY = 1e30
+"""Damping with which what the elimination of points takes off is nothing beside the last digit."""
 
 
 def self_calibrated(distortion_at: str) -> Block:
@@ -144,6 +147,41 @@ def test_residuals(block):
     assert np.array_equal(streamed.active, stored.active)
     assert np.array_equal(streamed.exact, stored.exact)
     assert np.array_equal(streamed.design.toarray(), stored.design.toarray())
+
+
+COMPARED = {
+    "residuals": "test_residuals",
+    "points": "test_normal_equations_of_points_alone, test_partials_of_single_photo_coordinates",
+    "eliminate": "test_normal_equations_with_eliminated_points, test_partials_of_single_photo_coordinates",
+    "precision": "test_solution_and_precision",
+    "forward": "test_coupling_of_points_forwards_and_backwards",
+    "backward": "test_coupling_of_points_forwards_and_backwards",
+}
+"""Functions of the extension, and the tests that compare them with numpy."""
+
+
+def test_every_function_of_the_extension_is_compared():
+    functions = {name for name, value in vars(photo_loop.compiled).items() if callable(value)}
+    assert functions == COMPARED.keys()
+    here = globals()
+    assert all(test in here for tests in COMPARED.values() for test in tests.split(", "))
+
+
+def test_partials_of_single_photo_coordinates(block):
+    """The right-hand side A^T y with a unit vector for y is a row of A, where points are damped to stay."""
+    layout, streamed, stored = both_ways(block)
+    design, root = stored.design.toarray(), stored.active.astype(float)
+    photo = np.flatnonzero(np.repeat(streamed.rows.loop.eliminated, 2))
+    largest = np.abs(design).max(axis=0)
+    unit = np.where(largest > 0.0, largest, 1.0)
+    for row in np.random.default_rng(4).permutation(photo)[:_ROWS].tolist():
+        y = np.zeros(len(design))
+        y[row] = root[row]
+        reduced = streamed.rows.eliminated(root, y, layout, MAX_LOST, _POINTS_STAY).right
+        points = streamed.rows.block_normals(root, y, layout).right
+        free = ~layout.fixed
+        found = np.concatenate([reduced, points.ravel()])
+        assert np.abs(np.where(free, found - design[row] * root[row], 0.0) / unit).max() < RELATIVE
 
 
 def test_normal_equations_with_eliminated_points(block):

@@ -542,7 +542,7 @@ def test_a_free_network_is_oriented_in_a_system_of_its_own(made: StripsProject, 
     folder = measured(project, tmp_path / "strips")
     said = orip(folder, "prelim")
     assert said.code == 0
-    assert "note     nothing is known on the ground: origin and axes of the block are those of photo P1" in said.err
+    assert "note     no ground coordinates are known: origin and axes of the block are those of photo P1" in said.err
     assert "its scale is arbitrary" in said.err
     values = stored_photos(folder)
     assert values["P1"] == pytest.approx([0.0] * 6, abs=1e-12)

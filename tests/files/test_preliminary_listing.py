@@ -25,16 +25,16 @@ from orip.records.preliminary import (
     CameraStart,
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     PhotoStart,
     PointStarts,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
-    SubBlock,
 )
 
 NAN = np.nan
-MODEL = SubBlock(
+MODEL = PartialBlock(
     "M1", np.array([0, 1]), np.stack([np.eye(3)] * 2), np.array([[0.0, 0.0, 0.0], [0.0904, -0.0012, 0.0007]]),
     np.array([0, 1]), np.array([[0.01, 0.02, -0.15], [0.03, -0.02, -0.1512345]]), np.full((2, 3), 4e-6),
 )  # fmt: skip

@@ -73,9 +73,12 @@ def test_events(link):
     link.foot("RIGHT")
     link.key("ENTER")
     link.foot("LEFT")
-    events = link.events(0.01)
     plates = ((34.995, 59.895), (25.005, 60.105))
-    assert [next(events) for _ in range(3)] == [Event("RIGHT", plates=plates), Event("KEY", "ENTER"), Event("LEFT")]
+    assert [link.next_event() for _ in range(3)] == [
+        Event("RIGHT", plates=plates),
+        Event("KEY", "ENTER"),
+        Event("LEFT"),
+    ]
 
 
 def test_a_profile(link):

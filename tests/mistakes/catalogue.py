@@ -81,7 +81,7 @@ def wrong_camera(folder: Path) -> None:
 
 @mistake(
     "Principal distance of another lens", CLIFF, "camera REFLEX35", "C = 50 mm does not fit", "35.",
-    mend='Correct `c`, or let the adjustment find it: `unknown = ["C"]`.',
+    mend='Correct `c`, or let the adjustment determine it: `unknown = ["C"]`.',
 )  # fmt: skip
 def other_lens(folder: Path) -> None:
     in_toml(folder, ("c = 35.0 ", "c = 50.0 "), ('unknown = ["C", "DX", "DY", "A3", "A5"]', 'unknown = ["A3", "A5"]'))
@@ -105,7 +105,7 @@ def principal_distance_in_pixels(folder: Path) -> None:
 
 @mistake(
     "Sensor size of another camera", ZURICH, "camera OLYMPUS", "C = 8.595 mm does not fit", "the size of the sensor",
-    mend="Correct `width` and `height` of the sensor, or `c`: the photos know their ratio alone.",
+    mend="Correct `width` and `height` of the sensor, or `c`: the photos determine only their ratio.",
 )  # fmt: skip
 def sensor_size(folder: Path) -> None:
     in_toml(folder, ("width = 8.245", "width = 36.0"), ("height = 6.6", "height = 28.8"))
@@ -162,8 +162,9 @@ TURNED_OVER = {"1": "2", "2": "1", "3": "4", "4": "3", "5": "5", "6": "8", "7": 
 
 
 @mistake(
-    "A scan turned by 180°, fiducial marks named by their place", CLIFF, "photo 103", "turned by 180°", "3 is 1",
-    mend="Name marks by what they are on the film, not by where they lie in the scan.", upto="measure",
+    "A scan turned by 180°, fiducial marks named by their position in it",
+    CLIFF, "photo 103", "turned by 180°", "3 is 1",
+    mend="Give marks the names that they have on the film, not those of their position in the scan.", upto="measure",
 )  # fmt: skip
 def turned_scan(folder: Path) -> None:
     in_logs(folder, lambda header, words: [TURNED[words[0]], *words[1:]] if header[:2] == ["PHOTO", "103"] else words)
@@ -178,8 +179,9 @@ def other_corner(folder: Path) -> None:
 
 
 @mistake(
-    "Film scanned emulsion up, marks named by their place", CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
-    mend="Mirror the scan; or name the marks by what they are: then they undo it.", upto="measure",
+    "Film scanned emulsion up, marks named by their position in the scan",
+    CLIFF, "photos 101, 102, 103 and 9 more", "upside down",
+    mend="Mirror the scan; or give the marks the names that they have on the film: then they undo it.", upto="measure",
 )  # fmt: skip
 def emulsion_up(folder: Path) -> None:
     in_logs(
@@ -191,16 +193,16 @@ def emulsion_up(folder: Path) -> None:
 
 
 @mistake(
-    "Film scanned emulsion up, marks named by what they are", CLIFF, "template LEFT", "mirror image",
-    mend="Nothing, if it was meant: the marks undo it, and the result is right.", upto="measure",
+    "Film scanned emulsion up, marks named as on the film", CLIFF, "template LEFT", "mirror image",
+    mend="Nothing, if it was intended: the marks undo it, and the result is right.", upto="measure",
 )  # fmt: skip
 def emulsion_up_named(folder: Path) -> None:
     in_logs(folder, lambda _, words: [words[0], number(words[1], -1.0), words[2]])
 
 
 @mistake(
-    "A template mounted upside down, tick marks named by their place", CLIFF, "template LEFT", "turned by 180°",
-    mend="Name ticks by what they are on the sheet.", upto="measure",
+    "A template mounted upside down, tick marks named by their position", CLIFF, "template LEFT", "turned by 180°",
+    mend="Give tick marks the names that they have on the sheet.", upto="measure",
 )  # fmt: skip
 def template_upside_down(folder: Path) -> None:
     second_day = {"201", "203", "205"}
@@ -239,7 +241,7 @@ def exchanged_on_a_template(folder: Path) -> None:
 
 @mistake(
     "The same photo under two names", CLIFF, "photo 113", "photo 103", "one photo",
-    mend="Take one of the two out.",
+    mend="Remove one of the two.",
 )  # fmt: skip
 def photo_twice(folder: Path) -> None:
     text = (folder / "DAY1.MEA").read_text(encoding="utf-8")
@@ -296,7 +298,7 @@ def number_twice_in_a_photo(folder: Path) -> None:
 
 
 @mistake(
-    "A point pointed to wrongly", CLIFF, "photo 104", "point 1308", "does not fit",
+    "A point measured in the wrong place", CLIFF, "photo 104", "point 1308", "does not fit",
     mend="Measure it again, or disregard it.",
 )  # fmt: skip
 def mispointed(folder: Path) -> None:
@@ -371,7 +373,7 @@ def longitude_and_latitude(folder: Path) -> None:
 
 
 @mistake(
-    "0 for want of a height", CLIFF, "control point CP3", "Z = 0", "for want of a value",
+    "0 for an unknown height", CLIFF, "control point CP3", "Z = 0", "value is not known",
     mend="Write `-` for the height and its error.",
 )  # fmt: skip
 def placeholder_height(folder: Path) -> None:
@@ -379,7 +381,7 @@ def placeholder_height(folder: Path) -> None:
 
 
 @mistake(
-    "0 for want of a height, control constant", ZURICH, "control point 121", "Z = 0", "for want of a value",
+    "0 for an unknown height, control constant", ZURICH, "control point 121", "Z = 0", "value is not known",
     mend="Write `-` for the height and its error.",
 )  # fmt: skip
 def placeholder_height_held(folder: Path) -> None:
@@ -534,10 +536,10 @@ def distances_in_feet(folder: Path) -> None:
 
 
 @mistake(
-    "Fields parted by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
-    mend="Part fields by blanks or tabs.",
+    "Fields separated by commas", CLIFF, "CLIFF.PNT:3", "part fields by blanks or tabs, not by ','",
+    mend="Separate fields by blanks or tabs.",
 )  # fmt: skip
-def parted_by_commas(folder: Path) -> None:
+def separated_by_commas(folder: Path) -> None:
     in_control(folder, lambda words: [",".join(words)])
 
 
@@ -585,7 +587,7 @@ def typographic_quotes(folder: Path) -> None:
 
 @mistake(
     "No quotation marks in orip.toml", CLIFF, "orip.toml:4:8", 'quotation marks; write "CLIFF"',
-    mend='Texts stand in quotation marks.',
+    mend='Put texts in quotation marks.',
 )  # fmt: skip
 def no_quotes(folder: Path) -> None:
     in_toml(folder, ('name = "CLIFF"', "name = CLIFF"))

@@ -34,7 +34,7 @@ def row(mistake: Mistake, line: str) -> str:
 
 
 def write_table() -> None:
-    """Write the table of the documentation anew: ``PYTHONPATH=tests python -m mistakes.first_line``."""
+    """Write the table of the documentation again: ``PYTHONPATH=tests python -m mistakes.first_line``."""
     from tempfile import TemporaryDirectory
 
     rows = ["| mistake | what orip says first | how to mend it |\n", "|---|---|---|\n"]

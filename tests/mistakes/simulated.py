@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,14 @@ import numpy as np
 from orip.bundle.assemble import with_starting_values
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import ProjectWarning
-from orip.mistakes.explanation import Trials, explanations_of
+from orip.mistakes.explanation import explain_misfit
+from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
 
 
-def explained(block: Block) -> list[ProjectWarning]:
-    """Adjust a block, and return what orip says of it."""
+def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list[ProjectWarning]:
+    """Adjust a block, and return what orip says of it after what it found before the adjustment."""
     gathered = replace(block, point_start=np.full_like(block.point_start, np.nan))
 
     def start(other: Block) -> Block:
@@ -23,7 +25,7 @@ def explained(block: Block) -> list[ProjectWarning]:
 
     started = start(gathered)
     solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
-    return explanations_of(solution, started, Trials(gathered, start, block.cameras))
+    return explain_misfit(solution, started, Readjuster(gathered, start, block.cameras, found_before))
 
 
 def with_camera(block: Block, *values: tuple[int, float]) -> Block:

@@ -39,4 +39,4 @@ def test_chance_is_no_mistake_in_a_hundred_blocks(scene: Scene, kind: str) -> No
         )
     ]
     # blunders by chance: a standard residual above 5 is rare, but there are some fifteen thousand
-    assert np.count_nonzero([each.code != "blunder" for each in said]) == 0
+    assert np.count_nonzero([warning.code != "blunder" for warning in said]) == 0

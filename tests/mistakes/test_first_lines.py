@@ -18,7 +18,7 @@ def test_the_first_line_says_what_is_wrong(tmp_path: Path, name: str) -> None:
     for words in mistake.tells:
         assert words in line
     assert row(mistake, line) in DOCUMENT.read_text(encoding="utf-8"), (
-        "docs/mistakes.md has another line; PYTHONPATH=tests python -m mistakes.first_line writes its table anew"
+        "docs/mistakes.md has another line; PYTHONPATH=tests python -m mistakes.first_line writes its table again"
     )
 
 

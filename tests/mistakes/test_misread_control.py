@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from prelim.sub_block_samples import ground_sample, mirrored
+from prelim.partial_block_samples import ground_sample, mirrored
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.mistakes.misread_control import misread_control

@@ -13,18 +13,19 @@ from mistakes.simulated import explained, with_camera
 from support.synthetic_block import DISTORTED, synthetic_block
 from workflow.quiet import run_quietly
 
+from orip.errors import ProjectWarning
 from orip.interior.orientation import orient_photo
+from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
-from orip.mistakes.control_slips import slip
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.measurement import MeasuredMarks, PhotoOrientation
 
 # ------------------------------------------------------------------------------------------------------------- cameras
 
 
-def test_a_lens_distortion_that_the_record_has_not() -> None:
+def test_a_lens_distortion_that_is_not_in_the_record() -> None:
     block = synthetic_block("strip", "no distortion given", noise_mm=0.005, distortion=DISTORTED).block
     (said,) = explained(with_camera(block, *((place, 0.0) for place in range(3, len(CAMERA_PARAMETERS)))))
     assert said.code == "distortion"
@@ -42,6 +43,14 @@ def test_a_principal_point_of_the_opposite_sign() -> None:
     assert "opposite sign of x and y" in said.text
 
 
+@pytest.mark.parametrize("code", ["misnamed-marks", "outside-frame", "senseless-camera"])
+def test_no_hypothesis_is_tried_where_the_misfit_is_explained_already(code: str) -> None:
+    block = synthetic_block("strip", "explained", noise_mm=0.005, distortion=DISTORTED).block
+    wrong = with_camera(block, *((place, 0.0) for place in range(3, len(CAMERA_PARAMETERS))))
+    said = explained(wrong, [ProjectWarning(code, "camera CAM", "is wrong")])
+    assert "distortion" not in {warning.code for warning in said}
+
+
 def test_a_camera_that_makes_sense() -> None:
     values = (50.0, *[0.0] * 10)
     assert not list(camera_warnings(Camera("A", values, sensor=Sensor(6000, 4000, 35.9, 23.9))))
@@ -49,7 +58,7 @@ def test_a_camera_that_makes_sense() -> None:
     assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 10), frame=(36.0, 24.0))))
     assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 10), frame=(230.0, 230.0))))
     (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 10), sensor=Sensor(6000, 4000, 35.9, 23.9)))
-    assert "angle of view" in said.text
+    assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
 
 
 # --------------------------------------------------------------------------------------------------------------- marks
@@ -61,7 +70,7 @@ def _photo(name: str, given: np.ndarray, labels: list[int], random: np.random.Ge
     plate = given @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) * 1.0004 + [12.0, -40.0]
     measured = plate + random.normal(scale=0.002, size=plate.shape)
     unknown = np.full_like(given, np.nan)
-    marks = MeasuredMarks(tuple(str(each) for each in labels), measured, np.zeros(len(given), dtype=bool), unknown)
+    marks = MeasuredMarks(tuple(str(label) for label in labels), measured, np.zeros(len(given), dtype=bool), unknown)
     return PhotoOrientation(name, "A", marks)
 
 
@@ -84,8 +93,8 @@ def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], foun
     photos = [_photo(str(k), given, [1, 2, 3, 4, 5, 6, 7, 8], random) for k in range(4)]
     photos.append(_photo("last", given, labels, random))
     said = misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos])
-    assert [each.where for each in said] == (["photo last"] if found else [])
-    assert all(found in each.text for each in said)
+    assert [warning.where for warning in said] == (["photo last"] if found else [])
+    assert all(found in warning.text and warning.code == "misnamed-marks" for warning in said)
 
 
 def test_one_mark_mispointed_is_no_other_name() -> None:
@@ -124,24 +133,24 @@ def test_photos_taken_one_after_the_other_are_two() -> None:
         (2.615, -2.61, "-2.615: its sign is wrong"),
         (19.4989, 194.98, "194.989: its decimal point is displaced"),
         (194.989, 184.98, "184.989: one digit is wrong"),
-        (0.0, 83.0, "for want of a value"),
+        (0.0, 83.0, "the value is not known"),
         (194.989, 187.3, None),
         # half the difference is unknown: any slip would do
         (149.989, 150.3, None),
     ],
 )
 def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
-    found = slip(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
+    found = slip_of_pen(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
     assert found is None if what is None else found is not None and what in found
 
 
 # ---------------------------------------------------------------------------------------------- what cannot be seen
 
 
-def test_half_a_pixel_is_taken_over_by_an_unknown_principal_point(tmp_path: Path) -> None:
+def test_half_a_pixel_is_absorbed_by_an_unknown_principal_point(tmp_path: Path) -> None:
     (as_it_is,) = run_quietly(sample("dcs260_calibration", tmp_path / "a"))
     folder = sample("dcs260_calibration", tmp_path / "b")
-    in_logs(folder, lambda _, words: [words[0], *(number(each, 1.0, -0.5) for each in words[1:])])
+    in_logs(folder, lambda _, words: [words[0], *(number(word, 1.0, -0.5) for word in words[1:])])
     (shifted,) = run_quietly(folder)
     pixel = 7.5078 / 1536
     moved = shifted.solution.cameras.values[0, 1:3] - as_it_is.solution.cameras.values[0, 1:3]
@@ -153,7 +162,7 @@ def test_half_a_pixel_is_taken_over_by_an_unknown_principal_point(tmp_path: Path
 def test_micrometres_on_the_stage_change_nothing(tmp_path: Path) -> None:
     (as_it_is,) = run_quietly(sample("small_frame_block", tmp_path / "a"))
     folder = sample("small_frame_block", tmp_path / "b")
-    in_logs(folder, lambda _, words: [words[0], *(number(each, 1e3) for each in words[1:])])
+    in_logs(folder, lambda _, words: [words[0], *(number(word, 1e3) for word in words[1:])])
     assert "warning" not in orip(folder, "run", "--no-report").err
     (other,) = run_quietly(folder)
     assert other.solution.points.values == pytest.approx(as_it_is.solution.points.values, abs=1e-6)

@@ -1,4 +1,4 @@
-"""One or more cases for every function whose name ends in `_with_partials`.
+"""One or more cases for every function that returns partials.
 
 A case is a vector of variables, the values of a function there and after a change of the variables, and the partials
 that the function itself returns. Kinds of observation are changed through `BlockState.moved`, so that the
@@ -23,7 +23,13 @@ from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rotation import rotation_about_axes, rotation_from_angles
+from orip.geometry.rotation import (
+    angle_rates_from_axes_rotation,
+    angles_from_rotation,
+    axes_rotation_from_angle_rates,
+    rotation_about_axes,
+    rotation_from_angles,
+)
 from orip.geometry.similarity import Similarities, similarity_with_partials
 from orip.interior import additional_parameters, image_coordinates
 from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_partials, base_of_camera, default_error
@@ -37,13 +43,18 @@ from orip.interior.distortion import (
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
 from orip.interior.image_polynomial import deformation_with_partials, image_polynomial
 from orip.multimodel.camera_model import camera_model
+from orip.prelim.image_rays import image_rays
+from orip.prelim.refinement.array_steps import ArraySolver
+from orip.prelim.refinement.camera_corrections import no_corrections
+from orip.prelim.refinement.problem import Network
+from orip.prelim.refinement.problem import State as RefinementState
 from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
+from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import ControlDirection, ControlDistance, ControlElement
 from orip.records.ground import PLAIN
 
-SUFFIX = "_with_partials"
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
 SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
 
@@ -81,7 +92,8 @@ class Case:
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_similarity(),
-        *_image_residuals(), *_image_equation(), *_bases(), *_parallaxes(), *_kinds(),
+        *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_parallaxes(), *_resection(),
+        *_refinement(), *_kinds(),
     ]  # fmt: skip
 
 
@@ -121,6 +133,22 @@ def _perspective() -> Iterator[Case]:
     )  # fmt: skip
 
 
+def _rates() -> Iterator[Case]:
+    angles = np.array([0.4, -1.1, 2.5])
+    rotation = rotation_from_angles(angles)
+
+    def turn(x: np.ndarray) -> np.ndarray:
+        """Return the rotation vector, to first order, from the angles to the angles changed by x."""
+        turned = rotation_from_angles(angles + x) @ rotation.T
+        return 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
+
+    def change(x: np.ndarray) -> np.ndarray:
+        return angles_from_rotation(rotation_about_axes(x) @ rotation) - angles
+
+    for function, value in ((axes_rotation_from_angle_rates, turn), (angle_rates_from_axes_rotation, change)):
+        yield Case(full_name(function), "three angles", np.zeros(3), value, function(angles))
+
+
 def _frame() -> GroundFrame:
     return ground_frame("EPSG:32633", "m", np.array([410_000.0, 5_320_000.0, 600.0]))
 
@@ -129,14 +157,10 @@ def _ground_frame() -> Iterator[Case]:
     frame = _frame()
     local = np.array([[0.0, 0.0, 0.0], [2500.0, -1800.0, 400.0], [-30_000.0, 20_000.0, 1000.0]])
     project = frame.to_project(local)
-    forward, back = frame.project_with_partials(local), frame.local_with_partials(project)
+    forward = frame.project_with_partials(local)
     yield Case(
         full_name(type(frame).project_with_partials), "UTM", local.ravel(),
         lambda x: (frame.to_project(x.reshape(-1, 3)) - project).ravel(), _block_diagonal(forward.by_local), 10.0,
-    )  # fmt: skip
-    yield Case(
-        full_name(type(frame).local_with_partials), "UTM", project.ravel(),
-        lambda x: (frame.to_local(x.reshape(-1, 3)) - local).ravel(), _block_diagonal(back.by_project), 10.0,
     )  # fmt: skip
 
 
@@ -222,15 +246,14 @@ def _image_residuals() -> Iterator[Case]:
 def _image_equation() -> Iterator[Case]:
     for name, camera in driven_cameras().items():
         yield _mapped_case(camera_model(camera).image.explicit_with_partials, name)
-    explicit = image_coordinates._explicit
     for at_measured in (False, True):
         for name in PARAMETER_SETS:
             polynomial = image_polynomial(*_set_values(name))
             yield _mapped_case(
-                lambda x, y, at_measured=at_measured, polynomial=polynomial: explicit(
-                    at_measured, tuple(SMALL_FORMAT), x, y, deformation_with_partials(polynomial, x, y)
+                lambda x, y, at_measured=at_measured, polynomial=polynomial: image_coordinates._deformed(
+                    at_measured, (x, y, *_unit(x)), deformation_with_partials(polynomial, x, y)
                 ),
-                f"{'measured' if at_measured else 'ideal'} {name}", explicit,
+                f"{'measured' if at_measured else 'ideal'} {name}", image_coordinates._deformed,
             )  # fmt: skip
     for name in PARAMETER_SETS:
         polynomial = image_polynomial(*_set_values(name))
@@ -238,6 +261,11 @@ def _image_equation() -> Iterator[Case]:
             lambda x, y, polynomial=polynomial: deformation_with_partials(polynomial, x, y), name,
             deformation_with_partials,
         )  # fmt: skip
+
+
+def _unit(x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the partials of what maps every point to itself."""
+    return np.ones_like(x), np.zeros_like(x), np.zeros_like(x), np.ones_like(x)
 
 
 def _mapped_case(function: Callable[..., tuple], label: str, of: object = None) -> Case:
@@ -309,6 +337,53 @@ def _parallaxes() -> Iterator[Case]:
         found = parallaxes_with_partials(TwoPhotos(at[:3], rotation), pairs)
         partials = np.hstack([found.by_base, found.by_rotation])
         yield Case(full_name(parallaxes_with_partials), label, at, value, partials)
+
+
+def _resection() -> Iterator[Case]:
+    generator = np.random.default_rng(12)
+    rotation, centre = rotation_from_angles(np.array([0.3, -0.2, 2.0])), np.array([1.0, -2.0, 8.0])
+    in_photo = generator.uniform([-3.0, -3.0, -9.0], [3.0, 3.0, -7.0], (6, 3))
+    vectors = np.column_stack([50.0 * in_photo[:, :2] / -in_photo[:, 2:], np.full(6, -50.0)])
+    known = resection.KnownPoints(vectors, centre + in_photo @ rotation.T, np.zeros(6), 0.005)
+
+    def linearised(x: np.ndarray) -> resection.Linearised:
+        turned = rotation_about_axes(x[:3]) @ rotation
+        return resection._linearise(known, resection.Orientations(turned[None], (centre + x[3:])[None]))
+
+    yield Case(
+        full_name(resection._linearise), "rotation and centre", np.zeros(6),
+        lambda x: linearised(x).residual.ravel(), linearised(np.zeros(6)).partials.reshape(-1, 6),
+    )  # fmt: skip
+
+
+def _refinement() -> Iterator[Case]:
+    """Return the case of the rows of a refinement, which has the partials by the cameras' corrections in it."""
+    made = synthetic_block("convergent", "refinement partials", noise_mm=0.0)
+    camera = replace(made.block.cameras[0], unknown=("C", "DX", "DY", "A3"))
+    rays = image_rays(replace(made.block, cameras=(camera, *made.block.cameras[1:])))
+    photos, points = len(made.orientations), len(made.points)
+    network = Network(rays, np.ones(photos, dtype=bool), np.ones(points, dtype=bool))
+    solver = ArraySolver(network)
+    state = RefinementState(
+        rotation_from_angles(made.orientations[:, 3:]), made.orientations[:, :3], made.points, no_corrections(rays)
+    )
+    at, count = solver.residuals(state), len(rays.photo)
+    rows = solver._rows(state, at, np.ones(count))
+    width = 6 * photos + 3 * points
+    partials = np.zeros((count, 2, width + rows.by_camera.shape[2]))
+    for row, (photo, point) in enumerate(zip(rays.photo, rays.point, strict=True)):
+        partials[row, :, 6 * photo : 6 * photo + 6] = rows.by_photo[row]
+        partials[row, :, 6 * photos + 3 * point : 6 * photos + 3 * point + 3] = rows.by_point[row]
+    partials[:, :, width:] = rows.by_camera
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        by_photos, by_points = x[: 6 * photos].reshape(-1, 6), x[6 * photos : width].reshape(-1, 3)
+        return solver.residuals(state.moved(by_photos, by_points, x[width:].reshape(state.corrections.shape))).residual
+
+    yield Case(
+        full_name(ArraySolver._rows), "photos, points and cameras", np.zeros(partials.shape[2]),
+        lambda x: residuals(x).ravel(), partials.reshape(2 * count, -1),
+    )  # fmt: skip
 
 
 # kinds of observation

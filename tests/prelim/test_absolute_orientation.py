@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sub_block_samples import ground_sample
+from partial_block_samples import ground_sample
 
 from orip.prelim.similarity.absolute_orientation import KnownPositions, absolute_orientation
 from orip.prelim.similarity.joining import Joined
@@ -99,7 +99,7 @@ def test_one_wrong_coordinate_leaves_the_others_of_its_point():
     found = oriented(sample, replace(sample.control, coordinates=coordinates))
     assert np.array_equal(np.argwhere(found.step.weight_factor < 1.0), [[2, 2]])
     (remark,) = found.step.remarks
-    assert remark.startswith("Z of control point C2 does not fit: the block lies -50")
+    assert remark.startswith("Z of control point C2 does not fit: the block is off by -50")
 
 
 def test_a_wrong_one_of_three_full_points_shows_by_those_known_in_part():

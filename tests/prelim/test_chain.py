@@ -12,7 +12,7 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
-from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.prelim.project_coordinates import orientations_in_project, points_in_project
 from orip.records.block import Block, PhotoPoints
 from orip.records.control import Control
 from orip.records.preliminary import PreliminaryValues
@@ -142,7 +142,7 @@ def test_with_models_each_step_is_told() -> None:
     assert bridged == {"M2", "M3", "M5"}
     assert {(each.name, each.other) for each in values.failures} == {("M4", "M3"), ("M4", "M1")}
     for each in values.failures:
-        assert each.reason == "photo P4 is common, but no point: there is no scale; measure common points"
+        assert each.reason == "photo P4 is common, but no point is: the scale is not determined; measure common points"
     for each in values.bridges:
         if len(each.points) < 3:
             assert any("the rotation is that of photo" in remark for remark in each.remarks)

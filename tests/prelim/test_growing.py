@@ -1,4 +1,4 @@
-"""Growing on scenes whose truth is known: from two photos that are placed to all that can be added."""
+"""Growing on scenes whose truth is known: from two photos that are grown to all that can be added."""
 
 from __future__ import annotations
 
@@ -9,26 +9,25 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.prelim.growing import Growth
-from orip.prelim.image_rays import image_rays
-from orip.prelim.misplaced import residual_lengths
+from orip.prelim.growing import BlockGrower
+from orip.prelim.growing_block import GrowingBlock, empty_growing_block
+from orip.prelim.image_rays import ImageRays, image_rays
+from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.photo_index import photo_index
-from orip.prelim.placed import Placed, nothing_placed
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.resection import Resected
-from orip.records.preliminary import ImageRays
 
 
-def growth(rays: ImageRays, held: np.ndarray | None = None) -> Growth:
+def grower_of(rays: ImageRays, held: np.ndarray | None = None) -> BlockGrower:
     """Return what grows with nothing held, or some points."""
     nothing = np.full((len(rays.points), 3), np.nan)
     everyone = np.ones(len(rays.photos), dtype=bool)
-    return Growth(rays, photo_index(rays), common_point_counts(rays), nothing if held is None else held, everyone)
+    return BlockGrower(rays, photo_index(rays), common_point_counts(rays), nothing if held is None else held, everyone)
 
 
-def first_two(made: SyntheticBlock, rays: ImageRays) -> Placed:
+def first_two(made: SyntheticBlock, rays: ImageRays) -> GrowingBlock:
     """Return the system with the true orientation of the first two photos, and nothing else."""
-    start = nothing_placed(rays)
+    start = empty_growing_block(rays)
     for photo in (0, 1):
         rotation = Rotation.from_euler("XYZ", made.orientations[photo, 3:]).as_matrix()
         start = start.with_photo(photo, rotation, made.orientations[photo, :3], "true")
@@ -40,22 +39,22 @@ def convergent() -> SyntheticBlock:
     return synthetic_block("convergent", "growing")
 
 
-def errors(placed: Placed, made: SyntheticBlock) -> np.ndarray:
+def errors(grown: GrowingBlock, made: SyntheticBlock) -> np.ndarray:
     """Return the distances of the centres from the truth, in distances from the object."""
     distance = np.median(np.linalg.norm(made.points.mean(axis=0) - made.orientations[:, :3], axis=1))
-    return np.linalg.norm(placed.centres - made.orientations[:, :3], axis=1) / distance
+    return np.linalg.norm(grown.centres - made.orientations[:, :3], axis=1) / distance
 
 
 def test_all_photos_are_added_at_their_true_places(convergent: SyntheticBlock) -> None:
     rays = image_rays(convergent.block)
-    grower = growth(rays)
-    placed = grower.grown(grower.intersected(first_two(convergent, rays)))
-    assert placed.oriented.all()
+    grower = grower_of(rays)
+    grown = grower.grow(grower.intersected(first_two(convergent, rays)))
+    assert grown.oriented.all()
     # the common points of the first two fix the datum in the adjustments to a millionth
-    assert errors(placed, convergent).max() < 1e-5
-    assert placed.known.all()
-    assert placed.how[0] == placed.how[1] == "true"
-    assert all(how for how in placed.how)
+    assert errors(grown, convergent).max() < 1e-5
+    assert grown.known.all()
+    assert grown.how[0] == grown.how[1] == "true"
+    assert all(how for how in grown.how)
 
 
 def test_a_photo_that_sees_no_known_point_is_not_added(convergent: SyntheticBlock) -> None:
@@ -65,10 +64,10 @@ def test_a_photo_that_sees_no_known_point_is_not_added(convergent: SyntheticBloc
         rays, photo=rays.photo[kept], point=rays.point[kept], xy=rays.xy[kept], vectors=rays.vectors[kept],
         error=rays.error[kept],
     )  # fmt: skip
-    grower = growth(lonely)
-    placed = grower.grown(grower.intersected(first_two(convergent, lonely)))
-    assert np.flatnonzero(~placed.oriented).tolist() == [5]
-    assert placed.how[5] == ""
+    grower = grower_of(lonely)
+    grown = grower.grow(grower.intersected(first_two(convergent, lonely)))
+    assert np.flatnonzero(~grown.oriented).tolist() == [5]
+    assert grown.how[5] == ""
 
 
 def test_a_photo_whose_points_have_the_numbers_of_others_stays_out_of_the_way(convergent: SyntheticBlock) -> None:
@@ -77,37 +76,39 @@ def test_a_photo_whose_points_have_the_numbers_of_others_stays_out_of_the_way(co
     mine = np.flatnonzero(rays.photo == 4)
     point[mine] = np.roll(point[mine], 7)
     confused = replace(rays, point=point)
-    grower = growth(confused)
-    placed = grower.grown(grower.intersected(first_two(convergent, confused)))
+    grower = grower_of(confused)
+    grown = grower.grow(grower.intersected(first_two(convergent, confused)))
     others = np.arange(len(rays.photos)) != 4
-    assert placed.oriented[others].all()
-    assert errors(placed, convergent)[others].max() < 1e-4
-    assert not placed.oriented[4]
+    assert grown.oriented[others].all()
+    assert errors(grown, convergent)[others].max() < 1e-4
+    assert not grown.oriented[4]
 
 
 def test_held_points_do_not_move(convergent: SyntheticBlock) -> None:
     rays = image_rays(convergent.block)
     held = np.full((len(rays.points), 3), np.nan)
     held[::4] = convergent.points[::4] + 0.001
-    start = replace(nothing_placed(rays), coordinates=held.copy(), deviations=np.where(np.isnan(held), np.nan, 0.0))
-    placed = growth(rays, held).grown(start)
-    assert placed.oriented.all()
-    np.testing.assert_array_equal(placed.coordinates[::4], held[::4])
-    assert (placed.deviations[::4] == 0.0).all()
+    start = replace(
+        empty_growing_block(rays), coordinates=held.copy(), deviations=np.where(np.isnan(held), np.nan, 0.0)
+    )
+    grown = grower_of(rays, held).grow(start)
+    assert grown.oriented.all()
+    np.testing.assert_array_equal(grown.coordinates[::4], held[::4])
+    assert (grown.deviations[::4] == 0.0).all()
 
 
 def test_a_resection_needs_known_points_that_agree(convergent: SyntheticBlock) -> None:
     rays = image_rays(convergent.block)
-    grower = growth(rays)
-    placed = grower.intersected(first_two(convergent, rays))
-    found = grower.resection(placed, rays, 2, placed.known)
+    grower = grower_of(rays)
+    grown = grower.intersected(first_two(convergent, rays))
+    found = grower.resection(grown, rays, 2, grown.known)
     assert isinstance(found, Resected)
     np.testing.assert_allclose(found.centre, convergent.orientations[2, :3], atol=1e-6)
-    mixed = replace(placed, coordinates=np.roll(placed.coordinates, 3, axis=0))
+    mixed = replace(grown, coordinates=np.roll(grown.coordinates, 3, axis=0))
     assert grower.resection(mixed, rays, 2, mixed.known) is None
-    few = placed.coordinates.copy()
+    few = grown.coordinates.copy()
     few[3:] = np.nan
-    assert grower.resection(placed, rays, 2, np.isfinite(few).all(axis=1)) is None
+    assert grower.resection(grown, rays, 2, np.isfinite(few).all(axis=1)) is None
 
 
 def test_a_photo_whose_known_points_are_close_together_tells_so(convergent: SyntheticBlock) -> None:
@@ -117,9 +118,9 @@ def test_a_photo_whose_known_points_are_close_together_tells_so(convergent: Synt
     held = np.full((len(rays.points), 3), np.nan)
     held[rays.point[near]] = convergent.points[rays.point[near]]
     known = np.isfinite(held).all(axis=1)
-    start = nothing_placed(rays)
+    start = empty_growing_block(rays)
     start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
-    found = growth(rays, held).resection(start, rays, 2, known)
+    found = grower_of(rays, held).resection(start, rays, 2, known)
     assert found is not None
     assert found.how.startswith("space resection from 6 points; the known points span ")
     assert "5% are wanted: measure more known points, farther apart" in found.how
@@ -139,11 +140,11 @@ def test_three_known_points_and_the_rays_of_the_others_orient_a_photo(convergent
     held = np.full((len(rays.points), 3), np.nan)
     held[rays.point[corners]] = convergent.points[rays.point[corners]]
     rotation = Rotation.from_euler("XYZ", convergent.orientations[0, 3:]).as_matrix()
-    start = nothing_placed(alone).with_photo(0, rotation, convergent.orientations[0, :3], "true")
+    start = empty_growing_block(alone).with_photo(0, rotation, convergent.orientations[0, :3], "true")
     start = replace(start, coordinates=held, deviations=np.where(np.isnan(held), np.nan, 0.0))
-    found = growth(alone, held)._by_three_points(start)
+    found = grower_of(alone, held)._by_three_points(start)
     assert found is not None
-    assert found.how[2].startswith("space resection from 3 points, which nothing checks")
+    assert found.how[2].startswith("space resection from 3 points, without a check")
     assert errors(found, convergent)[2] < 1e-6
 
 
@@ -151,19 +152,19 @@ def test_errors_of_held_points_count_as_errors_of_their_photo_points(convergent:
     rays = image_rays(convergent.block)
     held = convergent.points.copy()
     held[::2] = np.nan
-    exact = growth(rays, held)
+    exact = grower_of(rays, held)
     weighted = replace(exact, held_errors=np.full(len(held), 0.02))
-    placed = exact.intersected(first_two(convergent, rays))
-    assert exact.seen(placed) is rays
-    seen = weighted.seen(placed)
+    grown = exact.intersected(first_two(convergent, rays))
+    assert exact.seen(grown) is rays
+    seen = weighted.seen(grown)
     counted = (rays.photo < 2) & (rays.point % 2 == 1)
     assert counted.sum() > 10
     assert (seen.error[~counted] == rays.error[~counted]).all()
     distance = np.linalg.norm(convergent.points[rays.point] - convergent.orientations[rays.photo, :3], axis=1)
     in_photo = convergent.block.cameras[0].parameters[0] * 0.02 / distance
     assert seen.error[counted] ** 2 == pytest.approx((rays.error**2 + in_photo**2)[counted])
-    assert (weighted.intersected(placed).deviations[1::2] == 0.02).all()
-    assert (placed.deviations[1::2] == 0.0).all()
+    assert (weighted.intersected(grown).deviations[1::2] == 0.02).all()
+    assert (grown.deviations[1::2] == 0.0).all()
 
 
 def test_control_with_errors_puts_no_photo_in_the_wrong_place(convergent: SyntheticBlock) -> None:
@@ -172,9 +173,9 @@ def test_control_with_errors_puts_no_photo_in_the_wrong_place(convergent: Synthe
     error = 20.0 * float(rays.error[0]) * distance / convergent.block.cameras[0].parameters[0]
     noise = np.random.default_rng(7).normal(size=convergent.points.shape)
     held = convergent.points + error * noise
-    exact = growth(rays, held)
+    exact = grower_of(rays, held)
     weighted = replace(exact, held_errors=np.full(len(held), error))
     for grower, fits in ((exact, False), (weighted, True)):
-        placed = grower.grown(grower.intersected(first_two(convergent, rays)))
-        lengths = residual_lengths(grower.seen(placed), placed)
+        grown = grower.grow(grower.intersected(first_two(convergent, rays)))
+        lengths = residual_lengths(grower.seen(grown), grown)
         assert (np.median(lengths) < 2.0) == fits

@@ -6,20 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from partial_block_samples import NOISE, SampleNames, pair, random_similarity
 from scipy.stats import chi2
-from sub_block_samples import NOISE, SampleNames, pair, random_similarity
 
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.prelim.similarity.adjustment import CommonPoints, adjusted, student_limit
+from orip.prelim.similarity.adjustment import adjust_similarity, student_limit
 from orip.prelim.similarity.bridging import bridge, bridge_row
-from orip.prelim.similarity.joining import Joined, assembled, join, transformed
+from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.prelim.similarity.strip_connection import connect_strips
-from orip.records.preliminary import NotOriented, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock
 
 
-def only(block: SubBlock, rows) -> SubBlock:
+def only(block: PartialBlock, rows) -> PartialBlock:
     return replace(
         block, points=block.points[rows], coordinates=block.coordinates[rows], deviations=block.deviations[rows]
     )
@@ -64,7 +66,7 @@ def test_standard_deviations_are_those_of_many_repetitions():
     for _ in range(400):
         noise = NOISE * generator.normal(size=(2, 12, 3))
         common = CommonPoints(exact + noise[0], truth.apply(exact) + noise[1], error, error, np.ones(12, dtype=bool))
-        found = adjusted(common, truth)
+        found = adjust_similarity(common, truth)
         similarity = found.similarity
         results.append([similarity.scale, *similarity.shift, *angles_from_rotation(similarity.rotation)])
         # what is predicted from the a-priori errors has no scatter
@@ -83,7 +85,7 @@ def test_standard_deviations_with_equal_errors_are_exact(seed):
     truth, source = random_similarity(generator), generator.normal(size=(10, 3))
     target = truth.apply(source) + 1e-3 * generator.normal(size=(10, 3))
     common = CommonPoints(source, target, np.zeros((10, 3)), np.full((10, 3), 1e-3), np.ones(10, dtype=bool))
-    found = adjusted(common, start_from_triples(common))
+    found = adjust_similarity(common, start_from_triples(common))
     reduced = source - source.mean(axis=0)
     assert found.scale_deviation == pytest.approx(found.s0 * 1e-3 / np.sqrt((reduced**2).sum()), rel=1e-6)
     redundancy = 3 * 10 - 7
@@ -194,7 +196,7 @@ def strip_of_models(seed: int, photos: int, noise: float = NOISE, y: float = 0.0
         seen = np.flatnonzero((np.abs(ground[:, 0] - both[:, 0].mean()) < 0.07) & (np.abs(ground[:, 1] - y) < 0.1))
         sigma = np.broadcast_to(np.array([1.0, 1.0, 2.0]) * NOISE, (len(seen), 3))
         models.append(
-            SubBlock(
+            PartialBlock(
                 f"{first_photo + left}/{first_photo + left + 1}", first_photo + np.array([left, left + 1]),
                 own.rotation @ rotations[left : left + 2], own.apply(both), seen,
                 own.apply(ground[seen]) + noise / NOISE * sigma * generator.normal(size=(len(seen), 3)), sigma,
@@ -281,7 +283,7 @@ def test_a_wrong_point_keeps_the_coordinates_of_the_first_and_shows_its_spread()
 
 
 def test_assembling_takes_weighted_means():
-    one = SubBlock("A", np.array([0]), np.eye(3)[None], np.zeros((1, 3)), np.array([4, 2]),
+    one = PartialBlock("A", np.array([0]), np.eye(3)[None], np.zeros((1, 3)), np.array([4, 2]),
                    np.array([[1.0, 1.0, 1.0], [5.0, 5.0, 5.0]]), np.full((2, 3), 0.1))  # fmt: skip
     two = replace(one, photos=np.array([1]), points=np.array([4]), coordinates=np.array([[2.0, 2.0, 2.0]]),
                   deviations=np.full((1, 3), 0.2))  # fmt: skip

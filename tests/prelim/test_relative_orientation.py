@@ -9,9 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import photo_index
 from orip.prelim.relative.orientation import orient_pair
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation
+from orip.records.preliminary import NotOriented, RelativeOrientation
 
 ERROR = 0.005
 
@@ -274,7 +275,7 @@ def test_a_quarter_of_blunders(seed, count):
     assert len(reduced) >= len(bad) - 1
     assert scene.off(found)[0] < 6.0 * np.linalg.norm(found.angle_deviation)
     assert found.seuw == pytest.approx(1.0, abs=0.5)
-    assert any("points do not fit; are point numbers" in each for each in found.remarks)
+    assert any("points do not fit: check point numbers" in remark for remark in found.remarks)
 
 
 def test_camera_that_is_not_calibrated_is_no_blunder():
@@ -307,7 +308,7 @@ def test_points_behind_a_photo_are_no_model_points():
     assert not found.in_front[2]
     assert 2 not in found.block.points
     assert len(found.block.points) == 11
-    assert "rays do not meet in front of both photos, point 3" in found.remarks
+    assert "rays do not meet in front of both photos: point 3" in found.remarks
     assert oriented(rays_of(left, right, scene.c)).in_front.all()
 
 
@@ -335,7 +336,7 @@ def test_five_points_have_no_redundancy():
     assert np.all(found.parallax_deviation == 0.0)
     assert np.abs(found.parallax).max() < 1e-9
     assert (found.angle_deviation > 0.0).all()
-    assert "five points, nothing checks them" in found.remarks
+    assert "five points: nothing checks the orientation" in found.remarks
 
 
 def test_of_several_solutions_of_five_points_the_smallest_rotation_is_taken():
@@ -354,7 +355,7 @@ def test_photos_from_one_place_have_no_base(noise, angles):
     scene = Scene(box(11, 15, (-8, -8, -60), (8, 8, -30)), (0, 0, 0), angles, 50.0)
     found = orient(rays_of(*scene.measured(np.random.default_rng(11), noise), scene.c))
     assert isinstance(found, NotOriented)
-    assert "no base between them" in found.reason or "determine no orientation" in found.reason
+    assert "no base between them" in found.reason or "do not determine an orientation" in found.reason
 
 
 def test_photos_from_one_place_with_blunders_have_no_base():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.seen_points import points_seen, rotation_of, seen, with_noise
 
-from orip.prelim.resection.adjustment import KnownPoints
+from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, Unresected, resect
 
 MIKHAIL = np.array(

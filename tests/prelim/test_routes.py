@@ -6,27 +6,26 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.prelim.growing import Growth
-from orip.prelim.image_rays import image_rays
+from orip.prelim.growing import BlockGrower
+from orip.prelim.growing_block import empty_growing_block
+from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.photo_index import photo_index
-from orip.prelim.placed import nothing_placed
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.routes import by_pairs
-from orip.records.preliminary import ImageRays
 
 
-def growth(rays: ImageRays) -> Growth:
+def grower(rays: ImageRays) -> BlockGrower:
     """Return what grows with nothing held."""
     nothing = np.full((len(rays.points), 3), np.nan)
     everyone = np.ones(len(rays.photos), dtype=bool)
-    return Growth(rays, photo_index(rays), common_point_counts(rays), nothing, everyone)
+    return BlockGrower(rays, photo_index(rays), common_point_counts(rays), nothing, everyone)
 
 
 def test_a_pair_that_was_taken_out_of_its_own_system_does_not_begin_another_one(monkeypatch: pytest.MonkeyPatch):
     rays = image_rays(synthetic_block("convergent", "routes").block)
     # as if no photo fitted its points
-    monkeypatch.setattr(Growth, "grown", lambda self, *_: nothing_placed(self.rays))
-    found = by_pairs(growth(rays), 0)
+    monkeypatch.setattr(BlockGrower, "grow", lambda self, *_: empty_growing_block(self.rays))
+    found = by_pairs(grower(rays), 0)
     begun = [{each.left, each.right} for each in found.relative]
     assert len(begun) == len(rays.photos) // 2
     assert len(set.union(*begun)) == 2 * len(begun)

@@ -1,7 +1,7 @@
 /* Collinearity of photo points, one in each lane: residuals in mm and partials.
  *
- * The formulas and their sources stand in orip/geometry/perspective.py, orip/interior/distortion.py and
- * orip/interior/additional_parameters.py; tests compare the two.
+ * The formulas and their sources stand in orip/geometry/perspective.py, orip/interior/image_coordinates.py and what
+ * that uses; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
  */
 
 #ifndef ORIP_COLLINEARITY_H

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from orip.records.preliminary import (
         ModelCoordinates,
         NotOriented,
+        PartialBlock,
         PhotoStart,
         PreliminaryValues,
         RelativeOrientation,
         SimilarityStep,
-        SubBlock,
     )
     from orip.workflow.adjust.prelim import PrelimOutcome
     from orip.workflow.adjust.prelim_steps import Relative, Similarities
@@ -187,7 +187,7 @@ def _step(step: SimilarityStep) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _system(system: SubBlock, found: ModelCoordinates) -> dict[str, Any]:
+def _system(system: PartialBlock, found: ModelCoordinates) -> dict[str, Any]:
     return {
         "name": system.name or "ground",
         "photos": {found.photos[row]: _numbers(xyz) for row, xyz in zip(system.photos, system.centres, strict=True)},

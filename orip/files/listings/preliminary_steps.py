@@ -15,9 +15,9 @@ from orip.files.text.table import INDENT, Column, paragraph, table_lines
 from orip.records.preliminary import (
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     RelativeOrientation,
     SimilarityStep,
-    SubBlock,
 )
 
 _ANGLES = ("om", "phi", "kp")
@@ -183,7 +183,7 @@ def model_coordinate_lines(found: ModelCoordinates, ground_unit: str) -> list[st
     return [line for system in found.systems for line in _system_lines(system, found, ground_unit)]
 
 
-def _system_lines(system: SubBlock, found: ModelCoordinates, ground_unit: str) -> list[str]:
+def _system_lines(system: PartialBlock, found: ModelCoordinates, ground_unit: str) -> list[str]:
     on_ground = found.stage == "absolute"
     factor, unit = (1.0, ground_unit) if on_ground else (_MM, "mm")
     kinds = ["photo"] * len(system.photos) + ["point"] * len(system.points)

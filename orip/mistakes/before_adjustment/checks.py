@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.interior.measured import Measured
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.names import name_warnings
@@ -15,6 +14,7 @@ from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
 from orip.records.control import Control, PreliminaryPoint
+from orip.records.measurement import Measured
 
 
 def measurement_warnings(

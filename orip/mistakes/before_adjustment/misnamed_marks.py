@@ -1,9 +1,9 @@
-"""Marks under each other's names: film that was turned or turned over, and its marks named by where they lay.
+"""Marks under each other's names: film that lay rotated or upside down, with its marks named by where they lay.
 
-Marks named by their position fit as well as if the film lay upright, for four corners are four corners, however they
-are turned. What tells is that no camera and no sheet is quite symmetrical: the given coordinates fit best under the
-right names. So the marks are named around the film in every order that a turn or a turning over would give, and the
-residuals compared with what the marks of the other films leave.
+Marks named by their position in the scan fit nearly as well as under their own names, because the four corners of a
+frame are nearly symmetrical. But no camera and no template is perfectly symmetrical: the given coordinates fit best
+under the right names. So the marks are named in every order that a rotation or a reflection of the film would give, and
+the residuals are compared with those of the other films.
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ from orip.records.interior import MarkAdjustment
 from orip.wording import counted_names
 
 _UNLIKELY = 1e-6
-"""Probability of residuals so large by chance; there are as many tests as films."""
+"""Probability of residuals so large by chance; there is one test for each film."""
 
 _LIKELY = 1e-3
-"""Probability of the residuals under other names, above which these names fit."""
+"""Probability of residuals above which marks fit under these names."""
 
 _STRETCHED = 1.2
-"""Ratio of the scales in x and y of an affine transformation beyond what any film or enlargement does: a frame that is
-longer than wide was stretched into one that is wider than long."""
+"""Ratio of the scales in x and y that no film or enlargement reaches: a longer than wide frame was stretched into one
+wider than long."""
 
 _LISTED = 4
+"""Marks that a message lists."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """The mark that each mark would be, and what has to be done to the film for that."""
+    """For each mark the one that it would be, and whether the film has to be turned over for that."""
 
     marks: IntArray
     turned_over: bool
@@ -55,19 +56,19 @@ class _Film:
 
 
 def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning]:
-    """Return a warning for the templates and photos whose marks fit under each other's names, and not under their own.
+    """Return warnings for templates and photos whose marks fit under each other's names, and not under their own.
 
     Parameters
     ----------
     adjustments : sequence of MarkAdjustment
         Of all templates and photos: together they tell how well marks fit.
     """
-    films = [film for each in adjustments if (film := _film(each)) is not None]
+    films = [film for adjustment in adjustments if (film := _film(adjustment)) is not None]
     found: dict[tuple[str, str], list[_Film]] = {}
     for film in films:
         if _is_misnamed(film, films):
             found.setdefault((film.adjustment.summary.group, _finding(film)), []).append(film)
-    most_first = sorted(found.items(), key=lambda each: -len(each[1]))
+    most_first = sorted(found.items(), key=lambda item: -len(item[1]))
     return [_warning(group, finding, alike) for (group, finding), alike in most_first]
 
 
@@ -81,12 +82,12 @@ def _film(adjustment: MarkAdjustment) -> _Film | None:
         for order in _orders(given)
     ]
     (as_given, _), *_ = sums
-    best, order = min(sums, key=lambda each: each[0])
+    best, order = min(sums, key=lambda pair: pair[0])
     return _Film(adjustment, as_given, best, order)
 
 
 def _orders(given: FloatArray) -> Iterator[_Order]:
-    """Yield the orders in which marks may be named going round the film; the one as given first."""
+    """Yield the orders in which the marks around a film may be named; the one as given first."""
     centred = given - given.mean(axis=0)
     around = np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))
     count = len(given)
@@ -122,24 +123,25 @@ def _is_misnamed(film: _Film, films: Sequence[_Film]) -> bool:
         return False
     if not np.isfinite(film.given):
         return True
-    others = [each for each in films if each is not film]
-    noise = float(np.median([each.best / each.redundancy for each in others])) if others else 0.0
+    others = [other for other in films if other is not film]
+    noise = float(np.median([other.best / other.redundancy for other in others])) if others else 0.0
     if noise <= 0.0:
         return False
-    freedom = sum(each.redundancy for each in others)
+    freedom = sum(other.redundancy for other in others)
     as_given, best = (
-        float(fdtrc(film.redundancy, freedom, each / film.redundancy / noise)) for each in (film.given, film.best)
+        float(fdtrc(film.redundancy, freedom, square_sum / film.redundancy / noise))
+        for square_sum in (film.given, film.best)
     )
     return as_given < _UNLIKELY and best > _LIKELY
 
 
 def _finding(film: _Film) -> str:
-    """Return how the film must have lain, and which marks are meant."""
+    """Return how the film probably lay, and which marks are meant."""
     used = np.flatnonzero(~film.adjustment.marks.disregarded)
     names = [film.adjustment.marks.names[row] for row in used]
     pairs = [f"{name} is {names[row]}" for name, row in zip(names, film.order.marks, strict=True) if names[row] != name]
     listed = ", ".join(pairs[:_LISTED]) + (", …" if len(pairs) > _LISTED else "")
-    return f"lay {_how(film, used)} and its marks were named by their place: {listed}"
+    return f"lay {_how(film, used)} and its marks were named by where they lay: {listed}"
 
 
 def _warning(group: str, finding: str, films: Sequence[_Film]) -> ProjectWarning:
@@ -148,13 +150,13 @@ def _warning(group: str, finding: str, films: Sequence[_Film]) -> ProjectWarning
     first = films[0]
     text = (
         f"the {marks} marks do not fit as they are named ({_rms(first.given, first)} mm), but they would "
-        f"({_rms(first.best, first)} mm) if the {what} {finding}; name marks by what they are on the {what}"
+        f"({_rms(first.best, first)} mm) if the {what} {finding}; give marks the names that they have on the {what}"
     )
     return ProjectWarning("misnamed-marks", counted_names(owner, names), text)
 
 
 def _how(film: _Film, used: IntArray) -> str:
-    """Return how the film must have lain."""
+    """Return how the film probably lay."""
     given = film.adjustment.given[used]
     if film.order.turned_over:
         return "upside down (a mirror image, as of a scan with the emulsion up)"

@@ -1,4 +1,4 @@
-"""Names that nothing uses, and names that look alike."""
+"""Names in control and preliminary values that the block does not use, and names that look alike."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes
 from orip.wording import agreeing, joined
 
+_UNMEASURED = "is not measured in any photo"
+
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
-    """Return a warning for each control observation and preliminary point that the block does not use."""
+    """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
     points = set(block.point_names)
-    unmeasured = "is not measured in any photo"
-    warnings = [
-        ProjectWarning("unused-control", f"control point {each.name}", unmeasured)
-        for each in control.points
-        if each.name not in points
+    unused: list[tuple[str, str, str]] = [
+        ("control", f"control point {point.name}", _UNMEASURED) for point in control.points if point.name not in points
     ]
-    warnings += [
-        ProjectWarning("unused-preliminary", f"preliminary point {each.name}", unmeasured)
-        for each in preliminary
-        if each.name not in points
+    unused += [
+        ("preliminary", f"preliminary point {point.name}", _UNMEASURED)
+        for point in preliminary
+        if point.name not in points
     ]
-    warnings += [
-        ProjectWarning("unused-control", f"distance {each.name}", _unplaced(points, each.start, each.end))
-        for each in control.distances
-        if each not in block.distances
+    unused += [
+        ("control", f"distance {distance.name}", _unplaced(points, distance.start, distance.end))
+        for distance in control.distances
+        if distance not in block.distances
     ]
-    warnings += [
-        ProjectWarning(
-            "unused-control",
-            f"direction {each.set} {each.station} {each.target}",
-            _unplaced(points, each.station, each.target),
+    unused += [
+        (
+            "control",
+            f"direction {direction.set} {direction.station} {direction.target}",
+            _unplaced(points, direction.station, direction.target),
         )
-        for each in control.directions
-        if each not in block.directions
+        for direction in control.directions
+        if direction not in block.directions
     ]
-    warnings += [
-        ProjectWarning("unused-control", f"element {each.group} {each.name} {each.kind}", _unknown(each))
-        for each in control.elements
-        if each not in block.elements
+    unused += [
+        ("control", f"element {element.group} {element.name} {element.kind}", _unknown(element))
+        for element in control.elements
+        if element not in block.elements
     ]
+    warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused]
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         warnings.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
@@ -54,7 +54,7 @@ def _unplaced(points: Container[str], *names: str) -> str:
     missing = [name for name in names if name not in points]
     which = joined(missing) or "one of its points"
     verb = agreeing(len(missing) or 1, "is", "are")
-    return f"is not used: {which} {verb} not measured, nor given coordinates; correct the name, or measure it"
+    return f"is not used: {which} {verb} neither measured nor given coordinates; correct the name, or measure it"
 
 
 def _unknown(element: ControlElement) -> str:

@@ -1,7 +1,7 @@
-"""Photo points outside the frame of their photo: they were measured in another one, or on another mounting.
+"""Photo points outside the frame of their photo: measured in another photo, or in another mounting.
 
-No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most of
-a photo's points do, the photo, its marks or its template are not those that the points were measured on.
+No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most
+points of a photo do, they were not measured on this photo, or its marks or its template are not those of the points.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from orip.records.photo import Photo
 from orip.wording import counted_names
 
 _BEYOND_MARKS = 0.25
-"""Of the extent of the fiducial marks, on each side: the picture goes on beyond marks at the corners of its gate."""
+"""Margin on each side, as part of the extent of the fiducial marks: the image may extend beyond them."""
 
 _MOST = 0.5
-"""Part of a photo's points that is outside where the photo, not a point of it, is at fault."""
+"""Part of a photo's points outside the marks from which the photo is wrong, and not single points."""
 
 _PIXEL = 1.0
-"""Tolerance of a sensor's edge, pixels: some count from the centre of the first one."""
+"""Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
 
 
 def points_outside_frames(
@@ -47,12 +47,15 @@ def points_outside_frames(
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(observations.photos):
         rows.setdefault(record_key(name), []).append(row)
-    points = {key: observations.measured[mine] for key, mine in rows.items() if key in definitions.photos}
+    points = {key: observations.measured[own] for key, own in rows.items() if key in definitions.photos}
     photos = [definitions.photos[key] for key in points]
-    film = [each for each in photos if definitions.camera_of(each).fiducials]
+    on_sensors = [photo for photo in photos if definitions.camera_of(photo).sensor]
+    on_film = [
+        photo for photo in photos if definitions.camera_of(photo).fiducials and record_key(photo.name) in to_photo
+    ]
     return [
-        *_off_sensors(definitions, [each for each in photos if definitions.camera_of(each).sensor], points),
-        *_off_films(definitions, [each for each in film if record_key(each.name) in to_photo], points, to_photo),
+        *_off_sensors(definitions, on_sensors, points),
+        *_off_films(definitions, on_film, points, to_photo),
     ]
 
 
@@ -62,14 +65,14 @@ def _off_sensors(
     by_camera: dict[str, list[Photo]] = {}
     for photo in photos:
         by_camera.setdefault(record_key(photo.camera), []).append(photo)
-    for key, mine in by_camera.items():
+    for key, of_camera in by_camera.items():
         sensor = definitions.cameras[key].sensor
         assert sensor is not None
         size = np.array([sensor.columns, sensor.rows], dtype=np.float64)
-        off = [photo.name for photo in mine if _off(points[record_key(photo.name)], size).any()]
+        off = [photo.name for photo in of_camera if _off(points[record_key(photo.name)], size).any()]
         if not off:
             continue
-        xy = np.vstack([points[record_key(photo.name)] for photo in mine])
+        xy = np.vstack([points[record_key(photo.name)] for photo in of_camera])
         text = (
             f"{_count(_off(xy, size))} lie outside the {sensor.columns} columns and {sensor.rows} rows of the sensor "
             f"({counted_names('photo', off)})"
@@ -80,7 +83,7 @@ def _off_sensors(
                 "or exchange columns and rows (and width and height) of the sensor"
             )
         else:
-            text += "; check columns and rows of the sensor, and whether the photos are of this camera and uncropped"
+            text += "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
         yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
 
 
@@ -119,8 +122,8 @@ def _off_films(
     for (template, _), names in found.items():
         where = counted_names("photo", names)
         cause = (
-            f"template {template} was mounted otherwise than its tick marks say, or fiducial marks or points are those "
-            "of another photo; measure the tick marks again"
+            f"template {template} was not mounted as its tick marks were measured, or fiducial marks or points are "
+            "those of another photo; measure the tick marks again"
             if template
             else "fiducial marks or points are those of another photo or mounting; measure the fiducial marks again"
         )

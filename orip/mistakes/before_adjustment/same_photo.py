@@ -1,25 +1,26 @@
-"""Photos that are one photo under two names: all that both show lies at the same place in both."""
+"""One photo under two names: all points that both photos show are at the same coordinates."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from orip.arrays import IntArray
 from orip.errors import ProjectWarning
 from orip.records.block import Block
 
 _FEWEST = 5
-"""Points in common; a few may lie at the same place by chance, as in two photos taken one behind the other."""
+"""Common points; fewer may have the same coordinates by chance, as in photos taken one behind the other."""
 
 _ERRORS = 4.0
-"""Standard errors of a difference of two measurements."""
+"""Standard errors of the difference of two measurements within which they are the same."""
 
 _SAME = 1e-3
-"""Of the extent of all photo points: a camera that was moved by a thousandth of the distance shifts them by more."""
+"""Largest difference, as part of the extent of all photo points: a camera that moves by a thousandth of the distance to
+its points shifts them by more."""
 
 
 def photos_under_two_names(block: Block) -> list[ProjectWarning]:
-    """Return a warning for each pair of photos that show all points in common at the same place."""
+    """Return a warning for each pair of photos that show all their common points at the same coordinates."""
     points = block.photo_points
     order = np.argsort(points.point, kind="stable")
     point, photo, xy, error = points.point[order], points.photo[order], points.xy[order], points.error[order]
@@ -27,15 +28,15 @@ def photos_under_two_names(block: Block) -> list[ProjectWarning]:
     for offset in range(1, int(np.bincount(point).max(initial=0))):
         first = np.flatnonzero(point[:-offset] == point[offset:])
         other = first + offset
-        apart = np.abs(xy[first] - xy[other])
+        difference = np.abs(xy[first] - xy[other])
         limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), _SAME * np.ptp(points.xy, axis=0).max())
-        together = np.sort(np.column_stack([photo[first], photo[other]]), axis=1)
-        shared = np.vstack([shared, np.column_stack([together, (apart <= limit).all(axis=1)])])
+        pair = np.sort(np.column_stack([photo[first], photo[other]]), axis=1)
+        shared = np.vstack([shared, np.column_stack([pair, (difference <= limit).all(axis=1)])])
     return [_warning(block, *pair) for pair in _same(shared)]
 
 
-def _same(shared: NDArray[np.int64]) -> list[tuple[int, int, int]]:
-    """Return photos and the count of their common points, for pairs in which these are all at the same place."""
+def _same(shared: IntArray) -> list[tuple[int, int, int]]:
+    """Return pairs of photos that have all their common points at the same coordinates, and the number of these."""
     if not len(shared):
         return []
     pairs, which = np.unique(shared[:, :2], axis=0, return_inverse=True)
@@ -49,6 +50,6 @@ def _warning(block: Block, one: int, other: int, count: int) -> ProjectWarning:
     first, second = block.photos[one].name, block.photos[other].name
     text = (
         f"all {count} points that it shares with photo {first} are at the same place in both: probably one photo that "
-        "was measured under two names, and counts twice; take one of them out"
+        "was measured under two names and counts twice; remove one of them"
     )
     return ProjectWarning("same-photo", f"photo {second}", text)

@@ -1,4 +1,4 @@
-"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` cannot be had."""
+"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` was not built."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.prelim.intersection import group_sums
+from orip.prelim.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import Arrangement, Network, Residuals, State
+from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
-from orip.records.preliminary import CAMERA_CORRECTIONS
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _DENSE = 0.1
 """Part of the couplings between photos and points above which a product of full matrices is faster."""
+
+_FLOOR = 1e-12
+"""Part of the largest diagonal element that makes normal equations without observations regular."""
 
 
 class _Rows(NamedTuple):
@@ -32,39 +35,41 @@ class _Rows(NamedTuple):
 
 
 class ArraySolver:
-    """Normal equations of a network: points eliminated, photos in a band.
+    """Normal equations of a refinement: points eliminated, photos in a band.
 
     Parameters
     ----------
-    network : Network
+    problem : RefinementProblem
     """
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self._arranged = Arrangement(network)
+    def __init__(self, problem: RefinementProblem) -> None:
+        self._problem = problem
+        self._band_order = BandOrder(problem)
 
-    def residuals(self, state: State) -> Residuals:
+    def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""
-        network = self._network
+        problem = self._problem
         image = self._perspective(state)
-        residual = (image.xy - corrected(network.rays, state.corrections).vectors[:, :2]) / network.rays.error[:, None]
-        return Residuals(residual, image.in_front, state.of_cameras)
+        residual = (image.xy - corrected(problem.rays, state.corrections).vectors[:, :2]) / problem.rays.error[:, None]
+        return RayResiduals(residual, image.in_front, state.of_cameras)
 
-    def moved(self, state: State, at: Residuals, factors: FloatArray, damping: float) -> State:
+    def moved(self, state: RefinementState, at: RayResiduals, factors: FloatArray, damping: float) -> RefinementState:
         """Return the state after one step; the residuals are those of the state."""
-        order, photos, points = self._arranged.order, len(state.centres), len(state.points)
+        order, photos, points = self._band_order.order, len(state.centres), len(state.points)
         rows = self._rows(state, at, factors)
         inverse = np.linalg.inv(_damped(self._by_points(rows.by_point, rows.by_point), damping))
         half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
-        # what the points take away is the product of these with themselves
-        coupling = self._sparse(half[self._network.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
+        # eliminating the points subtracts the product of these with themselves
+        coupling = self._sparse(half[self._problem.rays.point] @ (np.swapaxes(rows.by_point, 1, 2) @ rows.by_photo))
         point_right = (half @ self._by_points(rows.by_point, rows.misclosure)).ravel()
-        point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(3 * points, -1)
+        point_border = (half @ self._by_points(rows.by_point, rows.by_camera)).reshape(
+            3 * points, state.corrections.size
+        )
         blocks = _damped(self._by_photos(rows.by_photo, rows.by_photo), damping)
         equations = ReducedEquations(
             _band(blocks[order], coupling),
             self._by_photos(rows.by_photo, rows.misclosure)[order].ravel() - coupling.T @ point_right,
-            self._by_photos(rows.by_photo, rows.by_camera)[order].reshape(6 * len(order), -1)
+            self._by_photos(rows.by_photo, rows.by_camera)[order].reshape(6 * len(order), state.corrections.size)
             - coupling.T @ point_border,
             np.einsum("nki,nkj->ij", rows.by_camera, rows.by_camera) - point_border.T @ point_border,
             np.einsum("nki,nkj->i", rows.by_camera, rows.misclosure) - point_border.T @ point_right,
@@ -75,36 +80,36 @@ class ArraySolver:
         by_photos[order] = -solution.reshape(-1, 6)
         return state.moved(by_photos, -(left @ half)[:, 0], -of_cameras.reshape(-1, CAMERA_CORRECTIONS))
 
-    def _rows(self, state: State, at: Residuals, factors: FloatArray) -> _Rows:
-        network, rays = self._network, self._network.rays
+    def _rows(self, state: RefinementState, at: RayResiduals, factors: FloatArray) -> _Rows:
+        problem, rays = self._problem, self._problem.rays
         image = self._perspective(state)
         root = (np.sqrt(np.where(at.in_front, factors, 0.0)))[:, None]
         scaled = (root / rays.error[:, None])[:, :, None]
         by_photo = np.concatenate([image.by_rotation, -image.by_point], axis=2) * scaled
         return _Rows(
-            by_photo * network.photo_free[rays.photo, None, None],
-            image.by_point * scaled * network.point_free[rays.point, None, None],
+            by_photo * problem.photo_free[rays.photo, None, None],
+            image.by_point * scaled * problem.point_free[rays.point, None, None],
             self._by_camera(image.xy, state.corrections.size) * scaled,
             (at.residual * root)[:, :, None],
         )
 
     def _by_photos(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return the sums of left^T right over the rays of each photo."""
-        return group_sums(self._network.rays.photo, np.swapaxes(left, 1, 2) @ right, len(self._network.photo_free))
+        return group_sums(self._problem.rays.photo, np.swapaxes(left, 1, 2) @ right, len(self._problem.photo_free))
 
     def _by_points(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return the sums of left^T right over the rays of each point."""
-        return group_sums(self._network.rays.point, np.swapaxes(left, 1, 2) @ right, len(self._network.point_free))
+        return group_sums(self._problem.rays.point, np.swapaxes(left, 1, 2) @ right, len(self._problem.point_free))
 
-    def _perspective(self, state: State) -> Perspective:
+    def _perspective(self, state: RefinementState) -> Perspective:
         """Return images of all rays' points, with partials."""
-        rays = corrected(self._network.rays, state.corrections)
+        rays = corrected(self._problem.rays, state.corrections)
         offset = state.points[rays.point] - state.centres[rays.photo]
         return perspective_with_partials(offset, state.rotations[rays.photo], -rays.vectors[:, 2])
 
     def _by_camera(self, image: FloatArray, columns: int) -> FloatArray:
         """Return the partials (m, 2, all cameras' corrections) of the residuals in mm."""
-        rays = self._network.rays
+        rays = self._problem.rays
         camera, count = camera_of(rays), len(rays.photo)
         partials = np.zeros((count, 2, columns // CAMERA_CORRECTIONS, CAMERA_CORRECTIONS))
         rows = np.flatnonzero(camera >= 0)
@@ -116,21 +121,17 @@ class ArraySolver:
         """Return couplings (m, 3, 6) of points and photos as a sparse array (3 q, 6 free photos)."""
         from scipy.sparse import bsr_array, csr_array
 
-        network, place = self._network, self._arranged.place
-        rows = np.flatnonzero(network.photo_free[network.rays.photo] & network.point_free[network.rays.point])
-        rows = rows[np.lexsort((place[network.rays.photo[rows]], network.rays.point[rows]))]
-        counts = np.bincount(network.rays.point[rows], minlength=len(network.point_free))
+        problem, place = self._problem, self._band_order.place
+        rows = np.flatnonzero(problem.photo_free[problem.rays.photo] & problem.point_free[problem.rays.point])
+        rows = rows[np.lexsort((place[problem.rays.photo[rows]], problem.rays.point[rows]))]
+        counts = np.bincount(problem.rays.point[rows], minlength=len(problem.point_free))
         pointer = np.concatenate([[0], np.cumsum(counts)])
-        shape = (3 * len(network.point_free), 6 * len(self._arranged.order))
-        return csr_array(bsr_array((coupling[rows], place[network.rays.photo[rows]], pointer), shape=shape))
+        shape = (3 * len(problem.point_free), 6 * len(self._band_order.order))
+        return csr_array(bsr_array((coupling[rows], place[problem.rays.photo[rows]], pointer), shape=shape))
 
 
 def _damped(normals: FloatArray, damping: float) -> FloatArray:
-    """Return normal matrices (k, m, m) with a larger diagonal; what has no equations at all becomes regular."""
-    diagonal = np.einsum("kii->ki", normals)
-    floor = 1e-12 * diagonal.max(axis=1, keepdims=True)
-    floor = np.where(floor > 0.0, floor, 1.0)
-    return np.asarray(normals + (damping * diagonal + floor)[:, :, None] * np.eye(normals.shape[1]))
+    return enlarged_diagonal(normals, damping, _FLOOR * largest_elements(normals))
 
 
 def _band(blocks: FloatArray, coupling: csr_array) -> FloatArray:

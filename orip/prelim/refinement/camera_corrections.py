@@ -1,8 +1,8 @@
-"""What the cameras of a block differ from their records by, roughly, while the block grows.
+"""Approximate corrections of the cameras' interior orientation while a block grows.
 
-Where the interior orientation is to be estimated it may be off by per cent, and what is adjusted without it then does
-not fit: photos seem to be in the wrong place that are not. A few corrections a camera are enough to prevent that:
-C' = C exp(s), x' = x + C b + k (r / C)² x, and y alike. They are what an adjustment starts the camera with.
+An interior orientation that is to be estimated may be off by per cent. Photos that are adjusted without correcting it
+do not fit, and seem to be in the wrong place. A few corrections per camera prevent that: C' = C exp(s),
+x' = x + C b + k (r / C)² x, and y alike. The bundle adjustment starts the camera with them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
+from orip.prelim.image_rays import CAMERA_CORRECTIONS, ImageRays
 from orip.records.camera import Camera
-from orip.records.preliminary import CAMERA_CORRECTIONS, ImageRays
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
-"""Standard deviations of the corrections before anything is known: they keep in bounds what a block does not tell."""
+"""A-priori standard deviations of the corrections: they bound what a block does not determine."""
 
 
 def no_corrections(rays: ImageRays) -> FloatArray:

@@ -7,75 +7,75 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
+from orip.prelim.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import Arrangement, Network, Residuals, State
+from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
-from orip.records.preliminary import CAMERA_CORRECTIONS
 
 
 class CompiledSolver:
-    """Normal equations of a network in the compiled loop: points eliminated, photos in a band.
+    """Normal equations of a refinement in the compiled loop: points eliminated, photos in a band.
 
     Parameters
     ----------
-    network : Network
+    problem : RefinementProblem
     """
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self._arranged = Arrangement(network)
-        points, rays = len(network.point_free), len(network.rays.photo)
-        self._start = np.concatenate([[0], np.cumsum(np.bincount(network.rays.point, minlength=points))])
+    def __init__(self, problem: RefinementProblem) -> None:
+        self._problem = problem
+        self._band_order = BandOrder(problem)
+        points, rays = len(problem.point_free), len(problem.rays.photo)
+        self._start = np.concatenate([[0], np.cumsum(np.bincount(problem.rays.point, minlength=points))])
         self._coupling = np.empty((rays, 6, 3))
         self._width = self._band_width()
-        self._camera = camera_of(network.rays)
-        self._seen = np.empty(len(network.rays.cameras.unknown), dtype=np.int64)
-        self._by_camera = by_corrections(network.rays)
-        self._prepared: tuple[State, tuple[NDArray[np.generic], ...]] | None = None
+        self._camera = camera_of(problem.rays)
+        self._seen = np.empty(len(problem.rays.cameras.unknown), dtype=np.int64)
+        self._by_camera = by_corrections(problem.rays)
+        self._prepared: tuple[RefinementState, tuple[NDArray[np.generic], ...]] | None = None
 
     def _band_width(self) -> int:
         """Return 6 times the largest number of places that photos of one point are apart, and the photo itself."""
-        place, point = self._arranged.place[self._network.rays.photo], self._network.rays.point
-        taking = (place >= 0) & self._network.point_free[point]
-        first = np.full(len(self._network.point_free), len(place) + 1)
+        place, point = self._band_order.place[self._problem.rays.photo], self._problem.rays.point
+        taking = (place >= 0) & self._problem.point_free[point]
+        first = np.full(len(self._problem.point_free), len(place) + 1)
         last = np.full(len(first), -1)
         np.minimum.at(first, point[taking], place[taking])
         np.maximum.at(last, point[taking], place[taking])
         return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
 
-    def _arrays(self, state: State) -> tuple[NDArray[np.generic], ...]:
+    def _arrays(self, state: RefinementState) -> tuple[NDArray[np.generic], ...]:
         # asked for twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
-            rays = corrected(self._network.rays, state.corrections)
-            each = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
-            self._prepared = state, tuple(map(np.ascontiguousarray, each))
+            rays = corrected(self._problem.rays, state.corrections)
+            arrays = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            self._prepared = state, tuple(map(np.ascontiguousarray, arrays))
         return self._prepared[1]
 
-    def residuals(self, state: State) -> Residuals:
+    def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""
-        count = len(self._network.rays.photo)
+        count = len(self._problem.rays.photo)
         residual, in_front = np.empty((count, 2)), np.empty(count, dtype=np.uint8)
-        kernels.residuals(*self._arrays(state), residual, in_front)
-        return Residuals(residual, in_front.astype(bool), state.of_cameras)
+        kernels.refinement_residuals(*self._arrays(state), residual, in_front)
+        return RayResiduals(residual, in_front.astype(bool), state.of_cameras)
 
-    def moved(self, state: State, at: Residuals, factors: FloatArray, damping: float) -> State:
+    def moved(self, state: RefinementState, at: RayResiduals, factors: FloatArray, damping: float) -> RefinementState:
         """Return the state after one step; the residuals are those of the state."""
-        network, order, place = self._network, self._arranged.order, self._arranged.place
-        points, size, cameras = len(network.point_free), 6 * len(order), state.corrections.size
+        problem, order, place = self._problem, self._band_order.order, self._band_order.place
+        points, size, cameras = len(problem.point_free), 6 * len(order), state.corrections.size
         weights = np.where(at.in_front, factors, 0.0)
         inverse, point_right, right = np.empty((points, 3, 3)), np.empty((points, 3)), np.zeros(size)
         band, border = np.zeros((size, self._width)), np.zeros((size, cameras))
         point_border, own, own_right = np.zeros((points, 3, cameras)), np.zeros((cameras, cameras)), np.zeros(cameras)
-        kernels.normals(
-            *self._arrays(state), place, network.point_free, weights, self._camera, self._by_camera,
+        kernels.refinement_normals(
+            *self._arrays(state), place, problem.point_free, weights, self._camera, self._by_camera,
             np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right,
             border, point_border, own, own_right, self._seen, damping,
         )  # fmt: skip
         equations = ReducedEquations(band.T, right, border, own, own_right)
         solution, of_cameras = equations.solved(state.corrections)
         by_points = np.empty((points, 3))
-        kernels.corrections(
-            network.rays.photo, self._start, place, self._coupling, inverse, point_right, point_border, solution,
+        kernels.refinement_points(
+            problem.rays.photo, self._start, place, self._coupling, inverse, point_right, point_border, solution,
             of_cameras, by_points,
         )  # fmt: skip
         by_photos = np.zeros((len(place), 6))

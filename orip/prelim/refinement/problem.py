@@ -9,15 +9,16 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.refinement.camera_corrections import EXPECTED
-from orip.records.preliminary import ImageRays
 
 _MEDIAN = np.sqrt(2.0 * np.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class RefinementState:
     """Rotations (p, 3, 3) and centres (p, 3) of photos, points (q, 3), and corrections of k cameras (k, 4)."""
 
     rotations: FloatArray
@@ -27,15 +28,14 @@ class State:
 
     @property
     def of_cameras(self) -> float:
-        """Return the square sum of the cameras' corrections over what is expected of them."""
+        """Return the square sum of the cameras' corrections over their a-priori standard deviations."""
         return float(((self.corrections / EXPECTED) ** 2).sum())
 
-    def moved(self, by_photos: FloatArray, by_points: FloatArray, by_cameras: FloatArray) -> State:
+    def moved(self, by_photos: FloatArray, by_points: FloatArray, by_cameras: FloatArray) -> RefinementState:
         """Return the state after turns and shifts (p, 6) of photos, shifts of points, and changes of corrections."""
-        # half a radian keeps a turn where the linearisation means something
         largest = float(np.linalg.norm(by_photos[:, :3], axis=1).max(initial=0.0))
-        factor = min(1.0, 0.5 / max(largest, 1e-300))
-        return State(
+        factor = min(1.0, LARGEST_TURN / max(largest, 1e-300))
+        return RefinementState(
             rotation_about_axes(factor * by_photos[:, :3]) @ self.rotations,
             self.centres + factor * by_photos[:, 3:],
             self.points + factor * by_points,
@@ -43,7 +43,7 @@ class State:
         )
 
 
-class Residuals(NamedTuple):
+class RayResiduals(NamedTuple):
     """Of m rays: residuals (m, 2) over their a-priori errors, and whether the point is in front (m,).
 
     And of the state that they belong to what its cameras' corrections add to the square sum.
@@ -60,7 +60,7 @@ class Residuals(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Network:
+class RefinementProblem:
     """Which rays take part, point by point, and which photos and points are unknown.
 
     Parameters
@@ -85,8 +85,8 @@ class Network:
         return float(np.median(length)) / _MEDIAN / np.sqrt(share) if share > 0.0 else 0.0
 
 
-class Arrangement:
-    """The order of the photos of a network that keeps the band of their normal equations narrow.
+class BandOrder:
+    """The order of the photos of a refinement that keeps the band of their normal equations narrow.
 
     Attributes
     ----------
@@ -96,17 +96,17 @@ class Arrangement:
         Of each photo in this order, -1 of one that is held.
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, problem: RefinementProblem) -> None:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-        rays = network.rays
-        free = network.photo_free[rays.photo]
-        photos, points = len(network.photo_free), len(network.point_free)
+        rays = problem.rays
+        free = problem.photo_free[rays.photo]
+        photos, points = len(problem.photo_free), len(problem.point_free)
         ones = np.ones(np.count_nonzero(free))
         sees = csr_array((ones, (rays.point[free], rays.photo[free])), shape=(points, photos))
-        sees = sees[network.point_free]
+        sees = sees[problem.point_free]
         order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
-        self.order = order[network.photo_free[order]]
+        self.order = order[problem.photo_free[order]]
         self.place = np.full(photos, -1)
         self.place[self.order] = np.arange(len(self.order))

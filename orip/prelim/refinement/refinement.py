@@ -1,8 +1,8 @@
 """Refinement of a block's preliminary values: all photos and points in one least squares adjustment, weights robust.
 
-It removes the drift that adding photo after photo leaves. Of unknown interior orientations no more is estimated than
-keeps them from spoiling it (see `orip.prelim.refinement.camera_corrections`), and no standard deviations come of it:
-that is what the bundle adjustment is for.
+It removes the drift that accumulates as photo after photo is added. Of unknown interior orientations only as much is
+estimated as is needed to keep them from distorting the block (see `orip.prelim.refinement.camera_corrections`).
+Standard deviations are left to the bundle adjustment.
 """
 
 from __future__ import annotations
@@ -12,30 +12,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.weights import danish_weights
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.least_squares import E, Problem, least_squares
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.compiled_steps import CompiledSolver
-from orip.prelim.refinement.problem import Network, Residuals, State
-from orip.records.preliminary import ImageRays
-
-_LIMIT = 3.5
-"""3.5: of residuals with two components one good one in 460 is longer."""
+from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
 
 ROUGH = 1e-2
 """Relative gain in the weighted square sum below which a system is good enough to grow further."""
 
 _ENOUGH = 0.5
 """Gain in the weighted square sum, over the variance of unit weight, below which nothing is off by much more than its
-standard deviation: photos that hang together with the others by few points hardly show in the whole sum."""
+standard deviation: photos connected with the others by few points hardly affect the whole sum."""
 
 _UPHILL, _UPHILL_STEPS = 10.0, 2
 """Times the weighted square sum up to which steps uphill are taken, and how many of them one after the other."""
 
+_NEVER_AGAIN = -1
+
+_SQUARE_BEHIND = 1e6
+"""Squared standard residual that a ray behind its photo counts as."""
+
+_MOST_STEPS = 30
+
 _FIRST_DAMPING = 1e-6
-"""What adding photo after photo leaves is mostly the bending of strips, whose eigenvalues are small."""
+"""Small, as the drift of added photos is mostly a bending of strips, whose eigenvalues are small."""
 
 _LEAST_DAMPING = 1e-8
 """Keeps the reduced system regular where nothing holds the block, or a photo."""
@@ -77,9 +82,7 @@ def refine(
     *,
     corrections: FloatArray | None = None,
     held_points: BoolArray | None = None,
-    held_photos: BoolArray | None = None,
     enough: float = 0.0,
-    sweeps: int = 30,
 ) -> Refined:
     """Adjust photos and points together.
 
@@ -95,13 +98,11 @@ def refine(
         NaN for a point without a position: its rays take no part.
     corrections : array (cameras, 4) or None
         Of the unknown cameras; 0 unless given.
-    held_points, held_photos : arrays (q,), (p,) of bool or None
-        What is known and stays: control, photos oriented before. Without any the block keeps its place by damping.
+    held_points : array (q,) of bool or None
+        Control that is known and stays. Without any the block keeps its place by damping.
     enough : float
         Relative gain in the weighted square sum at which the iterations end; 0: they go on until nothing is off by much
         more than its standard deviation.
-    sweeps : int
-        Largest number of iterations.
 
     Returns
     -------
@@ -114,22 +115,23 @@ def refine(
     Cuthill-McKee (1969), is solved as a band (Brown's 1976 arrangement of a block).
     """
     held_points = np.zeros(len(rays.points), dtype=bool) if held_points is None else held_points
-    held_photos = np.zeros(len(rays.photos), dtype=bool) if held_photos is None else held_photos
     corrections = no_corrections(rays) if corrections is None else corrections
-    network, used = _network(rays, oriented, coordinates, held_points, held_photos)
+    problem, used = _problem(rays, oriented, coordinates, held_points)
     weight_factors = np.zeros(len(rays.photo))
-    if not len(network.rays.photo):
+    if not len(problem.rays.photo):
         return Refined(rotations, centres, coordinates, corrections, weight_factors, 0.0, 0)
     # a system of the block's own size: damping treats angles and lengths alike
     base = np.nanmean(centres[oriented], axis=0)
-    size = float(np.linalg.norm(coordinates[network.rays.point] - centres[network.rays.photo], axis=1).mean())
-    start = State(rotations, (centres - base) / size, (coordinates - base) / size, corrections)
-    state, factors, s0, iterations = _iterate(network, start, enough, sweeps)
-    weight_factors[used] = factors
+    size = float(np.linalg.norm(coordinates[problem.rays.point] - centres[problem.rays.photo], axis=1).mean())
+    start = RefinementState(rotations, (centres - base) / size, (coordinates - base) / size, corrections)
+    robust = _RobustRefinement(problem, enough)
+    found = least_squares(robust, robust.start(start), _UphillSteps(), _MOST_STEPS)
+    state, s0, iterations = found.best.state, found.best.s0, found.iterations
+    weight_factors[used] = np.where(found.best.residuals.in_front, found.best.weights, 0.0)
     moved_photos = np.zeros(len(rays.photos), dtype=bool)
-    moved_photos[network.rays.photo] = network.photo_free[network.rays.photo]
+    moved_photos[problem.rays.photo] = problem.photo_free[problem.rays.photo]
     moved_points = np.zeros(len(rays.points), dtype=bool)
-    moved_points[network.rays.point] = network.point_free[network.rays.point]
+    moved_points[problem.rays.point] = problem.point_free[problem.rays.point]
     return Refined(
         np.where(moved_photos[:, None, None], state.rotations, rotations),
         np.where(moved_photos[:, None], base + size * state.centres, centres),
@@ -141,10 +143,10 @@ def refine(
     )
 
 
-def _network(
-    rays: ImageRays, oriented: BoolArray, coordinates: FloatArray, held_points: BoolArray, held_photos: BoolArray
-) -> tuple[Network, IntArray]:
-    """Return what is adjusted, and the rays that take part: those of points that two photos see, or that are known."""
+def _problem(
+    rays: ImageRays, oriented: BoolArray, coordinates: FloatArray, held_points: BoolArray
+) -> tuple[RefinementProblem, IntArray]:
+    """Return the problem, and the rays that take part: those of points that two photos see, or that are known."""
     known = np.asarray(np.isfinite(coordinates).all(axis=1), dtype=bool)
     used = oriented[rays.photo] & known[rays.point]
     number = np.bincount(rays.point[used], minlength=len(rays.points))
@@ -155,64 +157,91 @@ def _network(
     seen[rays.point[rows]] = True
     taking = np.zeros(len(rays.photos), dtype=bool)
     taking[rays.photo[rows]] = True
-    network = Network(rays.of(rows), taking & ~held_photos, seen & ~held_points)
-    return network, rows
+    problem = RefinementProblem(rays.of(rows), taking, seen & ~held_points)
+    return problem, rows
 
 
-class _Stand(NamedTuple):
+class _Estimate(NamedTuple):
     """Where the iterations stand: residuals, their robust scale, and weight factors (m,)."""
 
-    state: State
-    residuals: Residuals
+    state: RefinementState
+    residuals: RayResiduals
     s0: float
-    factors: FloatArray
+    weights: FloatArray
 
-    def cost(self, at: Residuals) -> float:
-        """Return the weighted square sum of residuals with these weights, and of the cameras' corrections.
+
+class _RobustRefinement:
+    """The least squares problem of a refinement, with weights of the Danish method."""
+
+    def __init__(self, problem: RefinementProblem, enough: float) -> None:
+        self._problem, self._enough = problem, enough
+        self._solver = (CompiledSolver if is_compiled() else ArraySolver)(problem)
+
+    def start(self, state: RefinementState) -> _Estimate:
+        return self.reweighted(_Estimate(state, self._solver.residuals(state), 0.0, np.empty(0)))
+
+    def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
+        state = self._solver.moved(here.state, here.residuals, here.weights, float(damping[0]))
+        return here._replace(state=state, residuals=self._solver.residuals(state))
+
+    def reweighted(self, here: _Estimate) -> _Estimate:
+        length = here.residuals.length
+        s0 = self._problem.scale(length)
+        return here._replace(s0=s0, weights=danish_weights(length / max(s0, 1.0), LIMIT_OF_TWO_COMPONENTS))
+
+    def costs(self, here: _Estimate, weights: FloatArray) -> FloatArray:
+        """Return the weighted square sum (1,) of residuals and of the cameras' corrections.
 
         A ray that has come to lie behind its photo counts as a large residual.
         """
-        squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), 1e6)
-        return float(self.factors @ squares) + at.of_cameras
+        at = here.residuals
+        squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), _SQUARE_BEHIND)
+        return np.array([weights @ squares + at.of_cameras])
+
+    def converged(self, before: _Estimate, after: _Estimate) -> bool:
+        """Return whether the gain is small: that with the weights before, and what the new ones leave of it."""
+        cost, improved, reweighted = (
+            float(self.costs(at, weights)[0])
+            for at, weights in ((before, before.weights), (after, before.weights), (after, after.weights))
+        )
+        gain = min(cost - improved, abs(cost - reweighted))
+        return gain <= (self._enough * cost or _ENOUGH * max(before.s0, 1.0) ** 2)
 
 
-def _stand(network: Network, state: State, residuals: Residuals) -> _Stand:
-    length = residuals.length
-    s0 = network.scale(length)
-    return _Stand(state, residuals, s0, danish_weights(length / max(s0, 1.0), _LIMIT))
+class _UphillSteps:
+    """Marquardt's damping that allows for steps uphill.
 
-
-def _iterate(network: Network, state: State, enough: float, sweeps: int) -> tuple[State, FloatArray, float, int]:
-    """Return the state, weight factors (m,), s0 and the number of iterations.
-
-    Along a bent valley a whole step often leads uphill and the next one far down: two are taken on trust. If that
-    was for nothing it begins anew from where it was best, with more damping, and uphill no more.
+    Along a bent valley a whole step often leads uphill and the next one far down: two are taken on trust. If they did
+    not help, the iterations go back to the best estimate, with more damping, and uphill no more.
     """
-    solver = (CompiledSolver if is_compiled() else ArraySolver)(network)
-    best = here = _stand(network, state, solver.residuals(state))
-    iteration, gain, limit, damping = 0, np.inf, 0.0, _FIRST_DAMPING
-    trust, refused = _UPHILL_STEPS, False
-    while iteration < sweeps and gain > limit:
-        iteration += 1
-        try:
-            tried = solver.moved(here.state, here.residuals, here.factors, damping)
-        except np.linalg.LinAlgError:
-            # the damping so far is less than rounding in normal equations that are nearly singular
-            here, damping = best, damping * 10.0
-            continue
-        there = solver.residuals(tried)
-        before, after = best.cost(best.residuals), best.cost(there)
+
+    exhausted = False
+
+    def __init__(self) -> None:
+        self.damping = np.array([_FIRST_DAMPING])
+        self.on_trust = False
+        self._steps_left, self._refused = _UPHILL_STEPS, False
+
+    def accepts(self, problem: Problem[E], best: E, tried: E) -> BoolArray:
+        """Return whether the square sum is no larger; otherwise decide whether to go on from there all the same."""
+        before, after = problem.costs(best, best.weights)[0], problem.costs(tried, best.weights)[0]
+        was_on_trust, self.on_trust = self.on_trust, False
         if after <= before:
-            limit = enough * before or _ENOUGH * max(best.s0, 1.0) ** 2
-            damping = max(damping * (1.0 if refused else 0.1), _LEAST_DAMPING)
-            trust, refused = (trust if trust < 0 else _UPHILL_STEPS), False
-            best = here = _stand(network, tried, there)
-            # what new weights take back is no gain
-            gain = min(before - after, abs(before - best.cost(there)))
-        elif trust > 0 and after <= _UPHILL * before:
-            trust -= 1
-            here = _stand(network, tried, there)
-        else:
-            trust = -1 if here is not best else trust
-            here, damping, refused = best, damping * 10.0, True
-    return best.state, np.where(best.residuals.in_front, best.factors, 0.0), best.s0, iteration
+            self.damping = np.maximum(self.damping * (1.0 if self._refused else 0.1), _LEAST_DAMPING)
+            self._refused = False
+            if self._steps_left >= 0:
+                self._steps_left = _UPHILL_STEPS
+            return np.array([True])
+        if self._steps_left > 0 and after <= _UPHILL * before:
+            self.on_trust = True
+            self._steps_left -= 1
+            return np.array([False])
+        if was_on_trust:
+            self._steps_left = _NEVER_AGAIN
+        self.singular()
+        self._refused = True
+        return np.array([False])
+
+    def singular(self) -> None:
+        """Damp the next step more: the damping so far was less than rounding in nearly singular equations."""
+        self.damping, self.on_trust = self.damping * 10.0, False

@@ -1,7 +1,7 @@
 """Least squares adjustment of relative orientations: five unknowns, parallaxes as observations, Danish weights.
 
 The unknowns are two components of the base across itself and a small rotation of the right photo: no direction of the
-base and no rotation is special. Several starts are adjusted side by side.
+base and no rotation is singular. Several starts are adjusted side by side.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.weights import danish_weights
-from orip.arrays import FloatArray
+from orip.adjustment.weights import LEAST_WEIGHT, danish_weights
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.essential import TwoPhotos
-from orip.geometry.rotation import cross_matrix, rotation_about_axes
-from orip.prelim.compiled import LEAST_WEIGHT
-from orip.prelim.relative.parallax import Pairs, Parallaxes, parallaxes, parallaxes_with_partials
+from orip.geometry.rotation import rotation_about_axes
+from orip.prelim.least_squares import GaussNewton, enlarged_diagonal, least_squares, shortened
+from orip.prelim.relative.parallax import Pairs, Parallaxes, parallaxes_with_partials
 
 MAX_STANDARD_RESIDUAL = 5.0
 
@@ -23,19 +23,21 @@ _CONVERGED = 1e-9
 """Correction in standard deviations of the unknowns; rounding leaves some 1e-11."""
 
 _WEIGHTS_HELD = 12
-"""Iteration after which weights stay: one that jumps to and fro at the limit would never end."""
+"""Iteration after which weights are held: one that alternates at the limit would never converge."""
+
+_REWEIGHTINGS = _WEIGHTS_HELD - 1
 
 _LONGEST_STEP = 0.3
 """Radians; from a poor start the linear step may lead anywhere."""
 
 _REGULAR = 1e-13
-"""Part of the largest diagonal element that keeps the normal equations solvable where five points determine nothing."""
+"""Part of the trace that keeps the normal equations solvable where five points determine nothing."""
 
 DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
-"""As the compiled loop takes them: `RelativeDanish` in kernels/relative_adjustment.h."""
+"""As the compiled loop takes them: `RelativeDanish` in adjustment.h."""
 
 
-class Adjusted(NamedTuple):
+class AdjustedPairs(NamedTuple):
     """k relative orientations after the adjustment.
 
     Attributes
@@ -59,7 +61,7 @@ class Adjusted(NamedTuple):
 
 
 class Precision(NamedTuple):
-    """What the adjusted orientation is good for.
+    """How well the points determine the adjusted orientation.
 
     Attributes
     ----------
@@ -73,7 +75,7 @@ class Precision(NamedTuple):
     cofactor: FloatArray
 
 
-def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, max_iterations: int) -> Adjusted:
+def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, max_iterations: int) -> AdjustedPairs:
     """Adjust k relative orientations.
 
     Parameters
@@ -88,29 +90,55 @@ def adjust_relative(start: TwoPhotos, pairs: Pairs, scale: FloatArray | float, m
 
     Returns
     -------
-    Adjusted
+    AdjustedPairs
     """
-    limits = pairs.error * np.broadcast_to(np.asarray(scale, dtype=np.float64), len(start.base))[:, None]
-    photos, weights = start, np.empty(0)
-    for iteration in range(1, max_iterations + 1):
-        found = parallaxes_with_partials(photos, pairs)
-        if iteration <= _WEIGHTS_HELD:
-            weights = danish_weights(np.abs(found.value) / limits, MAX_STANDARD_RESIDUAL)
-        design, across = _design(photos, pairs, found)
-        weighted = np.swapaxes(design * weights[..., None], 1, 2)
-        normals = weighted @ design
-        right = weighted @ (-found.value / pairs.error)[..., None]
-        step = np.asarray(np.linalg.solve(_regular(normals), right)[..., 0], dtype=np.float64)
-        photos = _moved(photos, across, step)
-        # the square of the correction in standard deviations, dx^T N dx = dx^T right at the solution
-        square = (step * right[..., 0]).sum(axis=1)
-        if square.max() < _CONVERGED**2:
-            break
-    essential = cross_matrix(photos.base) @ photos.rotation
-    return Adjusted(photos, parallaxes(essential, pairs), weights, iteration)
+    problem = _ParallaxProblem(pairs, scale, len(start.base))
+    found = least_squares(problem, problem.start(start), GaussNewton(), max_iterations, reweightings=_REWEIGHTINGS)
+    best = found.best
+    return AdjustedPairs(best.photos, best.parallaxes.value, best.weights, found.iterations)
 
 
-def precision_of(adjusted: Adjusted, pairs: Pairs) -> Precision:
+class _Estimate(NamedTuple):
+    """k orientations, their parallaxes with partials, weights (k, n), and squared lengths (k,) of the last steps."""
+
+    photos: TwoPhotos
+    parallaxes: Parallaxes
+    weights: FloatArray
+    squared_step: FloatArray
+
+
+class _ParallaxProblem:
+    """The parallaxes of n points, from k starts side by side."""
+
+    def __init__(self, pairs: Pairs, scale: FloatArray | float, starts: int) -> None:
+        self._pairs = pairs
+        self._unit = pairs.error * np.broadcast_to(np.asarray(scale, dtype=np.float64), starts)[:, None]
+
+    def start(self, photos: TwoPhotos) -> _Estimate:
+        nowhere = np.full(len(photos.base), np.inf)
+        return self.reweighted(_Estimate(photos, parallaxes_with_partials(photos, self._pairs), np.empty(0), nowhere))
+
+    def stepped(self, at: _Estimate, _damping: FloatArray) -> _Estimate:
+        design, across = _design(at.photos, self._pairs, at.parallaxes)
+        weighted = np.swapaxes(design * at.weights[..., None], 1, 2)
+        right = weighted @ (-at.parallaxes.value / self._pairs.error)[..., None]
+        step = np.asarray(np.linalg.solve(_regular(weighted @ design), right)[..., 0], dtype=np.float64)
+        photos = _moved(at.photos, across, step)
+        # the squared correction in standard deviations, dx^T N dx, is dx^T right at the solution
+        squared_step = (step * right[..., 0]).sum(axis=1)
+        return _Estimate(photos, parallaxes_with_partials(photos, self._pairs), at.weights, squared_step)
+
+    def reweighted(self, at: _Estimate) -> _Estimate:
+        return at._replace(weights=danish_weights(np.abs(at.parallaxes.value) / self._unit, MAX_STANDARD_RESIDUAL))
+
+    def costs(self, at: _Estimate, weights: FloatArray) -> FloatArray:
+        return np.asarray((weights * (at.parallaxes.value / self._pairs.error) ** 2).sum(axis=1))
+
+    def converged(self, _before: _Estimate, after: _Estimate) -> BoolArray:
+        return after.squared_step < _CONVERGED**2
+
+
+def precision_of(adjusted: AdjustedPairs, pairs: Pairs) -> Precision:
     """Return redundancy numbers and cofactors of one adjusted orientation, from the a-priori errors."""
     photos, weights = adjusted.photos, adjusted.weight_factor
     design, across = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
@@ -135,13 +163,11 @@ def _across(base: FloatArray) -> FloatArray:
 
 
 def _regular(normals: FloatArray) -> FloatArray:
-    largest = np.trace(normals, axis1=1, axis2=2)[:, None, None]
-    return np.asarray(normals + (_REGULAR * largest + 1e-300) * np.eye(normals.shape[-1]))
+    return enlarged_diagonal(normals, 0.0, _REGULAR * np.trace(normals, axis1=1, axis2=2))
 
 
 def _moved(photos: TwoPhotos, across: FloatArray, step: FloatArray) -> TwoPhotos:
-    longest = np.abs(step).max(axis=1, keepdims=True)
-    step = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, 1e-300))
+    step = shortened(step, np.abs(step).max(axis=1), _LONGEST_STEP)
     base = photos.base + (across @ step[:, :2, None])[..., 0]
     base /= np.linalg.norm(base, axis=1, keepdims=True)
     return TwoPhotos(base, rotation_about_axes(step[:, 2:]) @ photos.rotation)

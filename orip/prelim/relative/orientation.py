@@ -6,26 +6,27 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
+from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import Solution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
-from orip.records.preliminary import ImageRays, NotOriented, RelativeOrientation, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
 
 _NO_BASE = 3.0
-"""Parallaxes left by a rotation alone, in standard deviations of theirs: from there on errors of measuring explain
-them, half of which are below 1.2."""
+"""Parallaxes left by a rotation alone, in standard deviations: below this limit measuring errors explain them, half of
+which are below 1.2."""
 
 _NO_MODEL = 0.01
-"""Standard deviation of parallaxes, as part of the principal distance, that no camera out of calibration makes."""
+"""Standard deviation of parallaxes, as part of the principal distance, that no uncalibrated camera causes."""
 
 _FITS = 3.0
 """Standard deviations within which a point fits that is measured under another number."""
 
 _LARGEST_SCALE = 20.0
-"""Of errors that a camera out of calibration makes; above it numbers are confused, and their parallaxes say nothing."""
+"""Of the errors that an uncalibrated camera causes; above it points are confused, and their parallaxes mean nothing."""
 
 
 def orient_pair(
@@ -40,9 +41,9 @@ def orient_pair(
 ) -> RelativeOrientation | NotOriented:
     """Orient the right photo to the left one (dependent pair), without initial values.
 
-    Five-point solutions of samples of the points start an adjustment of all parallaxes with Danish weights. It finds
-    its way where a third of the points are blunders, and where all residuals are many times the a-priori error: weights
-    are reduced above five times the a-priori error or, where it is larger, a robust estimate of what the residuals are.
+    Five-point solutions of samples of the points start an adjustment of all parallaxes with Danish weights. It succeeds
+    where a third of the points are blunders, and where all residuals are many times the a-priori error: weights are
+    reduced above five times the a-priori error or, where it is larger, a robust estimate of the residuals' scale.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def orient_pair(
         reason = f"photo {names[0]} and photo {names[1]} share {counted(count, 'point')}, {POINTS_NEEDED} are needed"
         return NotOriented(model, "", reason)
     solution = solve(pairs)
-    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share determine no orientation"
+    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"
     if solution is None:
         return NotOriented(model, "", reason)
     fault = _fault(solution, pairs)
@@ -88,7 +89,7 @@ def orient_pair(
 
 
 def _fault(solution: Solution, pairs: Pairs) -> str | None:
-    """Return why an orientation is none, or None."""
+    """Return why an orientation cannot be used, or None."""
     count = len(pairs.error)
     typical = solution.seuw * float(pairs.error.sum()) / count
     if solution.by_chance or typical > _NO_MODEL * float(np.abs(pairs.left[:, 2]).sum()) / count:
@@ -113,7 +114,7 @@ def _result(
     unit_weight = seuw or 1.0
     base = solution.length * solution.photos.base
     points = rays.point[rows[0]]
-    names = tuple(rays.points[each] for each in points.tolist())
+    names = tuple(rays.points[point] for point in points.tolist())
     return RelativeOrientation(
         model=place[0],
         left=rays.photos[photos[0]],
@@ -149,11 +150,11 @@ def _result(
     )
 
 
-def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> SubBlock:
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> PartialBlock:
     rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
     rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
     centres[1] = solution.length * solution.photos.base
-    return SubBlock(
+    return PartialBlock(
         name,
         np.array(photos, dtype=np.int64),
         rotations,
@@ -165,7 +166,7 @@ def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solut
 
 
 def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
-    """Return rows of two points each that do not fit, and do when they are exchanged in one photo."""
+    """Return pairs of rows whose points do not fit, but would if they were exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:
         return []

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.records.preliminary import ImageRays
+from orip.prelim.image_rays import ImageRays
 
 
 class Pair(NamedTuple):

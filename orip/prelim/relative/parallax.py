@@ -1,4 +1,4 @@
-"""The parallax of a point in two photos: how far its rays miss each other, in the photos; and where they meet.
+"""The parallax of a point in two photos: by how much its rays miss each other in the photos, and where they meet.
 
 As in `orip.geometry.essential` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres, and
 R takes the right photo's system to the left one's.
@@ -62,7 +62,7 @@ class Meeting(NamedTuple):
     coordinates : array (..., n, 3)
         Halfway between the rays, in units of the base; not finite where they are parallel.
     along_left, along_right : arrays (..., n)
-        How many image vectors it is to there; negative behind the photo.
+        Multiples of the image vectors; negative behind the photo.
     """
 
     coordinates: FloatArray

@@ -74,15 +74,13 @@ def _on_blunders(
     if len(worst) > _NAMED:
         yield f"{len(worst) - _NAMED} more points do not fit"
     if len(worst) >= _MANY * len(points):
-        yield (
-            f"{len(worst)} of {len(points)} points do not fit; are point numbers, photos or the camera the right ones?"
-        )
+        yield (f"{len(worst)} of {len(points)} points do not fit: check point numbers, photos and camera")
 
 
 def _on_points_behind(points: Sequence[str], weight_factor: FloatArray, in_front: NDArray[np.bool_]) -> Iterator[str]:
     behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front).tolist()]
     if behind:
-        yield f"rays do not meet in front of both photos, point {first_names(behind, _NAMED)}"
+        yield f"rays do not meet in front of both photos: point {first_names(behind, _NAMED)}"
 
 
 def _on_the_whole(count: int, base: FloatArray, seuw: float, ambiguous: bool) -> Iterator[str]:
@@ -91,6 +89,6 @@ def _on_the_whole(count: int, base: FloatArray, seuw: float, ambiguous: bool) ->
     if base[0] < _TO_THE_LEFT * np.linalg.norm(base):
         yield "the right photo lies to the left of the left one; are they exchanged?"
     if count == 5:
-        yield "five points, nothing checks them"
+        yield "five points: nothing checks the orientation"
     if ambiguous:
-        yield "another orientation fits as well; the one with the smaller rotation was taken"
+        yield "another orientation fits as well; the one with the smaller rotation was used"

@@ -1,8 +1,8 @@
-"""The relative orientation that n points in two photos determine, in numbers; compiled, or by the modules named below.
+"""The relative orientation that n points in two photos determine, compiled or by the modules named below.
 
 The best orientations of samples of five points (`orip.prelim.relative.start`) start adjustments of all parallaxes
-(`orip.prelim.relative.adjustment`). What all points say then chooses between their results, and the best one is
-adjusted to its end.
+(`orip.prelim.relative.adjustment`). All points then decide between their results, and the best one is adjusted
+until it converges.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import DANISH, Adjusted, adjust_relative, precision_of
+from orip.prelim.relative.adjustment import DANISH, AdjustedPairs, adjust_relative, precision_of
 from orip.prelim.relative.parallax import Meeting, Pairs, meeting_points, parallaxes
 from orip.prelim.relative.start import (
     POINTS_NEEDED,
@@ -35,19 +35,19 @@ _EQUALLY_GOOD = 4.0
 """Difference of square sums, two standard deviations, below which the points do not tell two orientations apart."""
 
 _SAME = 0.02
-"""Radians between orientations that are one, iterated more or less."""
+"""Radians between orientations that are the same one, iterated to different ends."""
 
 _SURE = 3.0
-"""Logarithm of how many times better than chance points agree; fewer than three redundant ones cannot be that sure."""
+"""Logarithm of how many times better than by chance points agree; fewer than three redundant ones do not suffice."""
 
 _PLAIN_BASE = 1000.0
-"""No blunders hide a rotation behind that many standard deviations."""
+"""Standard deviations that a pure rotation does not leave, whatever the blunders."""
 
 _ROTATION_STEPS = 8
 
 _CHOICE = (_ITERATIONS_TO_COMPARE, _MAX_ITERATIONS, _EQUALLY_GOOD, _SAME, _SURE, _PLAIN_BASE, _ROTATION_STEPS)
 _RULES = np.array([*SAMPLING, *DANISH, *_CHOICE])
-"""As the compiled loop takes them: `RelativeRules` in kernels/relative.h."""
+"""As the compiled loop takes them: `RelativeRules` in solution.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Solution:
         mm.
     weight_factor, redundancy_number : arrays (n,)
     coordinates, deviations : arrays (n, 3)
-        Where the rays meet, and how well while the orientation is held, in units of the base; NaN for the deviations of
+        Where the rays meet, and how accurately for a held orientation, in units of the base; NaN for the deviations of
         points that are not usable.
     in_front : array (n,) of bool
         The point is in front of both photos.
@@ -80,8 +80,8 @@ class Solution:
     seuw : float
         Standard error of unit weight of the points with full weight; 0 without redundancy.
     left_by_rotation : float
-        The median of what a rotation alone leaves between the two photos, in standard deviations of a parallax, or some
-        number above 1000 times the scale.
+        Median residual of a pure rotation between the two photos, in standard deviations of a parallax, or some number
+        above 1000 times the scale.
     by_chance : bool
         So many points would agree so well if they were placed at random.
     ambiguous : bool
@@ -131,7 +131,7 @@ def _compiled_solution(pairs: Pairs) -> Solution | None:
     parallax, weights, redundancy = np.empty(count), np.empty(count), np.empty(count)
     coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
     in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    if not kernels.orient(
+    if not kernels.orient_pair(
         *pairs, samples_of(count), log_of_sets(count), _RULES, found, parallax, weights, redundancy, coordinates,
         deviations, in_front, usable,
     ):  # fmt: skip
@@ -181,11 +181,11 @@ def _solution(pairs: Pairs) -> Solution | None:
     )
 
 
-def _choice(tried: Adjusted, pairs: Pairs, scale: float) -> tuple[int, bool]:
+def _choice(tried: AdjustedPairs, pairs: Pairs, scale: float) -> tuple[int, bool]:
     """Return the best of several orientations, and whether another one is as good.
 
-    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones that
-    with the smallest rotation is taken.
+    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones the
+    one with the smallest rotation is used.
     """
     in_front = meeting_points(tried.photos, pairs).in_front
     costs = costs_in_front(tried.residuals(pairs), in_front, scale)
@@ -210,7 +210,7 @@ def _usable(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
     return np.asarray((weight_factor == 1.0) & meeting.in_front & finite)
 
 
-def _unit_weight_error(final: Adjusted, redundancy_number: FloatArray, pairs: Pairs) -> float:
+def _unit_weight_error(final: AdjustedPairs, redundancy_number: FloatArray, pairs: Pairs) -> float:
     whole = final.weight_factor[0] == 1.0
     redundancy = float(redundancy_number[whole].sum())
     if len(pairs.error) == POINTS_NEEDED or redundancy < 1e-6:

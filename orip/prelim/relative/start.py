@@ -1,8 +1,8 @@
-"""Starting values of a relative orientation from nothing: samples of five points, judged by all the others.
+"""Starting values of a relative orientation without initial values: samples of five points, judged by all others.
 
-The judgement has to bear points that are far away from where they belong, and residuals that are many times the
-a-priori error throughout (a camera that is not calibrated). So it estimates the scale of the residuals itself: see
-`Consensus`. A residual above three times that scale counts as three.
+The judgement has to tolerate gross errors, and residuals that are all many times the a-priori error (a camera that is
+not calibrated). It therefore estimates the scale of the residuals: see `Consensus`. A residual above three times that
+scale counts as three.
 """
 
 from __future__ import annotations
@@ -24,33 +24,33 @@ POINTS_NEEDED = 5
 _SEED = 5
 _SAMPLES = 500
 _SAMPLES_AT_ONCE = 12
-"""What points without blunders need; how many agree in the best sample then tells whether more are drawn."""
+"""As many as points without blunders need; the share that agrees in the best sample then decides on more."""
 
 _MISSED = 1e-3
 """Probability that all samples have a blunder, at which sampling ends."""
 
 _ORDINARY_SCALE = 3.0
 _SAMPLES_OF_LARGE_SCALE = 160
-"""Residuals larger than that may mean that no good sample was drawn yet; half of blunders are survived by 160."""
+"""Larger residuals may mean that no good sample has been drawn yet; 160 samples suffice for half of blunders."""
 
 _NO_BETTER = 2.0
-"""Residual in units of the a-priori error that a smaller one is not better than."""
+"""Residual in units of the a-priori error below which smaller ones are no better."""
 
 _LIMIT = 3.0
-"""Scales at which a point counts as not fitting."""
+"""Multiple of the scale above which a point does not fit."""
 
 _KEPT, _STARTS = 16, 8
 """Matrices that are kept from one lot of samples to the next, and orientations that are tried in the adjustment, those
 of them that have the points in front."""
 
 _ALIKE = 0.999
-"""Product of two matrices of norm 1, some 2.5 degrees apart, that are taken for one: a plane has a second solution that
-fits as well, and samples of it must not crowd out those of the first."""
+"""Product of two matrices of norm 1, some 2.5 degrees apart, that count as one: a plane has a second solution that
+fits as well, and its samples must not crowd out those of the first."""
 
 SAMPLING = (
     _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, _LIMIT, _ALIKE, _KEPT, _STARTS,
 )  # fmt: skip
-"""As the compiled loop takes them: `Sampling` in kernels/relative_start.h."""
+"""As the compiled loop takes them: `Sampling` in start.h."""
 
 
 def starting_orientations(pairs: Pairs) -> TwoPhotos:
@@ -64,7 +64,7 @@ def starting_orientations(pairs: Pairs) -> TwoPhotos:
     Returns
     -------
     TwoPhotos
-        At most eight, many of them near to each other; none where the points determine nothing.
+        At most eight, many of them close to each other; none where the points determine nothing.
     """
     samples = samples_of(len(pairs.error))
     best = _Best(np.empty((0, 3, 3)), 1.0, 0.0)
@@ -111,7 +111,7 @@ class Consensus(NamedTuple):
         Logarithm of how many sets of so many points would agree so well if the points were placed at random: above 0
         the agreement says nothing.
     scale : array (k,)
-        Standard residual of the points that agree, at least 1: nobody measures better than the a-priori error.
+        Standard residual of the points that agree, at least 1: never better than the a-priori error.
     share : array (k,)
         Of the points that agree.
     """
@@ -169,7 +169,7 @@ def _chance_of_unit(pairs: Pairs) -> float:
 def log_of_sets(n: int) -> FloatArray:
     """Return the logarithm of (n - 5) C(n, m) C(m, 5) for m from 6 to n."""
     sets = [math.comb(n, m) * math.comb(m, POINTS_NEEDED) for m in range(POINTS_NEEDED + 1, n + 1)]
-    return np.array([math.log(n - POINTS_NEEDED) + math.log(each) for each in sets])
+    return np.array([math.log(n - POINTS_NEEDED) + math.log(number) for number in sets])
 
 
 def costs_in_front(residuals: FloatArray, in_front: NDArray[np.bool_], scale: float) -> FloatArray:

@@ -1,36 +1,36 @@
-"""Of several orientations of a photo those that its known points agree with best, adjusted: one is left, as a rule."""
+"""The orientations of a photo, among several, that fit its known points best, adjusted: usually a single one."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.resection.adjustment import (
     IMPROVEMENTS,
     ITERATIONS,
-    LIMIT,
     SAME_SCALE,
     STEADY,
-    Adjusted,
-    KnownPoints,
-    Orientations,
-    adjusted,
-    improved,
+    AdjustedResection,
+    adjust_resection,
+    improve_orientations,
 )
+from orip.prelim.resection.known_points import KnownPoints, Orientations
 
 _ALIKE = 3.0
 """Excess of squared residuals, over those expected, up to which a second orientation is another possibility."""
 
 _SAME = 0.02
-"""Radians, and parts of the distance: orientations nearer to each other are one, stopped before its end."""
+"""Radians, and parts of the distance: orientations nearer to each other are the same one, not fully iterated."""
 
 _NUMBERS_OF_A_POINT = 36
 """Room of the compiled loops for two linearisations: residuals, partials, variance, square, weight, a place to sort."""
 
 
-def settled(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientations]:
-    """Improve orientations, adjust those whose residuals are not much larger than the least, and compare them again.
+def best_orientations(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
+    """Improve orientations, adjust those whose residuals are close to the smallest, and compare them again.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def settled(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientat
 
     Returns
     -------
-    Adjusted
+    AdjustedResection
         The best.
     Orientations
         Others whose residuals are not much larger, the best first.
@@ -49,28 +49,28 @@ def settled(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientat
     return _compiled(known, start) if is_compiled() else _side_by_side(known, start)
 
 
-def _compiled(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientations]:
+def _compiled(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
     """Do what `_side_by_side` does in the compiled loop."""
     rotations, centres = np.array(start.rotations), np.array(start.centres)
     number, count = len(centres), len(known)
     squares, factors = np.empty((number, count)), np.empty((number, count))
     residual, normals, space = np.empty((count, 2)), np.empty((6, 6)), np.empty((_NUMBERS_OF_A_POINT, count))
-    left = kernels.settled(
+    left = kernels.best_orientations(
         *known.arrays, rotations, centres, squares, factors, residual, normals, space,
-        known.error_mm, known.least, LIMIT, _excess(known), _SAME, known.variance_of_least, IMPROVEMENTS,
-        LEAST_WEIGHT, STEADY, SAME_SCALE, ITERATIONS,
+        known.error_mm, known.least, LIMIT_OF_TWO_COMPONENTS, _excess(known), _SAME, known.variance_of_least,
+        IMPROVEMENTS, LEAST_WEIGHT, STEADY, SAME_SCALE, ITERATIONS, LARGEST_TURN,
     )  # fmt: skip
     found = Orientations(rotations[:left], centres[:left])
-    return Adjusted(found.of(slice(0, 1)), residual, squares[0], factors[0], normals), found.of(slice(1, None))
+    return AdjustedResection(found.of(slice(0, 1)), residual, squares[0], factors[0], normals), found.of(slice(1, None))
 
 
-def _side_by_side(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientations]:
-    tried, squares = improved(known, start)
+def _side_by_side(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
+    tried, squares = improve_orientations(known, start)
     variance = float(known.trimmed_variance(squares).min())
     likely = _likely(known, tried, squares)
-    found = [adjusted(known, tried.of(slice(row, row + 1)), variance) for row in likely]
-    ends = Orientations(*(np.concatenate(part) for part in zip(*(each.at for each in found), strict=True)))
-    left = _likely(known, ends, np.stack([each.squares for each in found]))
+    found = [adjust_resection(known, tried.of(slice(row, row + 1)), variance) for row in likely]
+    ends = Orientations(*(np.concatenate(part) for part in zip(*(adjusted.at for adjusted in found), strict=True)))
+    left = _likely(known, ends, np.stack([adjusted.squares for adjusted in found]))
     return found[left[0]], ends.of(left[1:])
 
 
@@ -81,7 +81,7 @@ def _excess(known: KnownPoints) -> float:
 def _likely(known: KnownPoints, at: Orientations, squares: FloatArray) -> IntArray:
     """Return which orientations with squared residuals (k, n) cost the least or not much more, the least first.
 
-    Of those that are the same, the first.
+    Of equal ones, the first.
     """
     costs = np.nan_to_num(known.costs(squares), nan=np.inf)  # an orientation may have run away
     order = np.argsort(costs, kind="stable")

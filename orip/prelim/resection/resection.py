@@ -8,20 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.prelim.resection.adjustment import Adjusted, KnownPoints, Orientations, adjusted
-from orip.prelim.resection.best_orientations import settled
+from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
+from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.configuration import on_one_line
+from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.resection.start import starting_orientations
 from orip.wording import counted
 
-_WORTHLESS_ANGLE = 0.1
-"""Standard deviation of a rotation, radians: off by 6 degrees no adjustment starts well."""
+_USELESS_ANGLE = 0.1
+"""Standard deviation of a rotation, radians: no adjustment starts well from 6 degrees off."""
 
-_WORTHLESS_CENTRE = 0.2
+_USELESS_CENTRE = 0.2
 """Standard deviation of the projection centre over its distance from the points."""
 
 _MISFIT = 0.04
-"""Residuals over the radius of the image points; a camera constant that is wrong by a tenth leaves less."""
+"""Residuals over the radius of the image points; a principal distance that is wrong by a tenth leaves less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,16 +93,16 @@ def resect(
     point_deviation : array (n,) or None
         Standard deviation of a ground coordinate, NaN where it is not known; None: the photo's error alone counts.
     error_mm : float
-        A-priori error of a photo coordinate. Residuals may be larger altogether (a camera that is not calibrated): the
-        scale of what is a blunder is estimated.
+        A-priori error of a photo coordinate. All residuals may be larger (a camera that is not calibrated): the limit
+        for blunders follows their estimated scale.
     seed : int
         Of the choice among many triples of points; equal input gives equal output.
 
     Returns
     -------
     Resected or Unresected
-        With three points, that of several orientations is taken which looks at them most squarely; the others are its
-        alternatives.
+        Three points have up to four orientations: the one seeing them most nearly at right angles is used, the others
+        are its alternatives.
 
     Notes
     -----
@@ -122,19 +123,19 @@ def resect(
     known = KnownPoints(vectors, offset / spread, deviation / spread, error_mm)
     start = starting_orientations(known, seed)
     if not len(start.centres):
-        return Unresected(f"from nowhere are the {count} known points seen as they are in the photo")
-    best, others = _best_of_three(known, start) if count == 3 else settled(known, start)
+        return Unresected(f"no camera position shows the {count} known points as measured; check point numbers and C")
+    best, others = _best_of_three(known, start) if count == 3 else best_orientations(known, start)
     deviations = _deviations(best)
     unfit = _unfit(known, best, deviations)
     return Unresected(unfit) if unfit is not None else _result(best, others, deviations, centroid, spread)
 
 
-def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[Adjusted, Orientations]:
-    return adjusted(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
+def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
+    return adjust_resection(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
 
 
-def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | None:
-    """Return why the orientation is worth nothing; None: it is worth something."""
+def _unfit(known: KnownPoints, best: AdjustedResection, deviations: FloatArray) -> str | None:
+    """Return why the orientation is useless; None if it can be used."""
     xy = known.vectors[:, :2]
     radius = math.sqrt(((xy - xy.sum(axis=0) / len(xy)) ** 2).sum(axis=1).max())
     # s0 would count the error of the points as well
@@ -147,7 +148,7 @@ def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | 
         )
     angle, shift = deviations.reshape(2, 3).max(axis=1)
     shift /= np.linalg.norm(best.at.centres[0])
-    if not (angle <= _WORTHLESS_ANGLE and shift <= _WORTHLESS_CENTRE):
+    if not (angle <= _USELESS_ANGLE and shift <= _USELESS_CENTRE):
         return (
             f"the {len(known)} known points do not determine the photo: its standard deviations are "
             f"{np.degrees(angle):.2g} degrees and {shift:.0%} of the distance"
@@ -155,8 +156,8 @@ def _unfit(known: KnownPoints, best: Adjusted, deviations: FloatArray) -> str | 
     return None
 
 
-def _deviations(best: Adjusted) -> FloatArray:
-    """Return standard deviations (6,) of rotation and centre, infinite where the points leave them open."""
+def _deviations(best: AdjustedResection) -> FloatArray:
+    """Return standard deviations (6,) of rotation and centre, infinite where the points do not determine them."""
     scale = np.sqrt(best.normals.diagonal())
     if not scale.all():
         return np.full(6, np.inf)
@@ -168,7 +169,7 @@ def _deviations(best: Adjusted) -> FloatArray:
 
 
 def _result(
-    best: Adjusted, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
+    best: AdjustedResection, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
 ) -> Resected:
     """Return the orientation in the ground system."""
     count, redundancy = len(best.weight_factors), best.redundancy
@@ -191,9 +192,11 @@ def _result(
 def _remarks(count: int, redundancy: int, others: int) -> tuple[str, ...]:
     remarks = []
     if redundancy == 0:
-        remarks.append("three points fit whatever their errors: nothing checks the orientation")
+        remarks.append("three points always fit: nothing checks the orientation")
     if others and count == 3:
-        remarks.append(f"{others + 1} positions fit three points; taken is the one that looks at them most squarely")
+        remarks.append(
+            f"{others + 1} positions fit three points; the one seeing them most nearly at right angles was used"
+        )
     elif others:
         remarks.append("another position of the camera fits the points almost as well")
     return tuple(remarks)

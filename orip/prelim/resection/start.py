@@ -8,7 +8,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.homography import plane_orientations
 from orip.geometry.three_point_resection import three_point_resection
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.resection.adjustment import KnownPoints, Orientations
+from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.sampling import subsets
 
 _TRIPLES = 50
@@ -19,8 +19,8 @@ _CANDIDATES = 5
 """Orientations that are improved before the best is chosen; both of a plane are among them."""
 
 _FITS = 9.0
-"""Square of the standardised residual that most points have at least where no triple has led to the orientation; as
-soon as there are candidates enough below it, no more triples are tried."""
+"""Squared standardised residual that most points exceed where no triple has led to the orientation; as soon as enough
+candidates stay below it, no more triples are tried."""
 
 _PLANE = 0.15
 """Thickness over width of an object below which its homography gives orientations too."""
@@ -38,12 +38,12 @@ def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
     Returns
     -------
     Orientations
-        None where no triple can be seen as it is in the photo.
+        None where no camera position shows a triple as measured.
 
     Notes
     -----
     Orientations of triples (Grunert 1841), and of an object that is nearly plane from its homography, are ranked by the
-    quantile of the residuals that blunders leave alone (least median of squares, Rousseeuw 1984).
+    quantile of the residuals that blunders do not affect (least median of squares, Rousseeuw 1984).
     """
     triples = subsets(len(known), 3, _TRIPLES, seed)
     tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
@@ -59,7 +59,7 @@ def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
 def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
     """Return the best orientations of triples of points, the best first, and their quantiles.
 
-    Triples that come after those that gave candidates enough which fit are not looked at.
+    Once enough fitting candidates have been found, further triples are ignored.
     """
     found = three_point_resection(known.vectors[triples], known.coordinates[triples])
     tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
@@ -73,7 +73,7 @@ def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, Fl
 def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
     """Do what `_of_triples` does in the compiled loop."""
     rotations, centres, quantile = np.empty((_CANDIDATES, 3, 3)), np.empty((_CANDIDATES, 3)), np.empty(_CANDIDATES)
-    kernels.rank(
+    kernels.rank_triples(
         *known.arrays, np.ascontiguousarray(triples), rotations, centres, quantile, np.empty(len(known)),
         known.error_mm, known.least, _FITS,
     )  # fmt: skip
@@ -82,7 +82,7 @@ def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orienta
 
 
 def _best(tried: Orientations, quantile: FloatArray) -> tuple[Orientations, FloatArray]:
-    """Return the orientations of which most points fit best, and their quantiles."""
+    """Return the orientations that most points fit best, and their quantiles."""
     best = np.argsort(quantile, kind="stable")
     best = best[np.isfinite(quantile[best])][:_CANDIDATES]
     return tried.of(best), quantile[best]
@@ -105,7 +105,7 @@ def _of_plane(known: KnownPoints) -> Orientations:
 
 
 def _most_square_first(known: KnownPoints, found: Orientations) -> Orientations:
-    """Return orientations in the order of the angle at which they look at the plane of three points."""
+    """Return orientations in the order of the angle at which they see the plane of three points."""
     normal = np.cross(known.coordinates[1] - known.coordinates[0], known.coordinates[2] - known.coordinates[0])
     cosine = np.abs(found.centres @ normal) / np.linalg.norm(found.centres, axis=1)
     return found.of(np.argsort(-cosine, kind="stable"))

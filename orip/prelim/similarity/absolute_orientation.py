@@ -9,25 +9,27 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
-from orip.prelim.similarity.joining import Joined, Names, similarity_step, steady_deviations, transformed
+from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.joining import Joined, Names, similarity_step
+from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.preliminary import NotOriented, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock
 from orip.wording import agreeing, counted
 
 _CONSTANT = 0.1
-"""Of the median a-priori error: what stands for the error 0 of a constant coordinate."""
+"""Of the median a-priori error: used in place of the error 0 of a constant coordinate."""
 
 _CENTRE = 0.01
 """Of their extent: a-priori error of projection centres that are given without one."""
 
 _AGREEMENT = 0.3
-"""Typical residual, as part of the extent of the control, at which block and control do not show the same. Blocks of a
-camera that is not calibrated may be bent by a fifth; points with interchanged names lie some 0.5 apart."""
+"""Typical residual, as part of the extent of the control, above which block and control do not show the same object.
+Blocks of an uncalibrated camera may be bent by a fifth; points with interchanged names lie some 0.5 apart."""
 
 _BESIDE_ONE_LINE = 3.0
-"""Standard deviations; points that leave a line by less say nothing of the rotation about it."""
+"""Standard deviations; points that deviate less from a line do not determine the rotation about it."""
 
 _WELL = 2.0
 """Standard error of unit weight up to which control that is known in part and in full agrees."""
@@ -35,7 +37,7 @@ _WELL = 2.0
 _COORDINATES = 7
 
 _FEW = 7
-"""Points known in full; with more of them the wrong ones show among them."""
+"""Points known in full; more of them reveal the wrong ones among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +60,17 @@ class KnownPositions:
 
 
 def absolute_orientation(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> Joined | NotOriented:
     """Take a block to the ground.
 
     Parameters
     ----------
-    block : SubBlock
+    block : PartialBlock
     names : Names
         For the block's indices.
     control : KnownPositions
-        Control points; those that are not in the block play no part.
+        Control points; those that are not in the block are ignored.
     centres : KnownPositions, optional
         Projection centres, used where the control points alone do not suffice.
 
@@ -88,7 +90,7 @@ def absolute_orientation(
 
 
 def control_of_block(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> tuple[tuple[str, ...], CommonPoints]:
     """Return the control that is in a block, projection centres below the points, and its names: "photo P1"."""
     own = {names.points[k]: row for row, k in enumerate(block.points)}
@@ -120,12 +122,12 @@ def _usable(known: KnownPositions, own: dict[str, int]) -> tuple[IntArray, IntAr
 
 
 def _from(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> Joined | NotOriented:
     points, common = control_of_block(block, names, control, centres)
     remarks: list[str] = []
     try:
-        found = fitted(common, block.rotations, remarks)
+        found = fit_to_control(common, block.rotations, remarks)
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
     typical, extent = float(np.median(found.lengths)), common.extent
@@ -141,14 +143,14 @@ def _from(
     return Joined(found.similarity, transformed(block, found.similarity), replace(step, remarks=tuple(remarks)))
 
 
-def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
+def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
     """Adjust the similarity from the block to its control.
 
     Parameters
     ----------
     common : CommonPoints
     rotations : array (p, 3, 3)
-        Of the block's photos; of two solutions that fit equally the one with upright photos is taken.
+        Of the block's photos; of two solutions that fit equally the one with upright photos is used.
     remarks : list of str
         To which that choice is added.
 
@@ -162,17 +164,17 @@ def fitted(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> S
     width, length = _width(common)
     on_line = width < _BESIDE_ONE_LINE * _middle_error(common, width, length)
     if count >= 3 and not on_line:
-        found = adjusted(common, start_from_triples(common))
+        found = adjust_similarity(common, start_from_triples(common))
         if full.all() or count > _FEW or (found.fits.all() and found.s0 < _WELL):
             return found
-        # of few full points the wrong ones show only with the help of those known in part
+        # among few full points the wrong ones are revealed only by those known in part
         other = adjusted_from_all_sides(common, rotations, [])
-        return min(found, other, key=lambda each: float(np.median(each.lengths)))
+        return min(found, other, key=lambda solution: float(np.median(solution.lengths)))
     known = common.known
     axes = known.sum(axis=0)
     if count == len(full) and count >= 3:
         message = (
-            f"the control points lie on one line: they are {width:.2g} beside it, with a length of {length:.3g}; "
+            f"the control points lie on one line: they deviate from it by {width:.2g} over a length of {length:.3g}; "
             "measure one more, off the line"
         )
         raise ValueError(message)
@@ -233,7 +235,7 @@ def misfitting_control(points: Sequence[str], found: SimilarityAdjustment) -> li
             values = ", ".join(f"{found.residuals[k, axis]:.3g}" for axis in off)
             point = points[k] if points[k].startswith("photo ") else f"control point {points[k]}"
             sentences.append(
-                f"{axes} of {point} {agreeing(len(off), 'does', 'do')} not fit: the block lies "
-                f"{values} beside it (root mean square of the others: {usual:.2g})"
+                f"{axes} of {point} {agreeing(len(off), 'does', 'do')} not fit: the block is off by "
+                f"{values} (root mean square of the others: {usual:.2g})"
             )
     return sentences

@@ -1,18 +1,18 @@
 """Adjustment of a spatial similarity by least squares with Danish weights.
 
 How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
-Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; what lies
-beyond three times of it is weighted down.
+Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; residuals
+above three times it are weighted down.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.weights import danish_weights
+from orip.adjustment.weights import LEAST_WEIGHT, MEDIAN_OF_NORMAL, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.geometry.similarity import (
@@ -21,100 +21,32 @@ from orip.geometry.similarity import (
     Similarity,
     similarity_with_partials,
 )
-from orip.prelim.compiled import LEAST_WEIGHT, is_compiled, kernels
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.least_squares import LARGEST_TURN, GaussNewton, least_squares, shortened
+from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
 
 ALL_UNKNOWNS = np.arange(UNKNOWNS)
 NO_ROTATION = np.arange(4)
 """Scale and shift: the rotation is held."""
 
-_MEDIAN_OF_NORMAL = 0.6745
-"""Median of the size of one standard normal residual."""
-
 _LIMIT = 3.0
 """Standard residuals up to it keep their weight."""
-
-LEAST_ERROR = 1e-3
-"""Of the median: no coordinate is taken for so much better than the others that it alone decides."""
 
 _SINGULAR = 1e-9
 """Smallest eigenvalue of the normal equations with unit diagonal: points a 30000th of their extent off one line."""
 
+_STEADY, _STEADY_WEIGHTS = 1e-4, 0.01
+"""Last step in standard deviations of the unknowns, and change of a weight factor, at which the iterations end."""
+
 _STEPS = 40
 _FREE_STEPS = _STEPS // 2
-"""Weights that still jump from one state to another after half of the steps are kept as they are."""
-
-_LARGEST_TURN = 0.5
-"""Radians; a longer step leaves what the linear equations are good for."""
+"""Weights that still alternate after half of the steps are held."""
 
 _RULES = np.array(
-    [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, _LARGEST_TURN, _STEPS, _FREE_STEPS, _MEDIAN_OF_NORMAL],
+    [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, LARGEST_TURN, _STEPS, _FREE_STEPS, MEDIAN_OF_NORMAL],
     dtype=np.float64,
 )
-"""As the compiled loop takes them: `SimilarityRules` in kernels/similarity.h."""
-
-
-@dataclass(frozen=True, slots=True)
-class CommonPoints:
-    """n points in two systems.
-
-    Parameters
-    ----------
-    source, target : arrays (n, 3)
-        NaN in `target` where a coordinate is not known.
-    source_deviation, target_deviation : arrays (n, 3)
-        Standard deviations, each in its own system.
-    trusted : array (n,) of bool
-        Never weighted down: a projection centre, which cannot be taken for another one.
-    """
-
-    source: FloatArray
-    target: FloatArray
-    source_deviation: FloatArray
-    target_deviation: FloatArray
-    trusted: BoolArray
-
-    @property
-    def known(self) -> BoolArray:
-        """Return which target coordinates are known, array (n, 3)."""
-        return np.isfinite(self.target)
-
-    @property
-    def full(self) -> BoolArray:
-        """Return which points are known in all three coordinates, array (n,)."""
-        return np.asarray(self.known.all(axis=1))
-
-    @property
-    def arrays(self) -> tuple[FloatArray, ...]:
-        """Return coordinates and deviations, as the compiled loops take them."""
-        return tuple(
-            map(np.ascontiguousarray, (self.source, self.target, self.source_deviation, self.target_deviation))
-        )
-
-    def of(self, rows: IntArray) -> CommonPoints:
-        """Return some of the points."""
-        return CommonPoints(
-            self.source[rows],
-            self.target[rows],
-            self.source_deviation[rows],
-            self.target_deviation[rows],
-            self.trusted[rows],
-        )
-
-    @property
-    def extent(self) -> float:
-        """Return the root mean square distance of the points from their centroid in the target system."""
-        known = self.known
-        counts, target = known.sum(axis=0), np.where(known, self.target, 0.0)
-        reduced = np.where(known, target - target.sum(axis=0) / counts, 0.0)
-        return math.sqrt(float(((reduced**2).sum(axis=0) / counts).sum()))
-
-    def errors(self, at: Similarity) -> FloatArray:
-        """Return the standard deviations (n, 3) of differences in the target system."""
-        moved = (at.scale**2) * (self.source_deviation**2 @ (at.rotation**2).T)
-        errors = np.sqrt(moved + self.target_deviation**2)
-        known = errors[self.known]
-        median = float(np.median(known[known > 0])) if (known > 0).any() else 0.0
-        return np.maximum(errors, LEAST_ERROR * median if median else 1.0)
+"""As the compiled loop takes them: `SimilarityRules` in adjustment.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +98,9 @@ class SimilarityAdjustment:
         return float(full.max()) if full.size else 0.0
 
 
-def adjusted(common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_UNKNOWNS) -> SimilarityAdjustment:
+def adjust_similarity(
+    common: CommonPoints, start: Similarity, unknowns: IntArray = ALL_UNKNOWNS
+) -> SimilarityAdjustment:
     """Adjust a similarity by Gauss-Newton with Danish weights for every coordinate.
 
     Parameters
@@ -198,7 +132,7 @@ def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntA
     found, shape = np.empty(25), common.source.shape
     found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
     factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
-    if not kernels.adjust_joint(
+    if not kernels.adjust_similarity(
         *common.arrays, common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
     ):  # fmt: skip
         return None
@@ -210,21 +144,36 @@ def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntA
 
 
 def _adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment:
-    equations = _Equations(common, start, unknowns)
-    at = equations.start
-    factors, previous = equations.factors(at), None
-    for iteration in range(1, _STEPS + 1):
-        at, step = equations.corrected(at, factors)
-        previous = factors
-        if iteration < _FREE_STEPS:
-            factors = equations.factors(at)
-        if step < 1e-4 and np.abs(factors - previous).max() < 0.01:
-            break
-    return equations.result(at, factors, iteration)
+    problem = _SimilarityProblem(common, start, unknowns)
+    found = least_squares(problem, problem.start, GaussNewton(), _STEPS, reweightings=_FREE_STEPS - 1)
+    return problem.result(found.best, found.iterations)
 
 
-class _Equations:
-    """The equations of an adjustment: source points reduced to their centroid, so that the shift is its image."""
+class _Estimate(NamedTuple):
+    """One similarity of the points reduced to their centroid.
+
+    Attributes
+    ----------
+    at : Similarities
+        One.
+    residual : array (1, k)
+        Transformed minus target over the standard deviation, of the k known coordinates.
+    design : array (1, k, u)
+        Partials of the residuals.
+    weights : array (1, k)
+    step : float
+        Length of the step that led here, in standard deviations of the unknowns.
+    """
+
+    at: Similarities
+    residual: FloatArray
+    design: FloatArray
+    weights: FloatArray
+    step: float
+
+
+class _SimilarityProblem:
+    """The adjustment of one similarity; source points are reduced to their centroid, so that the shift is its image."""
 
     def __init__(self, common: CommonPoints, start: Similarity, unknowns: IntArray) -> None:
         self.common, self.unknowns = common, unknowns
@@ -234,53 +183,51 @@ class _Equations:
         self.errors = common.errors(start)[self.known]
         self.trusted = np.repeat(common.trusted[:, None], 3, axis=1)[self.known]
         self.redundancy = len(self.errors) - len(unknowns)
-        self.start = Similarities(
-            np.array([start.scale]), start.rotation[None], np.asarray(start.apply(self.centroid))[None]
-        )
+        at = Similarities(np.array([start.scale]), start.rotation[None], np.asarray(start.apply(self.centroid))[None])
+        self.start = self.reweighted(self._linearised(at, np.ones((1, len(self.errors))), np.inf))
 
-    def linearised(self, at: Similarities) -> tuple[FloatArray, FloatArray]:
-        """Return standard residuals (k,) and the design matrix (k, u), both divided by the errors."""
+    def _linearised(self, at: Similarities, weights: FloatArray, step: float) -> _Estimate:
         found = similarity_with_partials(at, self.reduced)
-        residual = (found.value[0] - self.common.target)[self.known] / self.errors
-        design = found.by_unknowns[0][self.known][:, self.unknowns] / self.errors[:, None]
-        return residual, design
+        residual = (found.value - self.common.target)[:, self.known] / self.errors
+        design = found.by_unknowns[:, self.known][:, :, self.unknowns] / self.errors[:, None]
+        return _Estimate(at, residual, design, weights, step)
 
-    def factors(self, at: Similarities) -> FloatArray:
-        """Return the weight factors (k,) at a state."""
-        residual = np.abs(at.apply(self.reduced)[0] - self.common.target)[self.known] / self.errors
+    def reweighted(self, here: _Estimate) -> _Estimate:
+        residual = np.abs(here.residual[0])
         if self.redundancy <= 0 or self.trusted.all():
-            return np.ones(len(residual))
+            return here._replace(weights=np.ones((1, len(residual))))
         shrunk = np.sqrt(len(residual) / self.redundancy)
-        scale = float(np.median(residual[~self.trusted])) * shrunk / _MEDIAN_OF_NORMAL
+        scale = float(np.median(residual[~self.trusted])) * shrunk / MEDIAN_OF_NORMAL
         limit = _LIMIT if scale <= 1.0 else scale * student_limit(self.redundancy)
-        return np.where(self.trusted, 1.0, danish_weights(residual, limit))
+        return here._replace(weights=np.where(self.trusted, 1.0, danish_weights(residual, limit))[None])
 
-    def corrected(self, at: Similarities, factors: FloatArray) -> tuple[Similarities, float]:
-        """Return the next state, and the length of the step in standard deviations of the unknowns."""
-        residual, design = self.linearised(at)
+    def stepped(self, here: _Estimate, _damping: FloatArray) -> _Estimate:
+        factors, residual, design = here.weights[0], here.residual[0], here.design[0]
         normal, scaling = _scaled_normals(design, factors)
         right = scaling * (design.T @ (factors * residual))
         change = -np.linalg.solve(normal, right)
         step = float(np.sqrt(max(0.0, -float(change @ right)) / len(self.unknowns)))
         changes = np.zeros((1, UNKNOWNS))
         changes[0, self.unknowns] = change * scaling
-        turn = float(np.linalg.norm(changes[0, 4:]))
-        return at.moved(changes * min(1.0, _LARGEST_TURN / max(turn, 1e-300))), step
+        changes = shortened(changes, np.linalg.norm(changes[:, 4:], axis=1))
+        return self._linearised(here.at.moved(changes), here.weights, step)
 
-    def result(self, at: Similarities, factors: FloatArray, iterations: int) -> SimilarityAdjustment:
-        residual, design = self.linearised(at)
+    def costs(self, here: _Estimate, weights: FloatArray) -> FloatArray:
+        return np.asarray((weights * here.residual**2).sum(axis=1))
+
+    def converged(self, before: _Estimate, after: _Estimate) -> bool:
+        return after.step < _STEADY and bool(np.abs(after.weights - before.weights).max() < _STEADY_WEIGHTS)
+
+    def result(self, end: _Estimate, iterations: int) -> SimilarityAdjustment:
+        at, residual, design, factors = end.at, end.residual[0], end.design[0], end.weights[0]
         normal, scaling = _scaled_normals(design, factors)
         cofactor = scaling[:, None] * np.linalg.inv(normal) * scaling
-        redundancy = 1.0 - factors * ((design @ cofactor) * design).sum(axis=1)
-        full = factors == 1.0
-        used = float(redundancy[full].sum())
-        # redundancy numbers add up to whole numbers but for rounding
-        s0 = float(np.sqrt((residual[full] ** 2).sum() / used)) if used > 1e-6 else 0.0
+        s0 = _unit_weight_error(residual, design, factors, cofactor)
         similarity = Similarity(
             float(at.scale[0]), at.rotation[0], at.shift[0] - at.scale[0] * (at.rotation[0] @ self.centroid)
         )
         covariance = np.zeros((UNKNOWNS, UNKNOWNS))
-        covariance[np.ix_(self.unknowns, self.unknowns)] = cofactor * (s0**2 if used > 1e-6 else 1.0)
+        covariance[np.ix_(self.unknowns, self.unknowns)] = cofactor * (1.0 if s0 is None else s0**2)
         angles = angles_from_rotation(similarity.rotation)
         deviations = _deviations(similarity, angles, self.centroid, covariance)
         residuals, weights = np.full(self.known.shape, np.nan), np.ones(self.known.shape)
@@ -294,8 +241,19 @@ class _Equations:
             residuals,
             weights,
             iterations,
-            s0,
+            s0 or 0.0,
         )
+
+
+def _unit_weight_error(
+    residual: FloatArray, design: FloatArray, factors: FloatArray, cofactor: FloatArray
+) -> float | None:
+    """Return the standard error of unit weight from the observations of full weight; None without redundancy."""
+    redundancy = 1.0 - factors * ((design @ cofactor) * design).sum(axis=1)
+    full = factors == 1.0
+    used = float(redundancy[full].sum())
+    # redundancy numbers add up to whole numbers apart from rounding
+    return float(np.sqrt((residual[full] ** 2).sum() / used)) if used > 1e-6 else None
 
 
 def _scaled_normals(design: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from orip.prelim.similarity.joining import Joined, Names, assembled, join
-from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.prelim.similarity.joining import Joined, Names, join
+from orip.prelim.similarity.partial_blocks import assembled
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 _BACK = -0.5
 """Cosine of 120 degrees: bases of a row turn less from one model to the next, even around a building."""
@@ -15,27 +16,29 @@ _BACK = -0.5
 
 @dataclass(frozen=True, slots=True)
 class JoinedSystems:
-    """What became of several sub-blocks.
+    """The result of joining several partial blocks.
 
     Parameters
     ----------
-    systems : tuple of SubBlock
+    systems : tuple of PartialBlock
         One if all could be joined.
     steps : tuple of SimilarityStep
         In the order in which they were made.
     failures : tuple of NotOriented
-        Why a sub-block began a system of its own.
+        Why a partial block stayed in a system of its own.
     """
 
-    systems: tuple[SubBlock, ...]
+    systems: tuple[PartialBlock, ...]
     steps: tuple[SimilarityStep, ...]
     failures: tuple[NotOriented, ...]
 
 
-def bridge(model: SubBlock, previous: SubBlock, names: Names, strip: SubBlock | None = None) -> Joined | NotOriented:
+def bridge(
+    model: PartialBlock, previous: PartialBlock, names: Names, strip: PartialBlock | None = None
+) -> Joined | NotOriented:
     """Bridge a model to the one before it, or to the strip of models that the one before it is the last of.
 
-    See `join`. A remark tells of a model whose base runs back along that of the one before it.
+    See `join`. A remark names a model whose base runs back along that of the one before it.
     """
     found = join(model, previous if strip is None else strip, names, "bridge")
     if isinstance(found, NotOriented) or not _runs_back(found.block, previous):
@@ -45,7 +48,7 @@ def bridge(model: SubBlock, previous: SubBlock, names: Names, strip: SubBlock | 
     return replace(found, step=replace(found.step, remarks=(*found.step.remarks, remark)))
 
 
-def _contents(block: SubBlock) -> tuple[set[int], set[int]]:
+def _contents(block: PartialBlock) -> tuple[set[int], set[int]]:
     return set(block.photos.tolist()), set(block.points.tolist())
 
 
@@ -53,17 +56,17 @@ def _have_in_common(one: tuple[set[int], set[int]], other: tuple[set[int], set[i
     return not (one[0].isdisjoint(other[0]) and one[1].isdisjoint(other[1]))
 
 
-def _runs_back(model: SubBlock, previous: SubBlock) -> bool:
-    base, before = (each.centres[1] - each.centres[0] for each in (model, previous))
+def _runs_back(model: PartialBlock, previous: PartialBlock) -> bool:
+    base, before = (pair.centres[1] - pair.centres[0] for pair in (model, previous))
     return float(base @ before) < _BACK * math.sqrt(float(base @ base) * float(before @ before))
 
 
-def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
+def bridge_row(models: Sequence[PartialBlock], names: Names) -> JoinedSystems:
     """Bridge the models of a row.
 
     Parameters
     ----------
-    models : sequence of SubBlock
+    models : sequence of PartialBlock
         In the order of their columns.
     names : Names
 
@@ -73,7 +76,7 @@ def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
         Strips. Each model is bridged to all that the strip has so far; the step names it with the model before it. One
         that cannot be bridged begins a new strip.
     """
-    strips: list[list[SubBlock]] = []
+    strips: list[list[PartialBlock]] = []
     steps: list[SimilarityStep] = []
     failures: list[NotOriented] = []
     contents = [_contents(model) for model in models]
@@ -83,7 +86,7 @@ def bridge_row(models: Sequence[SubBlock], names: Names) -> JoinedSystems:
             continue
         strip = strips[-1]
         before = zip(strip, contents[place - len(strip) : place], strict=True)
-        near = [each for each, has in before if _have_in_common(has, contents[place])] or strip[-1:]
+        near = [member for member, has in before if _have_in_common(has, contents[place])] or strip[-1:]
         found = bridge(model, strip[-1], names, replace(assembled(near), name=strip[-1].name))
         if isinstance(found, Joined):
             steps.append(found.step)

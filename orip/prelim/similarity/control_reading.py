@@ -15,10 +15,11 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity, fit_similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
-from orip.prelim.similarity.adjustment import CommonPoints, adjusted
+from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Names
 from orip.prelim.similarity.start import TRIPLES, start_from_triples
-from orip.records.preliminary import ControlReading, SubBlock
+from orip.records.preliminary import ControlReading, PartialBlock
 from orip.units import METRES_PER_FOOT
 
 _BETTER = 0.1
@@ -65,13 +66,13 @@ class _Fit:
 
 
 def other_reading(
-    block: SubBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
+    block: PartialBlock, names: Names, control: KnownPositions, centres: KnownPositions | None = None
 ) -> ControlReading | None:
     """Return the reading in which control fits a block that it does not fit as given.
 
     Parameters
     ----------
-    block : SubBlock
+    block : PartialBlock
         In its own system.
     names : Names
     control : KnownPositions
@@ -145,13 +146,15 @@ def _fit(common: CommonPoints) -> _Fit | None:
             similarity = fit_similarity(common.source, common.target)
             squares = ((similarity.apply(common.source) - common.target) ** 2).sum(axis=1)
             return _Fit(similarity, float(np.sqrt(squares.mean())))
-        found = adjusted(common, start_from_triples(common, TRIPLES[:1]))
+        found = adjust_similarity(common, start_from_triples(common, TRIPLES[:1]))
     except ValueError:
         return None
     return _Fit(found.similarity, float(np.median(found.lengths)))
 
 
-def _changes(block: SubBlock, names: Names, mirrored: Similarity, centres: KnownPositions | None) -> tuple[str, ...]:
+def _changes(
+    block: PartialBlock, names: Names, mirrored: Similarity, centres: KnownPositions | None
+) -> tuple[str, ...]:
     """Return the changes of `_CHANGES` that bring projection centres to their known positions."""
     known = _known_centres(block, names, centres)
     if known is None:
@@ -166,7 +169,9 @@ def _changes(block: SubBlock, names: Names, mirrored: Similarity, centres: Known
     )
 
 
-def _known_centres(block: SubBlock, names: Names, centres: KnownPositions | None) -> tuple[IntArray, FloatArray] | None:
+def _known_centres(
+    block: PartialBlock, names: Names, centres: KnownPositions | None
+) -> tuple[IntArray, FloatArray] | None:
     """Return rows of the block's photos whose centres are known, and these positions; None without any."""
     if centres is None:
         return None
@@ -207,7 +212,7 @@ def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
     return ControlReading("unit of Z", len(common.source), fits[factor], given.misfit, z_factor=factor)
 
 
-def _from_below(block: SubBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
+def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
     """Return that reading if points that fit with and without a reflection are seen from below."""
     rotations = given.similarity.rotation @ block.rotations
     heights = given.similarity.apply(block.centres)[:, 2]

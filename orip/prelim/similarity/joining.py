@@ -1,7 +1,7 @@
-"""Joining two sub-blocks: the similarity that takes one to the system of the other, from what both contain.
+"""Joining two partial blocks: the similarity that takes one to the system of the other, from what both contain.
 
-Both contain points, and often a photo. A common photo gives the rotation at once, and its projection centre is a point
-that no one can have numbered wrongly and that lies far off the ground points, which may all be near one line.
+Both contain points, and often a photo. A common photo gives the rotation directly, and its projection centre is a point
+that cannot be numbered wrongly and lies far from the ground points, which may all be near one line.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
-    CommonPoints,
     SimilarityAdjustment,
-    adjusted,
+    adjust_similarity,
 )
-from orip.prelim.similarity.medians import median, medians
+from orip.prelim.similarity.common_points import CommonPoints
+from orip.prelim.similarity.partial_blocks import median, steady_deviations, transformed
 from orip.prelim.similarity.start import best_start, start_from_triples
-from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.wording import counted
 
 Step = Literal["bridge", "connect", "absolute"]
 
 _AGREEMENT = 0.05
-"""Typical residual, as part of the extent of the points, at which two systems do not show the same: measuring errors,
-however large, are below 0.01; points with interchanged names lie some 0.3 apart."""
+"""Typical residual, as part of the extent of the points, above which two systems do not show the same object:
+measuring errors, however large, stay below 0.01; points with interchanged names lie some 0.3 apart."""
 
 _LARGE = 0.1 * _AGREEMENT
 """Typical residual, as part of the extent, above which most points should fit."""
@@ -42,12 +42,9 @@ _NAMED = 6
 _MM = 1000.0
 """Systems are in metres at photo scale."""
 
-_STEADY = 0.3
-"""Of the median: the spread of two determinations may be nothing by chance, and is then no measure of precision."""
-
 
 class Names(Protocol):
-    """What indices of photos and points count in, such as `ImageRays`."""
+    """Names by index of photos and points, such as `ImageRays`."""
 
     @property
     def photos(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -63,23 +60,23 @@ class Joined:
     ----------
     similarity : Similarity
         That took it there.
-    block : SubBlock
+    block : PartialBlock
         In the target system. Points that do not fit have their residuals as deviations.
     step : SimilarityStep
         For the listing.
     """
 
     similarity: Similarity
-    block: SubBlock
+    block: PartialBlock
     step: SimilarityStep
 
 
-def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined | NotOriented:
-    """Take a sub-block to the system of another one, by their common points and photos.
+def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> Joined | NotOriented:
+    """Transform a partial block to the system of another one, by their common points and photos.
 
     Parameters
     ----------
-    source, target : SubBlock
+    source, target : PartialBlock
         The one that is moved, and the one that stays.
     names : Names
         For the points and photos of remarks.
@@ -96,9 +93,9 @@ def join(source: SubBlock, target: SubBlock, names: Names, step: Step) -> Joined
 
 
 class _Joint:
-    """What two sub-blocks have in common: points first, then the projection centres of photos."""
+    """What two partial blocks have in common: points first, then the projection centres of photos."""
 
-    def __init__(self, source: SubBlock, target: SubBlock, names: Names, step: Step) -> None:
+    def __init__(self, source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> None:
         self.source, self.target, self.names, self.step = source, target, names, step
         self.at_source, self.at_target = _common(source.points, target.points)
         self.photo_source, self.photo_target = _common(source.photos, target.photos)
@@ -123,11 +120,15 @@ class _Joint:
             return self._failed(missing)
         remarks: list[str] = []
         try:
-            found = self._by_photos(remarks) if self.photos else adjusted(self.common, start_from_triples(self.common))
+            found = (
+                self._by_photos(remarks)
+                if self.photos
+                else adjust_similarity(self.common, start_from_triples(self.common))
+            )
             reason = self._disagreement(found)
             if reason and self.photos and len(self.points) >= 3:
                 remarks.append("the rotations of the common photo do not agree; joined by the points")
-                found = adjusted(self.common, start_from_triples(self.common))
+                found = adjust_similarity(self.common, start_from_triples(self.common))
                 reason = self._disagreement(found)
         except ValueError as error:
             return self._failed(f"{error}; {self._shared()}")
@@ -139,27 +140,29 @@ class _Joint:
     def _missing(self) -> str:
         points, photos = len(self.points), len(self.photos)
         if photos and points + photos < 2:
-            return f"photo {self.photos[0]} is common, but no point: there is no scale; measure common points"
+            return (
+                f"photo {self.photos[0]} is common, but no point is: the scale is not determined; measure common points"
+            )
         if not photos and points < 3:
             return f"{counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
         return ""
 
     def _shared(self) -> str:
         photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
-        return f"common are {counted(len(self.points), 'point')}{photos}"
+        return f"in common: {counted(len(self.points), 'point')}{photos}"
 
     def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
         start = best_start(self.common, [self._start(k) for k in range(len(self.photos))])
         if len(self.common.source) >= 4:
             try:
-                return adjusted(self.common, start, ALL_UNKNOWNS)
+                return adjust_similarity(self.common, start, ALL_UNKNOWNS)
             except ValueError:
                 remarks.append("the common points and the projection centre lie on one line")
         remarks.append(
             f"with {counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
         )
-        return adjusted(self.common, start, NO_ROTATION)
+        return adjust_similarity(self.common, start, NO_ROTATION)
 
     def _start(self, photo: int) -> Similarity:
         """Return the similarity that one common photo gives: only its scale comes from the points."""
@@ -173,7 +176,7 @@ class _Joint:
         return Similarity(scale, rotation, other - scale * (rotation @ own))
 
     def _disagreement(self, found: SimilarityAdjustment) -> str:
-        """Return why the common points cannot be those of the same object, or nothing."""
+        """Return why the common points cannot be those of the same object; empty if they can."""
         extent = self.common.extent
         typical = median(found.lengths[: len(self.points)]) if self.points else 0.0
         if typical <= _LARGE * extent:
@@ -217,29 +220,15 @@ class _Joint:
 
 
 def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
-    """Return where the indices that occur in both are in each; none occurs twice in one."""
+    """Return the places in both of the indices that occur in both; none occurs twice in one."""
     _, at_source, at_target = np.intersect1d(source, target, assume_unique=True, return_indices=True)
     return at_source, at_target
 
 
 def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
-    """Return deviations of points and, below them, of projection centres, which weigh like the points' middle one."""
+    """Return deviations of points and, below them, of projection centres, which get the median of the points."""
     middle = median(deviations) if deviations.size else 0.0
     return np.concatenate([deviations, np.full((centres, 3), middle)])
-
-
-def steady_deviations(block: SubBlock) -> FloatArray:
-    """Return the deviations of a sub-block as weights need them: none far below the median of its axis.
-
-    One that is not known is taken for the median, and all for 0 where none is known.
-    """
-    known = np.isfinite(block.deviations)
-    if known.all() and known.size:
-        return np.maximum(block.deviations, _STEADY * medians(block.deviations))
-    middle = np.array(
-        [median(column[has]) if has.any() else 0.0 for column, has in zip(block.deviations.T, known.T, strict=True)]
-    )
-    return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
 
 
 def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
@@ -252,7 +241,7 @@ def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
     others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
     off = [k for k in np.argsort(-lengths) if not fits[k]]
     sentences = [
-        f"point {points[k]} does not fit: it is {lengths[k] * _MM:.2g} mm at photo scale off{others}"
+        f"point {points[k]} does not fit: it is off by {lengths[k] * _MM:.2g} mm at photo scale{others}"
         for k in off[:_NAMED]
     ]
     return [*sentences, f"{len(off) - _NAMED} more points do not fit"] if len(off) > _NAMED else sentences
@@ -268,7 +257,7 @@ def similarity_step(
     common_photo: str = "",
     remarks: Sequence[str] = (),
 ) -> SimilarityStep:
-    """Return what a listing says of an adjustment whose points are all named."""
+    """Return an adjustment as listings show it, with the names of its points."""
     return SimilarityStep(
         step=step,
         source=systems[0],
@@ -289,66 +278,3 @@ def similarity_step(
         max_residual=found.max_residual,
         remarks=tuple(remarks),
     )
-
-
-def transformed(block: SubBlock, similarity: Similarity) -> SubBlock:
-    """Return a sub-block in the target system of a similarity; deviations are propagated from axis to axis."""
-    variances = similarity.scale**2 * (block.deviations**2 @ (similarity.rotation**2).T)
-    return replace(
-        block,
-        rotations=similarity.rotation @ block.rotations,
-        centres=similarity.apply(block.centres),
-        coordinates=similarity.apply(block.coordinates),
-        deviations=np.sqrt(variances),
-    )
-
-
-def assembled(blocks: Sequence[SubBlock]) -> SubBlock:
-    """Return several sub-blocks of one system as one.
-
-    A point that occurs more than once has the weighted mean of its determinations, and their root mean square spread
-    as its deviation. A photo that occurs more than once is as in the first.
-
-    Parameters
-    ----------
-    blocks : sequence of SubBlock
-        One at least; the first gives the name.
-
-    Returns
-    -------
-    SubBlock
-        Photos and points of several in ascending order; of one as they are.
-    """
-    if len(blocks) == 1:
-        return blocks[0]
-    photos, first = np.unique(np.concatenate([each.photos for each in blocks]), return_index=True)
-    all_points = np.concatenate([each.points for each in blocks])
-    order = np.argsort(all_points, kind="stable")
-    points = all_points[order]
-    coordinates = np.concatenate([each.coordinates for each in blocks])[order]
-    deviations = np.concatenate([each.deviations for each in blocks])[order]
-    steady = np.concatenate([steady_deviations(each) for each in blocks])[order]
-    weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
-    is_first = np.ones(len(points), dtype=bool)
-    is_first[1:] = points[1:] != points[:-1]
-    starts, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
-    count = np.bincount(place)
-    mean = np.add.reduceat(weights * coordinates, starts) / np.add.reduceat(weights, starts)
-    square = np.add.reduceat((coordinates - mean[place]) ** 2, starts)
-    spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
-    once = count == 1
-    mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
-    return SubBlock(
-        blocks[0].name,
-        photos,
-        np.concatenate([each.rotations for each in blocks])[first],
-        np.concatenate([each.centres for each in blocks])[first],
-        points[starts],
-        mean,
-        spread,
-    )
-
-
-def _tiny(coordinates: FloatArray) -> float:
-    """Return a deviation that is nothing beside the coordinates, where none is given."""
-    return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))

@@ -1,4 +1,4 @@
-"""A similarity from coordinates that are known in part, where there is no closed form: starts from rotations all round.
+"""A similarity from partly known coordinates, for which there is no closed form: starts from rotations all around.
 
 Gauss-Newton finds the rotation from some 60 degrees off; rotations that turn axes into axes are never further than 63
 degrees from any other. Where seven coordinates are just enough, several rotations may fit.
@@ -8,23 +8,25 @@ from __future__ import annotations
 
 from contextlib import suppress
 from itertools import permutations, product
+from typing import NamedTuple
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import UNKNOWNS, Similarities, similarity_with_partials
+from orip.prelim.least_squares import LARGEST_TURN, Marquardt, least_squares, shortened
 from orip.prelim.sampling import subsets
-from orip.prelim.similarity.adjustment import CommonPoints, SimilarityAdjustment, adjusted
+from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
+from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import truncated_costs
 
 _STEPS = 40
 _SETTLED = 1e-3
-"""Relative gain of a step after which Danish weights go on from the start."""
+"""Relative gain of a step below which a start is good enough for an adjustment with Danish weights."""
 
 _STUCK = 1e4
-"""Damping of a start from which no step of some size gains anything."""
+"""Damping of a start that no step improves noticeably."""
 
-_LARGEST_TURN = 0.5
 _BEST = 8
 """Starts that are adjusted with Danish weights."""
 
@@ -35,10 +37,10 @@ _WELL = 2.0
 """Standard error of unit weight up to which no blunder is looked for."""
 
 _SAME = 0.05
-"""Radians between rotations that are one solution."""
+"""Radians between rotations that are the same solution."""
 
 _EQUAL = 9.0
-"""Solutions whose square sums differ by less cannot be told apart: three standard deviations."""
+"""Solutions whose square sums differ by less are indistinguishable: three standard deviations."""
 
 
 def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
@@ -48,7 +50,7 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
     ----------
     common : CommonPoints
     rotations : array (p, 3, 3)
-        Of the block's photos, to its system. Of solutions that fit equally the one is taken in which the photos look
+        Of the block's photos, to its system. Of solutions that fit equally the one is used in which the photos look
         down, or stand upright.
     remarks : list of str
         To which it is added when there was such a choice.
@@ -65,18 +67,18 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
     everything = np.ones(int(np.count_nonzero(common.known)))
     starts = _least_squares(common, _starts(common), everything)
     solutions = _solutions(common, starts)
-    if not solutions or not all(each.fits.all() and each.s0 < _WELL for each in solutions):
+    if not solutions or not all(solution.fits.all() and solution.s0 < _WELL for solution in solutions):
         solutions += _solutions(common, _without_some(common, starts))
     if not solutions:
         message = "the points do not determine the transformation"
         raise ValueError(message)
     costs = _robust_costs(common, solutions)
-    best = [each for each, cost in zip(solutions, costs, strict=True) if cost <= costs.min() + _EQUAL]
-    chosen = max(best, key=lambda each: upright(each.similarity.rotation @ rotations))
-    others = sum(_angle(chosen.similarity.rotation, each.similarity.rotation) > _SAME for each in best)
+    best = [solution for solution, cost in zip(solutions, costs, strict=True) if cost <= costs.min() + _EQUAL]
+    chosen = max(best, key=lambda solution: upright(solution.similarity.rotation @ rotations))
+    others = sum(_angle(chosen.similarity.rotation, solution.similarity.rotation) > _SAME for solution in best)
     if others:
         remarks.append(
-            "the control fits in more than one position of the block; that with the most upright photos is taken: "
+            "the control fits in more than one position of the block; the one with the most upright photos was used: "
             "check it, or measure one more control point"
         )
     elif np.count_nonzero(common.known) == UNKNOWNS:
@@ -94,7 +96,7 @@ def _solutions(common: CommonPoints, starts: Similarities) -> list[SimilarityAdj
             continue
         tried.append(rotation)
         with suppress(ValueError):
-            solutions.append(adjusted(common, starts.one(int(index))))
+            solutions.append(adjust_similarity(common, starts.one(int(index))))
         if len(tried) == _BEST:
             break
     return solutions
@@ -109,7 +111,7 @@ def _without_some(common: CommonPoints, starts: Similarities) -> Similarities:
     weights = np.repeat(weights[:, :, None], 3, axis=2)[:, common.known]
     best = np.argsort(truncated_costs(common, starts))[:2]
     repeated = np.repeat(best, len(left_out))
-    again = Similarities(*(each[repeated] for each in starts))
+    again = Similarities(*(values[repeated] for values in starts))
     return _least_squares(common, again, np.vstack([weights, weights]))
 
 
@@ -131,7 +133,7 @@ def _axis_rotations() -> FloatArray:
         for order in permutations(range(3))
         for signs in product((1.0, -1.0), repeat=3)
     ]
-    return np.array([each for each in signed if np.linalg.det(each) > 0.0])
+    return np.array([rotation for rotation in signed if np.linalg.det(rotation) > 0.0])
 
 
 def _starts(common: CommonPoints) -> Similarities:
@@ -160,40 +162,54 @@ def _errors(common: CommonPoints, scale: FloatArray) -> FloatArray:
 
 def _least_squares(common: CommonPoints, starts: Similarities, weights: FloatArray) -> Similarities:
     """Improve all starts at once, damped as by Levenberg and Marquardt; weights (s, k) or (k,) are those of each."""
-    known = common.known
-    errors = _errors(common, np.full(len(starts.scale), float(np.median(starts.scale))))
-    root = np.sqrt(weights) / errors
-    centroid = common.source.mean(axis=0)
-    reduced = common.source - centroid
-    at = starts._replace(shift=starts.apply(centroid[None])[:, 0])
-    damping = np.full(len(starts.scale), 1e-3)
-
-    def linearised(at: Similarities) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found = similarity_with_partials(at, reduced)
-        residual = (found.value - common.target)[:, known] * root
-        return residual, found.by_unknowns[:, known] * root[:, :, None], (residual**2).sum(axis=1)
-
-    residual, design, cost = linearised(at)
-    for _ in range(_STEPS):
-        before = cost
-        tried = at.moved(_changes(residual, design, damping))
-        new_residual, new_design, new_cost = linearised(tried)
-        better = new_cost < cost
-        at = Similarities(*(_where(better, new, old) for new, old in zip(tried, at, strict=True)))
-        residual, design = _where(better, new_residual, residual), _where(better, new_design, design)
-        cost = np.where(better, new_cost, cost)
-        damping = np.clip(np.where(better, damping / 5.0, damping * 5.0), 1e-9, 1e6)
-        if np.all(better & (before - cost <= _SETTLED * before) | (damping >= _STUCK)):
-            break
-    return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ centroid))
+    problem = _DampedProblem(common, starts, weights)
+    rule = Marquardt(np.full(len(starts.scale), 1e-3), decrease=0.2, increase=5.0, least=1e-9, largest=_STUCK)
+    at = least_squares(problem, problem.start, rule, _STEPS, reweightings=0).best.at
+    return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ problem.centroid))
 
 
-def _where(chosen: BoolArray, new: FloatArray, old: FloatArray) -> FloatArray:
-    return np.where(chosen.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+class _Estimate(NamedTuple):
+    """s similarities of the points reduced to their centroid, with residuals (s, k), partials (s, k, 7) and weights."""
+
+    at: Similarities
+    residual: FloatArray
+    design: FloatArray
+    weights: FloatArray
+
+
+class _DampedProblem:
+    """Many starts of one similarity side by side, with given weights."""
+
+    def __init__(self, common: CommonPoints, starts: Similarities, weights: FloatArray) -> None:
+        self._target, self._known = common.target, common.known
+        errors = _errors(common, np.full(len(starts.scale), float(np.median(starts.scale))))
+        self._root = np.sqrt(weights) / errors
+        self.centroid = common.source.mean(axis=0)
+        self._reduced = common.source - self.centroid
+        self._weights = np.ones((len(starts.scale), 1))
+        self.start = self._linearised(starts._replace(shift=starts.apply(self.centroid[None])[:, 0]))
+
+    def _linearised(self, at: Similarities) -> _Estimate:
+        found = similarity_with_partials(at, self._reduced)
+        residual = (found.value - self._target)[:, self._known] * self._root
+        return _Estimate(at, residual, found.by_unknowns[:, self._known] * self._root[:, :, None], self._weights)
+
+    def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
+        return self._linearised(here.at.moved(_changes(here.residual, here.design, damping)))
+
+    def reweighted(self, here: _Estimate) -> _Estimate:
+        return here
+
+    def costs(self, here: _Estimate, _weights: FloatArray) -> FloatArray:
+        return np.asarray((here.residual**2).sum(axis=1))
+
+    def converged(self, before: _Estimate, after: _Estimate) -> BoolArray:
+        cost = self.costs(before, before.weights)
+        return np.asarray(cost - self.costs(after, after.weights) <= _SETTLED * cost)
 
 
 def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return damped corrections (s, 7), no turn longer than half a radian."""
+    """Return damped corrections (s, 7), no turn above `LARGEST_TURN`, no scale changed by more than a factor e."""
     transposed = np.swapaxes(design, 1, 2)
     normal = transposed @ design
     diagonal = np.maximum(np.einsum("sii->si", normal), np.finfo(float).tiny)
@@ -202,15 +218,14 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
     right = scaling * (transposed @ residual[:, :, None])[:, :, 0]
     changes = -scaling * np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     turn = np.linalg.norm(changes[:, 4:], axis=1)
-    longest = np.maximum(turn / _LARGEST_TURN, np.abs(changes[:, 0]))
-    return np.asarray(changes / np.maximum(1.0, longest)[:, None])
+    return shortened(changes, np.maximum(turn / LARGEST_TURN, np.abs(changes[:, 0])), 1.0)
 
 
 def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:
-    """Return the sums of min(u², 9) with residuals u in units of what the best solution leaves."""
+    """Return the sums of min(u², 9), with residuals u in units of the standard error of the best solution."""
     known = common.known
-    standard = np.array([(each.residuals / common.errors(each.similarity))[known] for each in solutions])
-    usual = max(1.0, min(each.s0 for each in solutions))
+    standard = np.array([(solution.residuals / common.errors(solution.similarity))[known] for solution in solutions])
+    usual = max(1.0, min(solution.s0 for solution in solutions))
     return np.asarray(np.minimum((standard / usual) ** 2, 9.0).sum(axis=1))
 
 

@@ -11,11 +11,11 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarities, Similarity, fit_similarities, several
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.sampling import subsets
-from orip.prelim.similarity.adjustment import LEAST_ERROR, CommonPoints
+from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
 
 TRIPLES = 40, 500
 """Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
-triple of eight is good; 500 miss it never."""
+triple of eight is good; 500 never miss it."""
 
 _FITTING = 9.0
 """d²/s² that most points stay below at a start that fits."""
@@ -72,7 +72,7 @@ def _best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
 def _compiled_best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
     """Do what `_best_of` does in the compiled loop."""
     start = np.empty(13)
-    most = kernels.best_triple_of(
+    most = kernels.best_triple(
         *common.arrays, triples, start, _most_points(len(common.source)), LEAST_ERROR, _MEDIAN_OF_CHI2, _FITTING
     )
     return _Best(Similarity(float(start[0]), start[1:10].reshape(3, 3), start[10:]), most) if most >= 0.0 else None
@@ -94,7 +94,7 @@ def best_start(common: CommonPoints, starts: list[Similarity]) -> Similarity:
 
 
 def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
-    """Return the sums (s,) of min(d²/s², 9) over the points, s² as large as the points that fit best ask for."""
+    """Return the sums (s,) of min(d²/s², 9) over the points, with s² scaled to the points that fit best."""
     return _compared(common, starts)[0]
 
 

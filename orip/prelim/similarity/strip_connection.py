@@ -5,32 +5,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.prelim.similarity.joining import Joined, Names, assembled, join
-from orip.records.preliminary import NotOriented, SimilarityStep, SubBlock
+from orip.prelim.similarity.joining import Joined, Names, join
+from orip.prelim.similarity.partial_blocks import assembled
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 
-def connect(strip: SubBlock, block: SubBlock, names: Names) -> Joined | NotOriented:
+def connect(strip: PartialBlock, block: PartialBlock, names: Names) -> Joined | NotOriented:
     """Connect a strip to another one, or to a block of strips; see `join`."""
     return join(strip, block, names, "connect")
 
 
-def connect_strips(strips: Sequence[SubBlock], names: Names) -> JoinedSystems:
+def connect_strips(strips: Sequence[PartialBlock], names: Names) -> JoinedSystems:
     """Connect strips to one block.
 
     Parameters
     ----------
-    strips : sequence of SubBlock
+    strips : sequence of PartialBlock
         In the order of their rows.
     names : Names
 
     Returns
     -------
     JoinedSystems
-        Each strip is connected to all that is connected so far. One that cannot be is tried again when others have
-        been, and begins a block of its own in the end; the failures say why.
+        Each strip is connected to all those connected so far. One that cannot be connected is tried again after the
+        others, and finally begins a block of its own; the failures say why.
     """
     waiting = list(strips)
-    systems: list[SubBlock] = []
+    systems: list[PartialBlock] = []
     steps: list[SimilarityStep] = []
     failures: list[NotOriented] = []
     while waiting:
@@ -42,9 +43,9 @@ def connect_strips(strips: Sequence[SubBlock], names: Names) -> JoinedSystems:
 
 
 def _connect_all(
-    members: list[SubBlock], waiting: list[SubBlock], steps: list[SimilarityStep], names: Names
+    members: list[PartialBlock], waiting: list[PartialBlock], steps: list[SimilarityStep], names: Names
 ) -> list[NotOriented]:
-    """Move strips from those that wait to the members of a block; return why those that are left do not connect."""
+    """Move strips from the waiting ones to the members of a block; return why the remaining ones do not connect."""
     while True:
         failed: list[NotOriented] = []
         before, block = len(waiting), assembled(members)

@@ -10,24 +10,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.prelim.image_rays import image_rays
-from orip.prelim.in_project import absolute_in_project, block_in_project
+from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
 from orip.prelim.photo_index import photo_index
+from orip.prelim.project_coordinates import absolute_in_project, block_in_project
 from orip.prelim.similarity.bridging import JoinedSystems, bridge
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.preliminary import (
-    ImageRays,
     ModelCoordinates,
     NotOriented,
+    PartialBlock,
     PreliminaryValues,
     RelativeOrientation,
     SimilarityStep,
     Stage,
-    SubBlock,
 )
 from orip.records.project import StereoModel
 from orip.solving.starting_values import explained_preliminary_values, not_oriented
@@ -190,7 +189,7 @@ def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:
     return ModelCoordinates(stage, rays.photos, rays.points, systems)
 
 
-def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[SubBlock, ...], str]:
+def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[PartialBlock, ...], str]:
     """Return the systems after a step, and what to say if there are none."""
     if stage == "absolute":
         values = values_of(given)
@@ -215,7 +214,7 @@ def _bridged(given: PrelimInput, rays: ImageRays) -> JoinedSystems:
     return JoinedSystems(bridged.systems, bridged.steps, (*failures, *bridged.failures))
 
 
-def _oriented(rays: ImageRays, model: StereoModel) -> SubBlock:
+def _oriented(rays: ImageRays, model: StereoModel) -> PartialBlock:
     found = orient_model(rays, model, photo_index(rays))
     if isinstance(found, NotOriented):
         message = f"model {model.name} cannot be bridged: {found.reason}"
@@ -223,7 +222,7 @@ def _oriented(rays: ImageRays, model: StereoModel) -> SubBlock:
     return found.block
 
 
-def _strip(given: PrelimInput, rays: ImageRays, row: int) -> SubBlock:
+def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:
     """Return the strip of a row; of one that falls to pieces, the largest."""
     models = [model for model in given.models if model.row == row]
     if not models:
@@ -231,7 +230,7 @@ def _strip(given: PrelimInput, rays: ImageRays, row: int) -> SubBlock:
         message = f"there is no row {row} in bundle {given.bundle}; its rows are: {listed}"
         raise UsageError(message)
     oriented, failures = orient_models(rays, models, photo_index(rays))
-    strips: Sequence[SubBlock] = bridge_rows(oriented, rays).systems
+    strips: Sequence[PartialBlock] = bridge_rows(oriented, rays).systems
     if not strips:
         message = f"row {row} has no model that is oriented: {failures[0].reason}"
         raise NotSolvableError(message)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orip.bundle.methods import Method
 from orip.files.stores.solutions import SolutionHead
-from orip.prelim.in_project import absolute_in_project
+from orip.prelim.project_coordinates import absolute_in_project
 from orip.records.gate import GateResult
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key

@@ -19,14 +19,12 @@ from orip.files.log.text import read_measurements
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.interior.known_names import near_names
 from orip.interior.log_coordinates import stored_to_log
-from orip.interior.measured import Measured
 from orip.interior.pixels import scan_transformation
 from orip.interior.replay import replay
 from orip.multimodel.state import Position
-from orip.records.measurement import LogRecord, MeasuredMarks, PhotoRecord, TemplateRecord
-from orip.records.names import record_key
+from orip.records.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
+from orip.records.names import near_names, record_key
 from orip.records.photo import Photo, Scan, Stage, Template
 from orip.records.project import BundleDefinition
 from orip.records.stages import plan_stages

@@ -11,10 +11,9 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.files.log.work_list import ListedPoint, read_work_list
 from orip.files.text.natural_order import natural_key
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.known_names import near_names
 from orip.multimodel.digitising import DigitisedBlock, PhotoPair
 from orip.multimodel.state import Position
-from orip.records.names import name_fault, record_key
+from orip.records.names import name_fault, near_names, record_key
 from orip.records.project import BundleDefinition, StereoModel
 from orip.workflow.digitise.films import MountedFilms, plate_of_log, position
 from orip.workflow.digitise.session import Place

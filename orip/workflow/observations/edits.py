@@ -16,9 +16,8 @@ from orip.files.log.edits_text import EditsText, edit_line, read_edits
 from orip.files.log.text import read_measurements
 from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
-from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
-from orip.records.measurement import EditRecord, LogRecord, Place
+from orip.records.measurement import EditRecord, LogRecord, Measured, Place
 from orip.records.names import record_key
 from orip.workflow.observations.measure import MEASURED_ON_TOP, measurement_inputs, replay_log
 from orip.workflow.observations.names import Named, chosen_names, edited_owner

@@ -10,9 +10,8 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
-from orip.interior.known_names import near_names
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.records.solution import Solution
 from orip.workflow.observations.places import NOWHERE, Places
 from orip.workflow.observations.rays import photos_of_points

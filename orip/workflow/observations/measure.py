@@ -10,11 +10,11 @@ from orip.errors import ProjectWarning
 from orip.files.stores.definitions import StoredRecord
 from orip.files.text.parsed import Parsed
 from orip.interior.in_force import Interior
-from orip.interior.measured import Measured
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.camera import Camera
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.photo import Temtick
 from orip.wording import counted

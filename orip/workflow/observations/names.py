@@ -7,11 +7,9 @@ from typing import Literal, NamedTuple
 
 from orip.errors import Complaint, InputError
 from orip.interior.definitions import Definitions
-from orip.interior.known_names import near_names
-from orip.interior.measured import Measured
 from orip.interior.replay import replay
-from orip.records.measurement import EditRecord, LogRecord
-from orip.records.names import record_key
+from orip.records.measurement import EditRecord, LogRecord, Measured
+from orip.records.names import near_names, record_key
 from orip.records.photo import Photo, Template
 
 ALL = "*"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orip.interior.measured import Measured
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,7 @@ from pathlib import Path
 from orip.files.stores import observations, photos, templates
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import Stores
-from orip.interior.measured import Measured
-from orip.records.measurement import no_observations
+from orip.records.measurement import Measured, no_observations
 from orip.records.names import record_key
 from orip.workflow.project.folder import Project
 

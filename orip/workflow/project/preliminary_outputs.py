@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from orip.arrays import FloatArray
 from orip.files.listings.preliminary import preliminary_listing
-from orip.prelim.in_project import orientations_in_project, points_in_project
+from orip.prelim.project_coordinates import orientations_in_project, points_in_project
 from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem
 from orip.records.preliminary import PreliminaryValues

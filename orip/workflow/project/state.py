@@ -19,7 +19,7 @@ from orip.files.stores.solutions import SolutionHead
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation
-from orip.interior.measured import Measured
+from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised

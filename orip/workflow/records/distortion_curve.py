@@ -13,10 +13,9 @@ from orip.arrays import FloatArray
 from orip.errors import UsageError
 from orip.files.stores.transaction import reading
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
-from orip.interior.frame import frame_corners
-from orip.interior.known_names import near_names
+from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
-from orip.records.names import record_key
+from orip.records.names import near_names, record_key
 from orip.workflow.project.definitions import read_definitions, require_initialised
 from orip.workflow.project.folder import open_project
 

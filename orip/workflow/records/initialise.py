@@ -7,10 +7,17 @@ from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.interior.measured import Measured
 from orip.interior.replay import replay
 from orip.progress import stage
-from orip.records.measurement import EditRecord, FiducialsRecord, LogRecord, PhotoRecord, PointsRecord, TemplateRecord
+from orip.records.measurement import (
+    EditRecord,
+    FiducialsRecord,
+    LogRecord,
+    Measured,
+    PhotoRecord,
+    PointsRecord,
+    TemplateRecord,
+)
 from orip.records.names import record_key
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions

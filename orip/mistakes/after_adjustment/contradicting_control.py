@@ -1,0 +1,186 @@
+"""Control points whose coordinates contradict the photos, and the slip of the pen that explains them.
+
+Where the coordinates that the photos see differ from those given by a sign, two digits or a decimal point, or are those
+of another control point, that is what happened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.mistakes.adjusted_rays import AdjustedRays
+from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
+from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
+from orip.records.block import Block
+from orip.records.control import ControlPoint
+from orip.records.solution import Solution
+
+_ERRORS = 4.0
+"""Standard errors within which two coordinates are the same."""
+
+_FEW = 0.2
+"""Part of the control up to which contradictions are reported without a reason; more have a cause elsewhere."""
+
+_SWAPPED = 0.1
+"""Two points count as exchanged if swapping removes all but this part of the misfit."""
+
+_SMALL = 0.01
+"""Part of the extent of the control by which a coordinate 0 (the origin, a plane) may be off and still be meant."""
+
+SeenCoordinates = Mapping[str, tuple[FloatArray, FloatArray]]
+"""By the names of points: the coordinates (3,) that the photos see, and their standard deviations (3,)."""
+
+
+def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarning]:
+    """Return a warning for each weighted control point that is not where the rays of its photo points meet.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solution : Solution
+        With down-weighting; the control points are looked at that it doubts themselves or in some photos.
+    """
+    points, place = block.photo_points, block.point_index()
+    doubted = doubted_control(solution)
+    doubted |= {block.point_names[row] for row in points.point[doubted_photo_points(solution)].tolist()}
+    rays = AdjustedRays(block, solution)
+    seen = {
+        point.name: meeting
+        for point in block.control_points
+        if point.name in doubted
+        and point.kind == "control"
+        and (meeting := rays.meeting(np.flatnonzero(points.point == place[point.name]))) is not None
+    }
+    return control_warnings(block, seen, solution.ground_unit)
+
+
+def control_warnings(block: Block, seen: SeenCoordinates, ground_unit: str) -> list[ProjectWarning]:
+    """Return a warning for each control point that the photos see elsewhere, with what was probably meant.
+
+    Parameters
+    ----------
+    block : Block
+    seen : SeenCoordinates
+    ground_unit : str
+    """
+    points = {
+        point.name: point
+        for point in block.control_points
+        if point.name in seen and any(_differences(point, *seen[point.name]))
+    }
+    count = sum(point.kind == "control" for point in block.control_points)
+    are_few = len(points) <= max(1.0, _FEW * count)
+    small = _SMALL * _extent(block)
+    partners = dict(_exchanged(points, seen))
+    texts: dict[str, str] = {}
+    for name, point in points.items():
+        if partners.get(name) in texts:
+            continue
+        if name in partners:
+            texts[name] = _exchange_text(name, partners[name])
+        elif slips := _slips_text(point, *seen[name], small):
+            texts[name] = slips
+        elif are_few:
+            texts[name] = _contradiction_text(point, *seen[name], ground_unit)
+    return [ProjectWarning("contradicting-control", f"control point {name}", text) for name, text in texts.items()]
+
+
+def _extent(block: Block) -> float:
+    """Return the largest extent of the control points, ground units."""
+    extents = [0.0]
+    for axis in range(3):
+        given = [value for point in block.control_points if (value := point.coordinates[axis]) is not None]
+        extents.append(max(given, default=0.0) - min(given, default=0.0))
+    return max(extents)
+
+
+def _differences(
+    point: ControlPoint, seen: FloatArray, sd: FloatArray
+) -> Iterator[tuple[str, float, float, float, float]]:
+    """Yield the coordinates that the photos see elsewhere: kind, as given, as seen, standard deviation, tolerance."""
+    for kind, value, error, coordinate, deviation in zip(
+        "XYZ", point.coordinates, point.errors, seen.tolist(), sd.tolist(), strict=True
+    ):
+        if value is None or error is None or error < 0.0:
+            continue
+        tolerance = _ERRORS * float(np.hypot(deviation, error))
+        if abs(value - coordinate) > tolerance:
+            yield kind, value, coordinate, deviation, tolerance
+
+
+# -------------------------------------------------------------------------------------------------------------- texts
+
+
+def _exchange_text(name: str, other: str) -> str:
+    return (
+        f"the photos see it where control point {other} is given, and {other} where {name} is: the two are exchanged; "
+        "exchange their names in the control file, or in the photos"
+    )
+
+
+def _slips_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, small: float) -> str:
+    """Return which slips of the pen explain a point; "" where none does. A 0 that is off by little was meant."""
+    if _axes_exchanged(point, seen, sd):
+        return "the photos see it where it would be with X and Y exchanged; exchange them in the control file"
+    slips = [
+        f"{kind} = {value:.10g} {meant}"
+        for kind, value, coordinate, _, tolerance in _differences(point, seen, sd)
+        if not (value == 0.0 and abs(coordinate) < small)
+        and (meant := slip_of_pen(value, coordinate, tolerance)) is not None
+    ]
+    if not slips:
+        return ""
+    return f"{'; '.join(slips)} (the photos see {_shown(point, seen)}); correct it in the control file"
+
+
+def _contradiction_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, ground_unit: str) -> str:
+    offsets = ", ".join(
+        f"{kind} {value - coordinate:+.3g} ± {deviation:.1g}"
+        for kind, value, coordinate, deviation, _ in _differences(point, seen, sd)
+    )
+    return (
+        f"its coordinates contradict the photos: they are off by {offsets} {ground_unit}; check them, and whether what "
+        "was measured in the photos is what was surveyed"
+    )
+
+
+def _shown(point: ControlPoint, seen: FloatArray) -> str:
+    """Return where the photos see the coordinates of a point that are given."""
+    shown = [
+        f"{kind} = {value:.3f}"
+        for kind, value, given in zip("XYZ", seen, point.coordinates, strict=True)
+        if given is not None
+    ]
+    return ", ".join(shown)
+
+
+# ---------------------------------------------------------------------------------------------------------- exchanges
+
+
+def _axes_exchanged(point: ControlPoint, seen: FloatArray, sd: FloatArray) -> bool:
+    x, y, _ = point.coordinates
+    errors = point.errors[:2]
+    if x is None or y is None or None in errors:
+        return False
+    tolerance = _ERRORS * np.hypot(sd[:2], np.array(errors, dtype=np.float64))
+    return bool((np.abs(seen[:2] - [y, x]) <= tolerance).all() and (np.abs(seen[:2] - [x, y]) > tolerance).any())
+
+
+def _exchanged(points: Mapping[str, ControlPoint], seen: SeenCoordinates) -> Iterator[tuple[str, str]]:
+    """Yield points, and those that they were probably exchanged with."""
+    for name, point in points.items():
+        for other, another in points.items():
+            if other != name and _is_nearly_at(point, seen, other) and _is_nearly_at(another, seen, name):
+                yield name, other
+
+
+def _is_nearly_at(point: ControlPoint, seen: SeenCoordinates, other: str) -> bool:
+    """Tell whether a point is given nearly where another one is seen: two wrong points may bend the block a little."""
+    given = np.array(point.coordinates, dtype=np.float64)
+    own, swapped = (float(np.linalg.norm(given - seen[name][0])) for name in (point.name, other))
+    return swapped < _SWAPPED * own

@@ -1,0 +1,62 @@
+"""Slips in writing a number: a sign, two digits, the decimal point, one digit, 0 for a value that is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+_NARROW = 0.2
+"""Largest tolerance, as part of the error of a value: with a larger one some slip explains every value."""
+
+
+def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
+    """Return which slip of the pen turns the value that the photos see into the one that was written.
+
+    Parameters
+    ----------
+    value : float
+        As written.
+    seen : float
+        As the photos see it.
+    tolerance : float
+        Largest difference between what was meant and what the photos see.
+
+    Returns
+    -------
+    str or None
+        What follows "X = 12.3 ..." in a sentence; None where no slip explains the value.
+    """
+    if value == 0.0:
+        return "was probably written because the value is not known: write - for it and for its error then"
+    if tolerance > _NARROW * abs(value - seen):
+        return None
+    for meant, how in _slips(value):
+        if abs(meant - seen) <= tolerance:
+            return f"is probably {meant:.10g}: {how}"
+    return None
+
+
+def _slips(value: float) -> Iterator[tuple[float, str]]:
+    """Yield what may have been meant, and how it came to be written otherwise; the likeliest first."""
+    yield -value, "its sign is wrong"
+    text = f"{value:.10g}"
+    for meant in _with_two_digits_exchanged(text):
+        yield meant, "two digits are exchanged"
+    for power in (1, 2, 3):
+        yield value * 10.0**power, "its decimal point is displaced"
+        yield value / 10.0**power, "its decimal point is displaced"
+    for place, digit in enumerate(text):
+        for other in "0123456789" if digit.isdigit() else "":
+            if other != digit:
+                yield float(text[:place] + other + text[place + 1 :]), "one digit is wrong"
+
+
+def _with_two_digits_exchanged(text: str) -> Iterator[float]:
+    """Yield a number with each two neighbouring digits exchanged, also across the decimal point."""
+    for place in range(len(text) - 1):
+        one = text[place]
+        rest = text[place + 1 :].removeprefix(".")
+        if one.isdigit() and rest and rest[0].isdigit() and rest[0] != one:
+            after = len(text) - len(rest)
+            exchanged = list(text)
+            exchanged[place], exchanged[after] = exchanged[after], exchanged[place]
+            yield float("".join(exchanged))

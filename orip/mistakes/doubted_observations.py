@@ -1,0 +1,69 @@
+"""Observations that an adjustment down-weighted or left out, and the photos and points that fit worst."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.mistakes.fit_comparison import Fit
+from orip.records.solution import Solution
+
+_DOUBTED = 0.5
+"""Weight factor below which an observation hardly influenced the result."""
+
+_PICTURE = 0.01
+"""Mean square of the residuals, as part of the variance of the photo coordinates, above which the photos show something
+else: residuals are a tenth of the coordinates."""
+
+_FAR_OFF = 1e6
+"""Largest standard residual that counts; those of points behind their photo are infinite."""
+
+
+def doubted_photo_points(solution: Solution) -> IntArray:
+    """Return the rows (k,) of `Block.photo_points` that an adjustment doubts."""
+    weights = solution.residuals.weight_factor[np.array(solution.residuals.kind) == "photo"].reshape(-1, 2)
+    return np.flatnonzero((weights < _DOUBTED).any(axis=1))
+
+
+def doubted_control(solution: Solution) -> set[str]:
+    """Return the names of control points that an adjustment doubts."""
+    rows = solution.residuals
+    return {
+        point
+        for kind, point, weight in zip(rows.kind, rows.point, rows.weight_factor, strict=True)
+        if kind == "control" and weight < _DOUBTED
+    }
+
+
+def down_weighted_share(solution: Solution, kind: str) -> float:
+    """Return the part of the observations of a kind in use that has lost weight."""
+    weights = solution.residuals.weight_factor[np.array(solution.residuals.kind) == kind]
+    weights = weights[~np.isnan(weights)]
+    return float(np.mean(weights < 1.0)) if len(weights) else 0.0
+
+
+def is_in_the_picture(solution: Solution) -> bool:
+    """Tell whether residuals are so large that the photos show something else than they should."""
+    rows = solution.residuals
+    photo = np.array(rows.kind) == "photo"
+    left_out = float(np.isnan(rows.weight_factor[photo]).mean())
+    mean_square, variance = float(np.mean(rows.residual[photo] ** 2)), float(np.var(rows.observed[photo]))
+    return left_out > _PICTURE or mean_square > _PICTURE * variance
+
+
+def photos_by_misfit(fit: Fit) -> list[str]:
+    """Return the photos by the mean square of their standard residuals, the worst first."""
+    return _by_misfit(fit, 1)
+
+
+def points_by_misfit(fit: Fit) -> list[str]:
+    """Return the points by the mean square of the standard residuals of their photo points, the worst first."""
+    return _by_misfit(fit, 2)
+
+
+def _by_misfit(fit: Fit, column: int) -> list[str]:
+    squares: dict[str, list[float]] = {}
+    for kind, name, standard in zip(fit.columns[0], fit.columns[column], fit.standard.tolist(), strict=True):
+        if kind == "photo":
+            squares.setdefault(name, []).append(min(standard, _FAR_OFF) ** 2)
+    return sorted(squares, key=lambda name: -float(np.mean(squares[name])))

@@ -1,0 +1,85 @@
+"""Control coordinates with exchanged or reversed axes, or in another unit than the orientations of the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text, photos_stay_near
+from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.records.block import Block
+from orip.records.control import ControlPoint
+from orip.records.ground import PlainGround
+
+_EXCHANGED = np.eye(3)[[1, 0, 2]]
+_AXES, _UNIT = "control-axes", "control-unit"
+
+
+def control_axes(block: Block) -> Iterator[Hypothesis]:
+    """Yield control with X and Y exchanged, then with the opposite sign of X, of Y and of Z."""
+    text = (
+        "the control fits the photos when X and Y are exchanged: it probably has north, east in place of X = east, Y = "
+        "north; exchange the columns X and Y of the control file"
+    )
+    yield from _control(block, _AXES, _EXCHANGED, text)
+    for axis, name in enumerate("XYZ"):
+        signs = np.ones(3)
+        signs[axis] = -1.0
+        text = f"the control fits the photos when {name} has the opposite sign; reverse the sign of {name}"
+        yield from _control(block, _AXES, np.diag(signs), text)
+
+
+def control_units(block: Block) -> Iterator[Hypothesis]:
+    """Yield control in feet among metres and the other way round: all coordinates, then Z alone."""
+    for factor in FEET_AND_METRES:
+        unit, other = LENGTH_UNITS[factor]
+        text = (
+            f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in "
+            f"{unit}, and the orientations in {other}; use one unit"
+        )
+        yield from _control(block, _UNIT, np.eye(3) * factor, text)
+        text = (
+            f"the control fits the photos when Z is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in "
+            f"{other}; use one unit"
+        )
+        yield from _control(block, _UNIT, np.diag([1.0, 1.0, factor]), text)
+
+
+def mirrored_control(block: Block) -> Iterator[Hypothesis]:
+    """Yield control with X and Y exchanged, for photos without given orientations: any reflection fits as well."""
+    text = (
+        "the control fits the photos as a mirror image: X and Y of the control are exchanged (north, east in place of "
+        "X = east, Y = north), or an axis has the opposite sign, or the photos are mirrored; exchange the columns X "
+        "and Y of the control file first"
+    )
+    yield from _control(block, _AXES, _EXCHANGED, text)
+
+
+def _control(block: Block, code: str, matrix: FloatArray, text: str) -> Iterator[Hypothesis]:
+    """Yield a block whose control is multiplied by a matrix; none without control, or in a reference system."""
+    if not isinstance(block.ground, PlainGround) or not block.control_points:
+        return
+    points = tuple(_multiplied(point, matrix) for point in block.control_points)
+    place = block.point_index()
+    constant = block.constant_points.copy()
+    rows = [place[point.name] for point in points]
+    constant[rows] = (np.abs(matrix) @ constant[rows].T > 0.0).T
+    changed = replace(block, control_points=points, constant_points=constant)
+    yield Hypothesis(code, "", changed, constant_text(text), photos_stay_near)
+
+
+def _multiplied(point: ControlPoint, matrix: FloatArray) -> ControlPoint:
+    """Return a control point whose coordinates are multiplied by a matrix that has one element in each row."""
+    source = np.abs(matrix).argmax(axis=1)
+    factors = matrix[np.arange(3), source]
+
+    def product(values: Sequence[float | None], by: FloatArray) -> tuple[float | None, float | None, float | None]:
+        x, y, z = (None if (value := values[k]) is None else float(value * by[row]) for row, k in enumerate(source))
+        return x, y, z
+
+    return replace(
+        point, coordinates=product(point.coordinates, factors), errors=product(point.errors, np.abs(factors))
+    )

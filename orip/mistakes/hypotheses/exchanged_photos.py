@@ -1,0 +1,82 @@
+"""Two photos under each other's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.starting_points import given_coordinates
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.image_vectors import image_vectors
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.records.block import Block
+
+_WORST_PHOTOS = 12
+"""Photos among which an exchanged pair is looked for."""
+
+_PAIRS = 3
+"""Pairs that are tried: preliminary orientations are rough."""
+
+
+def exchanged_photos(block: Block) -> Iterator[Hypothesis]:
+    """Yield the pairs of photos that fit their preliminary orientations better when they are exchanged."""
+    for pair in _likely_pairs(block):
+        one, other = (block.photos[k].name for k in pair)
+        order = np.arange(len(block.photos))
+        order[list(pair)] = pair[::-1]
+        changed = replace(block, photo_points=replace(block.photo_points, photo=order[block.photo_points.photo]))
+        text = constant_text(
+            f"photos {one} and {other} fit when they are exchanged: what is measured under one name was measured in "
+            "the other; exchange the names in the POINTS lines, or the preliminary orientations"
+        )
+        yield Hypothesis("exchanged-photos", "", changed, text, partial(_are_in_place, pair=pair))
+
+
+def _are_in_place(solved: SolvedBlock, pair: tuple[int, int]) -> bool:
+    """Tell whether two photos are nearer to their own preliminary rotations than to each other's."""
+    start = rotation_from_angles(solved.block.photo_orientation[list(pair), 3:])
+    traces = np.einsum("iab,jab->ij", start, solved.state.rotations[list(pair)])
+    return bool(traces[0, 0] > traces[1, 0] and traces[1, 1] > traces[0, 1])
+
+
+def _likely_pairs(block: Block) -> list[tuple[int, int]]:
+    """Return the pairs of photos with the largest gain in `_Directions.deviation` if exchanged, the best first."""
+    directions = _Directions(block)
+    own = np.array([directions.deviation(photo, photo) for photo in range(len(block.photos))])
+    worst = np.argsort(-np.nan_to_num(own), kind="stable")[:_WORST_PHOTOS].tolist()
+    gains: dict[tuple[int, int], float] = {}
+    for i, j in combinations(sorted(worst), 2):
+        exchanged = directions.deviation(i, j), directions.deviation(j, i)
+        if (gain := own[i] + own[j] - sum(exchanged)) > 0.0:
+            gains[i, j] = gain
+    return sorted(gains, key=lambda pair: -gains[pair])[:_PAIRS]
+
+
+class _Directions:
+    """The directions from preliminary projection centres to points whose coordinates are given."""
+
+    def __init__(self, block: Block) -> None:
+        given = given_coordinates(block)
+        # coordinates that are given in part are no position in the frame
+        given[np.isnan(given).any(axis=1)] = np.nan
+        self._points = np.where(np.isnan(block.point_start), block.ground.to_local(given), block.point_start)
+        vectors = image_vectors(block)
+        self._vectors: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        self._rotations = rotation_from_angles(block.photo_orientation[:, 3:])
+        self._block = block
+
+    def deviation(self, measured: int, photo: int) -> float:
+        """Return the median angle (radians) between rays and points if what was measured in one photo is another's."""
+        points = self._block.photo_points
+        rows: BoolArray = points.photo == measured
+        offset = self._points[points.point[rows]] - self._block.photo_orientation[photo, :3]
+        along = np.einsum("ij,ij->i", self._vectors[rows] @ self._rotations[photo].T, offset)
+        cosine = along / np.linalg.norm(offset, axis=1)
+        known = np.isfinite(cosine)
+        return float(np.median(np.arccos(np.clip(cosine[known], -1.0, 1.0)))) if known.any() else np.nan

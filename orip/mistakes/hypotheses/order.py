@@ -1,0 +1,97 @@
+"""Which hypotheses are tried, in the order of their likelihood: it decides between two that explain a block equally."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from orip.mistakes.doubted_observations import (
+    down_weighted_share,
+    is_in_the_picture,
+    photos_by_misfit,
+    points_by_misfit,
+)
+from orip.mistakes.fit_comparison import Fit, fit_of_solution, is_good
+from orip.mistakes.hypotheses.angle_units import angle_units
+from orip.mistakes.hypotheses.camera_parameters import distortion_of_lens, distortion_sign, principal_point_sign
+from orip.mistakes.hypotheses.control_coordinates import control_axes, control_units, mirrored_control
+from orip.mistakes.hypotheses.direction_units import direction_units
+from orip.mistakes.hypotheses.error_units import control_error_units, measurement_precision_units
+from orip.mistakes.hypotheses.exchanged_photos import exchanged_photos
+from orip.mistakes.hypotheses.hypothesis import Hypothesis
+from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
+from orip.mistakes.hypotheses.other_cameras import other_cameras
+from orip.mistakes.hypotheses.principal_distance import other_principal_distance
+from orip.mistakes.hypotheses.released_control import released_control
+from orip.mistakes.readjuster import Readjuster
+from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.solution import Solution
+
+_MOST_DIRECTIONS = 0.5
+_MUCH_CONTROL = 0.2
+"""Part of the directions, and of the control coordinates, that loses weight where more than single ones are wrong."""
+
+_PHOTOS, _CONTROL_POINTS = 2, 3
+"""Photos and control points that are tried one by one, those that fit worst."""
+
+
+def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjuster) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block does not fit.
+
+    Parameters
+    ----------
+    solution : Solution
+    started : Block
+        As its adjustment started.
+    readjuster : Readjuster
+    """
+    block, given = readjuster.block, fit_of_solution(solution)
+    # cameras and directions hardly influence the preliminary orientations: those found before serve again
+    oriented = replace(block, photo_orientation=started.photo_orientation)
+    fits = is_good(given)
+    if not fits:
+        if readjuster.is_oriented and (solution.status == "not_converged" or is_in_the_picture(solution)):
+            yield from mirrored_photos(block)
+            yield from exchanged_photos(block)
+            yield from angle_units(block)
+            yield from control_axes(block)
+            yield from control_units(block)
+        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS], readjuster.cameras)
+        yield from _of_cameras(oriented)
+    if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
+        yield from mirrored_control(block)
+    if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
+        yield from direction_units(oriented)
+    if not fits:
+        yield from released_control(block, _worst_constant_control(block, given), solution.ground_unit)
+
+
+def hypotheses_of_failure(block: Block, not_oriented: Sequence[str], cameras: Sequence[Camera]) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block cannot be adjusted at all.
+
+    Parameters
+    ----------
+    block : Block
+    not_oriented : sequence of str
+        Photos for which no preliminary orientation was found.
+    cameras : sequence of Camera
+        All of the project.
+    """
+    yield from measurement_precision_units(block)
+    yield from control_error_units(block)
+    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else (), cameras)
+
+
+def _of_cameras(block: Block) -> Iterator[Hypothesis]:
+    for row in range(len(block.cameras)):
+        yield from distortion_sign(block, row)
+        yield from principal_point_sign(block, row)
+        yield from distortion_of_lens(block, row)
+        yield from other_principal_distance(block, row)
+
+
+def _worst_constant_control(block: Block, given: Fit) -> list[str]:
+    """Return the constant control points whose photo points fit worst."""
+    constant = {name for name, held in zip(block.point_names, block.constant_points, strict=True) if held.any()}
+    return [name for name in points_by_misfit(given) if name in constant][:_CONTROL_POINTS]

@@ -1,0 +1,53 @@
+"""A photo under the name of another camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.records.block import Block
+from orip.records.camera import Camera
+
+
+def other_cameras(block: Block, photos: Sequence[str], cameras: Sequence[Camera]) -> Iterator[Hypothesis]:
+    """Yield photos with every other camera of the project that, like their own, has a sensor or has none.
+
+    Parameters
+    ----------
+    block : Block
+    photos : sequence of str
+        Those that do not fit.
+    cameras : sequence of Camera
+        All of the project.
+    """
+    rows = {photo.name: row for row, photo in enumerate(block.photos)}
+    for name in photos:
+        own = block.cameras[block.photo_camera[rows[name]]]
+        for camera in cameras:
+            if camera.name == own.name or (camera.sensor is None) != (own.sensor is None):
+                continue
+            text = (
+                f"it fits with camera {camera.name}, and not with {own.name}; write "
+                f'camera = "{camera.name}" in its [[photo]]'
+            )
+            changed = _with_camera_of_photo(block, rows[name], camera)
+            yield Hypothesis("other-camera", f"photo {name}", changed, constant_text(text))
+
+
+def _with_camera_of_photo(block: Block, photo: int, camera: Camera) -> Block:
+    names = [known.name for known in block.cameras]
+    cameras = block.cameras if camera.name in names else (*block.cameras, camera)
+    photo_camera = block.photo_camera.copy()
+    photo_camera[photo] = [known.name for known in cameras].index(camera.name)
+    return _without_unused(replace(block, cameras=cameras, photo_camera=photo_camera))
+
+
+def _without_unused(block: Block) -> Block:
+    """Return a block without the cameras that none of its photos has."""
+    used = np.unique(block.photo_camera)
+    place = np.full(len(block.cameras), -1)
+    place[used] = np.arange(len(used))
+    return replace(block, cameras=tuple(block.cameras[k] for k in used), photo_camera=place[block.photo_camera])

@@ -1,0 +1,81 @@
+"""Adjusting a block again, as the project's adjustment was, after something in it was changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.bundle.solve import SolvedBlock, solve_block
+from orip.errors import NotSolvableError, ProjectWarning
+from orip.geometry.rotation import angles_from_rotation
+from orip.records.block import Block
+from orip.records.camera import Camera
+
+_MOST_PHOTO_POINTS = 20_000
+"""In larger blocks further adjustments would take longer than a user wants to wait."""
+
+_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera"}
+"""Codes of warnings that explain the misfit that follows from them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Readjuster:
+    """Adjusts a block again.
+
+    Parameters
+    ----------
+    block : Block
+        As measured and given.
+    start : callable
+        Gives such a block its starting values.
+    cameras : tuple of Camera
+        All of the project.
+    warnings : sequence of ProjectWarning
+        What was found wrong before the adjustment.
+    """
+
+    block: Block
+    start: Callable[[Block], Block]
+    cameras: tuple[Camera, ...]
+    warnings: Sequence[ProjectWarning] = ()
+
+    @property
+    def is_oriented(self) -> bool:
+        """Return whether the orientations of all photos were given."""
+        return bool(np.isfinite(self.block.photo_orientation).all())
+
+    @property
+    def is_worthwhile(self) -> bool:
+        """Return whether to adjust again: the block is not too large, and no warning explains its misfit already."""
+        small = len(self.block.photo_points.photo) <= _MOST_PHOTO_POINTS
+        return small and not any(warning.code in _EXPLAINING_WARNINGS for warning in self.warnings)
+
+    def adjust(self, block: Block) -> SolvedBlock | None:
+        """Return the adjustment of a block, None where there is none.
+
+        Parameters
+        ----------
+        block : Block
+            As `Readjuster.block`, with something changed.
+        """
+        try:
+            return _solved(self.start(block))
+        except (NotSolvableError, np.linalg.LinAlgError):
+            return None
+
+    def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:
+        """Return the adjustment of `block` that starts where another adjustment ended, None where there is none."""
+        state, place = solved.state, solved.block.point_index()
+        orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
+        try:
+            started = self.start(replace(self.block, photo_orientation=orientation))
+            ended = state.points[[place[name] for name in started.point_names]]
+            return _solved(replace(started, point_start=np.where(started.constant_points, started.point_start, ended)))
+        except (NotSolvableError, np.linalg.LinAlgError):
+            return None
+
+
+def _solved(block: Block) -> SolvedBlock:
+    return solve_block(block, lambda _: None, lambda: False)

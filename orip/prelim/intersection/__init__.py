@@ -1,0 +1,1 @@
+"""Intersection of all points of a block at once from oriented photos."""

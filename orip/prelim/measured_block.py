@@ -1,0 +1,129 @@
+"""What a block offers to find preliminary values from: its rays, and the control that they are fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.prelim.ground_control import known_centres, known_points
+from orip.prelim.growing import BlockGrower
+from orip.prelim.image_rays import ImageRays, image_rays
+from orip.prelim.photo_index import PhotoIndex, photo_index
+from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.similarity.absolute_orientation import KnownPositions
+from orip.prelim.thinning import thinned
+from orip.records.block import Block
+from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+
+_ENOUGH, _ENOUGH_LISTED = 30, 80
+"""Points that suffice to orient a photo; and where models are listed, point by point."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredBlock:
+    """A block, its rays and its control.
+
+    Parameters
+    ----------
+    block : Block
+    control, centres : KnownPositions
+        Control points and projection centres known on the ground.
+    all_rays, rays : ImageRays
+        All rays, and those of as many points as suffice.
+    index : PhotoIndex
+        Of `rays`.
+    common : array (photos, photos)
+        Numbers of common points.
+    row_of : dict
+        Index in `rays` by name of the point.
+    control_errors : array (number of points,)
+        Root mean square a-priori errors of the coordinates of control, 0 for other points.
+    models : dict
+        Relative orientations by pairs of photos, kept since many are asked for again.
+    """
+
+    block: Block
+    control: KnownPositions
+    centres: KnownPositions
+    all_rays: ImageRays
+    rays: ImageRays
+    index: PhotoIndex
+    common: IntArray
+    row_of: dict[str, int]
+    control_errors: FloatArray
+    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+
+    @property
+    def is_free(self) -> bool:
+        """Return whether nothing is known on the ground, and nothing has to be."""
+        return self.block.definition.datum == "free" and not (self.control.names or self.centres.names)
+
+    @property
+    def known_coordinates(self) -> int:
+        """Return the number of ground coordinates that are known."""
+        return int(np.isfinite(self.control.coordinates).sum() + np.isfinite(self.centres.coordinates).sum())
+
+    def full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
+        """Return the coordinates (number of points, 3) of control points known in full; NaN for others.
+
+        Parameters
+        ----------
+        wanted : frozenset of str, optional
+            Names of the control points that are meant; otherwise all.
+        """
+        held = np.full((len(self.rays.points), 3), np.nan)
+        for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
+            if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
+                held[self.row_of[name]] = xyz
+        return held
+
+    def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
+        """Return the control as `full_control`, without points that the absolute orientation weighted down."""
+        if absolute is None:
+            return self.full_control()
+        fits = np.all(absolute.weight_factor >= 1.0, axis=1)
+        return self.full_control(frozenset(name for name, good in zip(absolute.points, fits, strict=True) if good))
+
+    def grower(self, held: FloatArray | None = None) -> BlockGrower:
+        """Return what a block grows with from these rays; `held` (number of points, 3) are points that do not move."""
+        nothing = np.full((len(self.rays.points), 3), np.nan)
+        return BlockGrower(
+            self.rays,
+            self.index,
+            self.common,
+            nothing if held is None else held,
+            np.ones(len(self.rays.photos), dtype=bool),
+            self.models,
+            held_errors=self.control_errors,
+        )
+
+
+def measured_block(block: Block) -> MeasuredBlock:
+    """Return the rays and the control of a block."""
+    control = known_points(block)
+    all_rays = image_rays(block)
+    known = set(control.names)
+    kept = np.array([name in known for name in block.point_names], dtype=bool)
+    rays = thinned(all_rays, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
+    row_of = {name: row for row, name in enumerate(rays.points)}
+    return MeasuredBlock(
+        block,
+        control,
+        known_centres(block),
+        all_rays,
+        rays,
+        photo_index(rays),
+        common_point_counts(rays),
+        row_of,
+        _control_errors(control, row_of),
+    )
+
+
+def _control_errors(control: KnownPositions, row_of: dict[str, int]) -> FloatArray:
+    errors = np.zeros(len(row_of))
+    for name, error in zip(control.names, control.errors, strict=True):
+        if name in row_of:
+            errors[row_of[name]] = np.sqrt(np.mean(np.nan_to_num(error) ** 2))
+    return errors

@@ -1,0 +1,161 @@
+"""From where a route has led to the ground: absolute orientation, and further growth by the control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.prelim.arbitrary_datum import with_arbitrary_datum
+from orip.prelim.growing_block import GrowingBlock
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.measured_block import MeasuredBlock
+from orip.prelim.misplaced_photos import residual_lengths
+from orip.prelim.routes import Route
+from orip.prelim.similarity.absolute_orientation import absolute_orientation
+from orip.prelim.similarity.control_reading import other_reading
+from orip.prelim.similarity.joining import Joined
+from orip.records.preliminary import ControlReading, NotOriented, SimilarityStep
+from orip.wording import counted, first_names
+
+_TO_THE_END = 1e-9
+"""Relative gain in the weighted square sum below which a block no longer changes its shape."""
+
+_DOUBTFUL = 20.0
+"""Times the a-priori error: rays that miss each other by no more place a control point where none can be spared."""
+
+_NAMED = 6
+"""Photos of a part of a block that are named one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Where a route led on the ground, or in its own system if it could not be taken there.
+
+    Parameters
+    ----------
+    route : Route
+    grown : GrowingBlock
+    on_ground : bool
+    absolute : SimilarityStep or None
+    reason : str
+        Why it is not on the ground.
+    findings : tuple of str
+        In what system the block is without control.
+    reading : ControlReading or None
+        How the control would have to be read to fit; the block is not taken to the ground then.
+    """
+
+    route: Route
+    grown: GrowingBlock
+    on_ground: bool
+    absolute: SimilarityStep | None
+    reason: str
+    findings: tuple[str, ...] = ()
+    reading: ControlReading | None = None
+
+    @property
+    def is_final(self) -> bool:
+        """Return whether the block is on the ground, or it is known what is wrong with the control."""
+        return self.on_ground or self.reading is not None
+
+
+def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
+    """Return where a route leads on the ground; None where it orients no photo."""
+    if not route.systems:
+        return None
+    if route.on_ground:
+        return Outcome(route, route.systems[0], True, None, "")
+    first, *others = route.systems
+    if not np.isfinite(measured.full_control()).any():
+        # no point will hold it on the ground, where its shape would go on to change
+        first = measured.grower().refined(first, _TO_THE_END)
+    if measured.is_free:
+        grown, finding = with_arbitrary_datum(first, measured.rays, measured.block.distances)
+        return Outcome(route, grown, True, None, "", (finding,))
+    outcome = _absolute(measured, route, first)
+    if outcome.on_ground:
+        return _grown_further(measured, outcome, others)
+    if others and not outcome.is_final:
+        return replace(outcome, reason=f"{outcome.reason}; {_parts(measured, route)}")
+    return outcome
+
+
+def lengths_of_residuals(measured: MeasuredBlock, outcome: Outcome) -> FloatArray:
+    """Return the `residual_lengths` (n,) of the rays in an outcome."""
+    held = measured.fitting_control(outcome.absolute) if outcome.on_ground else None
+    return residual_lengths(measured.grower(held).seen(outcome.grown), outcome.grown)
+
+
+def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Outcome:
+    """Take a block to the ground, unless another reading of the control would fit it better."""
+    reading = other_reading(grown.partial_block(), measured.rays, measured.control, measured.centres)
+    if reading is not None:
+        return Outcome(route, grown, False, None, "its control fits only in another reading", reading=reading)
+    found = _joined_to_ground(measured, grown)
+    if not isinstance(found, Joined):
+        grown = _with_all_control(measured, grown)
+        again = _joined_to_ground(measured, grown)
+        if not isinstance(again, Joined):
+            return Outcome(route, grown, False, None, found.reason)
+        found = again
+    return Outcome(route, grown.transformed(found.similarity), True, found.step, "")
+
+
+def _joined_to_ground(measured: MeasuredBlock, grown: GrowingBlock) -> Joined | NotOriented:
+    return absolute_orientation(grown.partial_block(), measured.rays, measured.control, measured.centres)
+
+
+def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBlock:
+    """Return the block with control points, too, whose rays miss each other by more than they should.
+
+    A camera that is not calibrated lets the two rays of a point miss each other.
+    """
+    wanted = np.zeros(len(measured.rays.points), dtype=bool)
+    wanted[[measured.row_of[name] for name in measured.control.names if name in measured.row_of]] = True
+    wanted &= ~grown.known
+    rays = grown.corrected(measured.rays.of(np.flatnonzero(wanted[measured.rays.point])))
+    rays = replace(rays, error=_DOUBTFUL * rays.error)
+    found = intersect(grown.rotations, grown.centres, grown.oriented, rays)
+    return replace(
+        grown,
+        coordinates=np.where(wanted[:, None], found.coordinates, grown.coordinates),
+        deviations=np.where(wanted[:, None], found.deviations, grown.deviations),
+    )
+
+
+def _grown_further(measured: MeasuredBlock, outcome: Outcome, others: list[GrowingBlock]) -> Outcome:
+    """Add what has control of its own, and the photos that the control allows to orient."""
+    for other in others:
+        outcome = _with_other(measured, outcome, other)
+    grower = measured.grower(measured.fitting_control(outcome.absolute))
+    return replace(outcome, grown=grower.grow(outcome.grown))
+
+
+def _with_other(measured: MeasuredBlock, outcome: Outcome, other: GrowingBlock) -> Outcome:
+    """Add the photos of another block that has control of its own."""
+    new = other.oriented & ~outcome.grown.oriented
+    if not new.any():
+        return outcome
+    found = _absolute(measured, outcome.route, other)
+    if not found.on_ground:
+        return outcome
+    grown, added = outcome.grown, found.grown
+    for photo in np.flatnonzero(new):
+        grown = grown.with_photo(int(photo), added.rotations[photo], added.centres[photo], added.how[photo])
+    return replace(outcome, grown=grown)
+
+
+def _parts(measured: MeasuredBlock, route: Route) -> str:
+    """Name the parts of a block, and the control that each of them sees."""
+    control = np.isfinite(measured.full_control()).all(axis=1)
+    parts = []
+    for system in route.systems:
+        names = [measured.rays.photos[photo] for photo in np.flatnonzero(system.oriented)]
+        seen = int(np.count_nonzero(system.known & control))
+        parts.append(f"photos {first_names(names, _NAMED)} ({counted(seen, 'full control point')})")
+    return (
+        f"the block falls into {len(parts)} parts with too few common points to connect them, and the control is "
+        f"spread over them: {'; '.join(parts)}"
+    )

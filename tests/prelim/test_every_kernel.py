@@ -1,0 +1,120 @@
+"""No compiled function of preliminary values without a comparison with NumPy.
+
+Each function of the extension has a case here, which has to call it and to give the same figures without it. More cases
+of each are in `test_compiled`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+from compiled_cases import common_pairs, common_points, scene
+
+from orip.geometry.similarity import Similarity
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.refinement import refinement
+from orip.prelim.refinement.refinement import refine
+from orip.prelim.relative.solution import solve
+from orip.prelim.resection.best_orientations import best_orientations
+from orip.prelim.resection.known_points import KnownPoints
+from orip.prelim.resection.start import starting_orientations
+from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.start import start_from_triples
+
+pytestmark = pytest.mark.skipif(not is_compiled(), reason="the extension was not built: no compiler here")
+
+
+def known_points() -> KnownPoints:
+    rays, _, _, points = scene()
+    rows = np.flatnonzero(rays.photo == 1)[:30]
+    coordinates = points[rays.point[rows]] - points[rays.point[rows]].mean(axis=0)
+    spread = np.sqrt((coordinates**2).sum(axis=1).mean())
+    return KnownPoints(rays.vectors[rows], coordinates / spread, np.full(len(rows), 1e-4), 0.005)
+
+
+def refined() -> object:
+    rays, rotations, centres, points = scene()
+    start = points + 0.001 * np.random.default_rng(3).normal(size=points.shape)
+    return refine(
+        rays, rotations, centres, np.ones(len(centres), dtype=bool), start, held_points=np.arange(len(points)) < 5
+    )
+
+
+def intersected() -> object:
+    rays, rotations, centres, _ = scene()
+    return intersect(rotations, centres, np.ones(len(centres), dtype=bool), rays)
+
+
+def ranked_triples() -> object:
+    return starting_orientations(known_points(), 0)
+
+
+def chosen_orientations() -> object:
+    known = known_points()
+    return best_orientations(known, starting_orientations(known, 0))
+
+
+def oriented_pair() -> object:
+    return solve(common_pairs(scene()[0], 1))
+
+
+def adjusted_similarity() -> object:
+    common, rotation = common_points(25)
+    return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
+
+
+CASES: dict[str, Callable[[], object]] = {
+    "adjust_similarity": adjusted_similarity,
+    "best_orientations": chosen_orientations,
+    "best_triple": lambda: start_from_triples(common_points(25)[0]),
+    "intersect": intersected,
+    "orient_pair": oriented_pair,
+    "rank_triples": ranked_triples,
+    "refinement_normals": refined,
+    "refinement_points": refined,
+    "refinement_residuals": refined,
+}
+
+
+def figures(found: object) -> list[np.ndarray]:
+    """Return all numbers of a result."""
+    if is_dataclass(found):
+        return [array for field in fields(found) for array in figures(getattr(found, field.name))]
+    if isinstance(found, tuple):
+        return [array for part in found for array in figures(part)]
+    return [np.asarray(found, dtype=np.float64)]
+
+
+def test_every_function_has_a_case() -> None:
+    functions = {name for name in dir(kernels) if not name.startswith("_")}
+    assert functions == set(CASES)
+
+
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_function_gives_the_figures_of_numpy(name: str, without_loops, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    function = getattr(kernels, name)
+    monkeypatch.setattr(kernels, name, lambda *arguments: calls.append(name) or function(*arguments))
+    # later steps of a refinement gain so little that rounding decides how many there are
+    monkeypatch.setattr(refinement, "_MOST_STEPS", 4)
+    numbers: list[int] = []
+
+    def case() -> object:
+        found = CASES[name]()
+        numbers.append(len(calls))
+        return found
+
+    compiled, with_numpy = without_loops(case)
+    assert numbers[0] > 0, "the case does not call the function"
+    assert numbers[1] == numbers[0], "the function was called where NumPy should have done the work"
+    one, other = figures(compiled), figures(with_numpy)
+    assert len(one) == len(other)
+    for mine, theirs in zip(one, other, strict=True):
+        # iterations end where a correction is some 1e-6 at most: what they leave is of the order of its square, but
+        # shows to the first order in weights, residuals and redundancy numbers
+        size = float(np.nanmax(np.abs(theirs), initial=0.0))
+        np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-6 * size + 1e-12)

@@ -1,0 +1,45 @@
+"""Parts of a block that hang on a few points are named."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.prelim.image_rays import ImageRays
+from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.weak_connections import weak_connections
+
+
+def strip(across: int) -> ImageRays:
+    """Return six photos of a strip: neighbours share ten points, and `across` points reach from P2 and P3 to P4."""
+    seen = [(photo, 100 * pair + point) for pair in range(5) for point in range(10) for photo in (pair, pair + 1)]
+    # three in a row share ten points but where it is weak
+    seen += [
+        (photo, 1000 * first + point)
+        for first in (1, 4)
+        for point in range(10)
+        for photo in range(first - 1, first + 2)
+    ]
+    seen += [(photo, 9000 + point) for point in range(across) for photo in (1, 2, 3)]
+    names, point = np.unique([each[1] for each in seen], return_inverse=True)
+    photo = np.array([each[0] for each in seen])
+    nothing = np.zeros((len(photo), 3))
+    points = tuple(map(str, names.tolist()))
+    return ImageRays(
+        tuple(f"P{k + 1}" for k in range(6)), points, photo, point, nothing[:, :2], nothing, np.ones(len(photo))
+    )
+
+
+def told(rays: ImageRays, control: int = 0) -> list[str]:
+    known = np.zeros(len(rays.points), dtype=bool)
+    known[rays.point[rays.photo == 0][:control]] = True
+    return [each for each in weak_connections(rays, common_point_counts(rays), known) if "by photo P3" in each]
+
+
+def test_few_points_across() -> None:
+    (sentence,) = told(strip(2))
+    assert sentence.startswith("photos P1, P2 are connected with the others only by photo P3 and 2 points,")
+
+
+def test_enough_points_across_or_control_beyond() -> None:
+    assert told(strip(6)) == []
+    assert told(strip(2), control=2) == []
