@@ -1,5 +1,3 @@
-"""The version of the program, which stands on listings and is part of every run id."""
-
-from __future__ import annotations
+"""The version of orip."""
 
 __version__ = "0.1.0"

@@ -204,8 +204,8 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
     control = inputs.control
     placed = {point.name for point in control.points if None not in point.coordinates}
     placed |= {point.name for point in inputs.preliminary}
-    ends = [name for each in control.distances for name in (each.start, each.end)]
-    ends += [name for each in control.directions for name in (each.station, each.target)]
+    ends = [name for distance in control.distances for name in (distance.start, distance.end)]
+    ends += [name for direction in control.directions for name in (direction.station, direction.target)]
     return tuple(dict.fromkeys([*inputs.observations.points, *(name for name in ends if name in placed)]))
 
 
@@ -216,11 +216,11 @@ def _ground_observations(
     control = inputs.control
     points = set(point_names)
     records = {
-        "PHOTO": {record_key(each.name) for each in photos},
-        "CAMERA": {record_key(each.name) for each in cameras},
+        "PHOTO": {record_key(photo.name) for photo in photos},
+        "CAMERA": {record_key(camera.name) for camera in cameras},
     }
-    directions = tuple(each for each in control.directions if {each.station, each.target} <= points)
-    sets = {each.set for each in directions}
+    directions = tuple(direction for direction in control.directions if {direction.station, direction.target} <= points)
+    sets = {direction.set for direction in directions}
 
     def has(element: ControlElement) -> bool:
         if element.group in records:
@@ -230,7 +230,7 @@ def _ground_observations(
     return Control(
         tuple(point for point in control.points if point.name in points),
         tuple(element for element in control.elements if has(element)),
-        tuple(each for each in control.distances if {each.start, each.end} <= points),
+        tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
     )
 
@@ -253,18 +253,20 @@ def _constant_points(point_names: Sequence[str], ground: Control, definition: Bu
 def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
     """Return the theodolite sets with preliminary zero directions: the mean of azimuth less direction."""
     place = block.point_index()
-    held = {each.name: each for each in block.elements if each.group == "THEODOLITE" and each.error == 0.0}
+    held = {
+        element.name: element for element in block.elements if element.group == "THEODOLITE" and element.error == 0.0
+    }
     sets = []
-    for name in dict.fromkeys(each.set for each in block.directions):
+    for name in dict.fromkeys(direction.set for direction in block.directions):
         if name in held:
             sets.append(TheodoliteSet(name, held[name].value * RADIANS_PER_DEGREE, constant=True))
             continue
-        mine = [each for each in block.directions if each.set == name]
-        station = block.point_start[[place[each.station] for each in mine]]
-        offset = block.point_start[[place[each.target] for each in mine]] - station
+        mine = [direction for direction in block.directions if direction.set == name]
+        station = block.point_start[[place[direction.station] for direction in mine]]
+        offset = block.point_start[[place[direction.target] for direction in mine]] - station
         offset = (block.ground.axes_at(block.ground.to_project(station)) @ offset[:, :, None])[:, :, 0]
         turned = np.arctan2(offset[:, 0], offset[:, 1])
-        turned -= np.array([each.direction for each in mine]) * RADIANS_PER_DEGREE
+        turned -= np.array([direction.direction for direction in mine]) * RADIANS_PER_DEGREE
         sets.append(TheodoliteSet(name, float(np.arctan2(np.sin(turned).mean(), np.cos(turned).mean()))))
     return tuple(sets)
 

@@ -103,7 +103,7 @@ def _additional_tests(solved: SolvedBlock) -> Iterator[ParameterTest]:
 
 
 def _a_priori_errors(solved: SolvedBlock) -> FloatArray:
-    rows = next(each.rows for each in solved.problem.observations if each.rows.kind == ADDITIONAL_PARAMETER)
+    rows = next(kind.rows for kind in solved.problem.observations if kind.rows.kind == ADDITIONAL_PARAMETER)
     return rows.error
 
 
@@ -120,10 +120,10 @@ def _test(solved: SolvedBlock, camera: Camera, parameters: list[str], columns: N
     places = [CAMERA_PARAMETERS.index(kind) for kind in parameters]
     unknowns = columns[places]
     cofactor = solved.cofactors.reduced[np.ix_(unknowns, unknowns)]
-    row = [each.name for each in solved.block.cameras].index(camera.name)
+    row = [record.name for record in solved.block.cameras].index(camera.name)
     values = solved.state.cameras[row, places]
     normals = solved.normals
-    lost = max(digits_lost(solved, int(each)) for each in unknowns)
+    lost = max(digits_lost(solved, int(column)) for column in unknowns)
     limit = float(np.sqrt(fdtri(len(unknowns), solved.variance.redundancy, 1.0 - ALPHA)))
     if normals.removed[unknowns].any() or lost > MOST_LOST_DIGITS:
         return ParameterTest(camera.name, tuple(parameters), float("nan"), limit, lost, "not determinable")

@@ -91,11 +91,11 @@ def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
     Photo points do not determine any: they depend on the relative positions of photos and points only.
     """
     problem, state = solved.problem, solved.state
-    on_the_ground = tuple(each for each in problem.observations if each.rows.kind != PHOTO_POINT)
+    on_the_ground = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
     if not on_the_ground:
         return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
-    rows = [each.rows for each in problem.observations]
-    is_photo = np.concatenate([np.full(len(each.used), each.kind == PHOTO_POINT) for each in rows])
+    rows = [kind.rows for kind in problem.observations]
+    is_photo = np.concatenate([np.full(len(part.used), part.kind == PHOTO_POINT) for part in rows])
     active = solved.equations.active[~is_photo]
     design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
     return free_movements(state, problem.unknowns, design[active])
@@ -145,7 +145,7 @@ def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
     if not moves or (farthest := max(moves))[0] < _SETTLED:
         return
     size, kind, name = farthest
-    count = sum(each[0] >= _SETTLED for each in moves)
+    count = sum(move[0] >= _SETTLED for move in moves)
     text = (
         f"the iterations did not converge: one more would change {kind} of photo {name} by {size:.2g} standard "
         f"deviations, and {_photos(count)} by more than {_SETTLED}"
@@ -194,7 +194,9 @@ def _points_in_photo(block: Block, name: str) -> int:
 
 def _same_unknown(block: Block, camera: Camera) -> bool:
     observed = {
-        each.kind for each in block.elements if each.group == "CAMERA" and each.name.upper() == camera.name.upper()
+        element.kind
+        for element in block.elements
+        if element.group == "CAMERA" and element.name.upper() == camera.name.upper()
     }
     return {"C", "A1"} <= set(camera.unknown) and not observed & {"C", "A1"}
 

@@ -56,7 +56,7 @@ def _smallest_redundancy_number(solution: Solution) -> float:
 
 def _check_differences(solution: Solution) -> FloatArray:
     """Return dX, dY, dZ (n, 3)."""
-    return np.array([(each.dX, each.dY, each.dZ) for each in solution.check_points]).reshape(-1, 3)
+    return np.array([(point.dX, point.dY, point.dZ) for point in solution.check_points]).reshape(-1, 3)
 
 
 def _control_residuals(solution: Solution, components: str) -> FloatArray:
@@ -88,7 +88,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "max_standard_residual": lambda solution: _largest(solution.residuals.standard_residual[_taking_part(solution)]),
     "max_abs_w": lambda solution: _largest(np.abs(solution.residuals.w)),
     "min_redundancy_number": _smallest_redundancy_number,
-    "max_correlation": lambda solution: _largest([abs(each.r) for each in solution.correlations]),
+    "max_correlation": lambda solution: _largest([abs(pair.r) for pair in solution.correlations]),
     "check_points.count": lambda solution: len(solution.check_points),
     "check_points.rms_xy": lambda solution: _root_mean_square(_check_differences(solution)[:, :2]),
     "check_points.rms_z": lambda solution: _root_mean_square(_check_differences(solution)[:, 2]),

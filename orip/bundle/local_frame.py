@@ -90,7 +90,7 @@ def _free_network_complaints(block: Block) -> Iterator[Complaint]:
             f"bundle {name} is a free network with theodolite directions, whose verticals differ from place to place "
             "with a crs; leave crs out, or take the directions out of the .DIR file"
         )
-    on_grid = [each.name for each in block.distances if each.code != "XYZ" and each.error >= 0.0]
+    on_grid = [distance.name for distance in block.distances if distance.code != "XYZ" and distance.error >= 0.0]
     if on_grid:
         yield Complaint(
             f"distance {', '.join(on_grid)} of the free network {name} is taken on the map grid with a crs, which "

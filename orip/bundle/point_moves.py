@@ -47,7 +47,7 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
         state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
     )
     observed = {point.name for point in block.control_points}
-    observed |= {each.name for each in block.elements if each.group == "POINT"}
+    observed |= {element.name for element in block.elements if element.group == "POINT"}
     free = (unknowns.points >= unknowns.layout.reduced).all(axis=1) & (unknowns.points != CONSTANT).all(axis=1)
     free &= np.array([name not in observed for name in block.point_names], dtype=bool)
     free &= np.isfinite(found).all(axis=1)

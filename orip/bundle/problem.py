@@ -88,9 +88,9 @@ class BlockProblem:
 
     def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
         """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-        columns = [each.columns() for each in self.observations]
-        kept = [each != CONSTANT for each in columns]
-        indices = np.concatenate([each[keep] for each, keep in zip(columns, kept, strict=True)])
+        columns = [kind.columns() for kind in self.observations]
+        kept = [table != CONSTANT for table in columns]
+        indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
         counts = np.concatenate([keep.sum(axis=1) for keep in kept])
         return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
@@ -113,7 +113,7 @@ class BlockProblem:
             correction = self.datum.transformed(correction, state, self.unknowns)
         moved = state.moved(correction, self.unknowns)
         memory = {
-            each.rows.kind.name: kept for each in self.observations if (kept := each.remembered(moved)) is not None
+            kind.rows.kind.name: kept for kind in self.observations if (kept := kind.remembered(moved)) is not None
         }
         return replace(moved, memory=memory)
 
@@ -121,11 +121,11 @@ class BlockProblem:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
         first = 0
         correction = np.zeros(self.layout.size)
-        for each in self.observations:
-            if isinstance(each, PhotoPointObservations):
-                moves = moves_to_consensus(each, first, self.unknowns.points, equations, state, limit)
+        for kind in self.observations:
+            if isinstance(kind, PhotoPointObservations):
+                moves = moves_to_consensus(kind, first, self.unknowns.points, equations, state, limit)
                 correction[: len(moves)] += moves
-            first += len(each.rows.photo)
+            first += len(kind.rows.photo)
         return state.moved(correction, self.unknowns) if correction.any() else None
 
     def with_blocks_recomputed(self, state: BlockState) -> BlockState:
@@ -148,10 +148,10 @@ def pose_problem(block: Block) -> BlockProblem:
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
-    photo_points = next(each for each in observations if isinstance(each, PhotoPointObservations))
+    photo_points = next(kind for kind in observations if isinstance(kind, PhotoPointObservations))
     problem = BlockProblem(block, unknowns, observations)
     loop = photo_loop(photo_points, unknowns)
-    rest = tuple(each for each in observations if each is not photo_points and len(each.rows.error))
+    rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
     if not _couples_points(others):
@@ -164,10 +164,10 @@ def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> B
     layout = problem.layout
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
-    touching, touched = ([each] for each in loop.touched())
+    touching, touched = ([array] for array in loop.touched())
     first = len(loop.pattern.runs_start)
-    for each in others.observations:
-        columns = each.columns()
+    for kind in others.observations:
+        columns = kind.columns()
         rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))
         touching.append(first + rows)
         touched.append(columns[rows, places].astype(np.int64))
@@ -184,14 +184,14 @@ def _couples_points(problem: BlockProblem) -> bool:
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
-        for columns in (each.columns() for each in problem.observations)
+        for columns in (kind.columns() for kind in problem.observations)
     )
 
 
 def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: while solving, as many unknowns are held as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
-    others = tuple(each for each in problem.observations if not isinstance(each, PhotoPointObservations))
+    others = tuple(kind for kind in problem.observations if not isinstance(kind, PhotoPointObservations))
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
     every = np.ones(len(on_the_ground.residual), dtype=bool)
     datum = free_datum(block, state, unknowns, on_the_ground, every)
@@ -210,7 +210,7 @@ def starting_state(block: Block) -> BlockState:
         centres=block.photo_orientation[:, :3].copy(),
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
         points=block.point_start.copy(),
-        theodolites=np.array([each.zero_direction for each in block.theodolites], dtype=np.float64),
+        theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
         turned_by_angles=np.array(
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),

@@ -65,7 +65,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         point_rays=_rays_per_point(solved),
         point_kinds=_point_kinds(block),
         residuals=_residuals(solved),
-        photo_rotation_sd_about_axes=tuple(bool(each) for each in photos.about_axes),
+        photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
         additional=_additional(solved),
         singular=_singular(solved),
         correlations=_camera_correlations(solved),
@@ -111,20 +111,20 @@ def _point_kinds(block: Block) -> tuple[PointKind, ...]:
 def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
     state, equations = solved.state, solved.equations
-    error = np.concatenate([each.error for each in rows])
+    error = np.concatenate([part.error for part in rows])
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
-    added = np.concatenate([np.broadcast_to(state.memory.get(each.kind.name, 0.0), len(each.photo)) for each in rows])
+    added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
     residual = equations.residual * error - added
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
     standard = np.abs(residual) / error
     return Residuals(
-        kind=tuple(each.kind.name for each in rows for _ in each.photo),
-        photo=_chained([each.photo for each in rows]),
-        point=_chained([each.point for each in rows]),
-        component=_chained([each.component for each in rows]),
-        observed=np.concatenate([each.observed for each in rows]),
+        kind=tuple(part.kind.name for part in rows for _ in part.photo),
+        photo=_chained([part.photo for part in rows]),
+        point=_chained([part.point for part in rows]),
+        component=_chained([part.component for part in rows]),
+        observed=np.concatenate([part.observed for part in rows]),
         residual=residual,
         a_priori=error,
         standard_residual=standard,

@@ -113,12 +113,14 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
     photos = [photo.name for photo in block.photos]
     place = block.point_index()
-    wrong = {(photos.index(each.photo), place[each.point]) for each in blunders if each.kind == PHOTO_POINT.name}
+    wrong = {
+        (photos.index(blunder.photo), place[blunder.point]) for blunder in blunders if blunder.kind == PHOTO_POINT.name
+    }
     points = block.photo_points
     keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
     used = points.used & np.array(keep, dtype=bool)[:, None]
-    contradicting = {each.point for each in blunders if each.kind == CONTROL_POINT.name}
-    control = tuple(_disregarded(each) if each.name in contradicting else each for each in block.control_points)
+    contradicting = {blunder.point for blunder in blunders if blunder.kind == CONTROL_POINT.name}
+    control = tuple(_disregarded(point) if point.name in contradicting else point for point in block.control_points)
     return replace(block, photo_points=replace(points, used=used), control_points=control)
 
 
@@ -200,17 +202,19 @@ class _Search:
             self._adjust_again()
             if self._fails(best):
                 # at its former place: blunders are listed in the order they were found
-                self.left_out = {unit: each for unit, each in found.items() if unit in self.left_out or unit == best}
+                self.left_out = {
+                    unit: finding for unit, finding in found.items() if unit in self.left_out or unit == best
+                }
                 self._adjust_again()
 
     def blunders(self) -> Iterator[Blunder]:
         """Return what was left out, with the size of each error and its standard deviation."""
         problem = self.solved.problem
-        rows = [each.rows for each in problem.observations]
-        photo = [name for each in rows for name in each.photo]
-        point = [name for each in rows for name in each.point]
-        component = [name for each in rows for name in each.component]
-        error = np.concatenate([each.error for each in rows])
+        rows = [kind.rows for kind in problem.observations]
+        photo = [name for part in rows for name in part.photo]
+        point = [name for part in rows for name in part.point]
+        component = [name for part in rows for name in part.component]
+        error = np.concatenate([part.error for part in rows])
         residual = self.solved.equations.residual
         for order, finding in enumerate(self.left_out.values(), start=1):
             unit = self.units[finding.unit]
@@ -325,17 +329,17 @@ def _units(observations: tuple[Observations, ...]) -> list[_Unit]:
     """Return what may be left out: photo points, and control points with their weighted coordinates."""
     units: list[_Unit] = []
     start = 0
-    for each in observations:
-        rows = each.rows
-        if isinstance(each, PhotoPointObservations):
-            for index in range(len(each.photo)):
+    for kind in observations:
+        rows = kind.rows
+        if isinstance(kind, PhotoPointObservations):
+            for index in range(len(kind.photo)):
                 pair = [2 * index + place for place in range(2) if rows.used[2 * index + place]]
                 if pair:
                     place = tuple(start + row for row in pair)
-                    units.append(_Unit(PHOTO_POINT.name, place, int(each.photo[index]), int(each.point[index])))
-        elif isinstance(each, ControlPointObservations):
-            for point in np.unique(each.point[rows.used]):
-                mine = np.flatnonzero((each.point == point) & rows.used)
+                    units.append(_Unit(PHOTO_POINT.name, place, int(kind.photo[index]), int(kind.point[index])))
+        elif isinstance(kind, ControlPointObservations):
+            for point in np.unique(kind.point[rows.used]):
+                mine = np.flatnonzero((kind.point == point) & rows.used)
                 units.append(_Unit(CONTROL_POINT.name, tuple(start + int(row) for row in mine), -1, int(point)))
         start += len(rows.photo)
     return units

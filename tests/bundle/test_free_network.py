@@ -237,5 +237,5 @@ def test_the_datum_does_not_depend_on_how_far_off_the_start_is():
 def test_datum_points_that_are_not_there_or_do_not_suffice_are_refused():
     with pytest.raises(InputError, match="999"):
         solution(free("aerial", ("101", "999", "105")))
-    with pytest.raises(InputError, match="do not fix"):
+    with pytest.raises(InputError, match="do not determine"):
         solution(free("aerial", ("101", "102")))

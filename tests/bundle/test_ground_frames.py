@@ -20,6 +20,7 @@ from workflow.small_projects import replace_in
 from orip.bundle.results import solution_of
 from orip.bundle.snooping import SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
+from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
 from orip.records.photo import PHOTO_PARAMETERS
@@ -305,7 +306,7 @@ def test_snooping_finds_a_wrong_coordinate_along_the_axis_of_the_project() -> No
 def test_an_observation_far_from_its_place_is_named() -> None:
     points = aerial().control(corners(0.01, 0.01, 0.01))
     points[7] = replace(points[7], coordinates=(1e30, 5e6, 500.0))
-    with pytest.raises(AssertionError, match=f"control point {points[7].name} has the coordinates"):
+    with pytest.raises(InputError, match=f"control point {points[7].name} has the coordinates"):
         aerial().assembled(Control(points=tuple(points)))
 
 
@@ -319,7 +320,7 @@ def test_a_misprint_does_not_move_the_frame() -> None:
 
 
 def test_a_free_network_with_distances_on_the_grid_is_refused() -> None:
-    with pytest.raises(AssertionError, match=r"is taken on the map grid .* give a spatial distance \(XYZ\)"):
+    with pytest.raises(InputError, match=r"is taken on the map grid .* give a spatial distance \(XYZ\)"):
         aerial().assembled(Control(distances=distances(0.01, ("XY",))), datum="free")
 
 

@@ -103,7 +103,7 @@ def pattern_of_loop(
     keys = np.unique(np.concatenate([every * of_group + camera_of_photo[shown], every * of_group + cameras + shown]))
     runs_start = np.searchsorted(keys // every, np.arange(len(numbers) + 1))
     small = (order, np.append(0, ends), by_group, group_start, runs_start, keys % every)
-    return Pattern(*(each.astype(np.int32) for each in small))
+    return Pattern(*(array.astype(np.int32) for array in small))
 
 
 def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:

@@ -90,7 +90,7 @@ class PhotoLoop:
         self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
     ) -> BlockNormals:
         """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
-        found = BlockNormals(*(np.ascontiguousarray(each) for each in others))
+        found = BlockNormals(*(np.ascontiguousarray(array) for array in others))
         factor = root_weights / self.points.rows.error
         pattern = self._pattern(_whole(layout.reduced))
         compiled.points(*self._observations(state), *pattern, factor, misclosure, *found)
@@ -170,8 +170,11 @@ class PhotoLoop:
 
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""
-        columns = [np.where(each == CONSTANT, np.iinfo(np.int32).max, each).min(axis=1, initial=np.iinfo(np.int32).max)
-                   for each in (self.cameras.columns, self.photo_columns)]  # fmt: skip
+        largest = np.iinfo(np.int32).max
+        columns = [
+            np.where(table == CONSTANT, largest, table).min(axis=1, initial=largest)
+            for table in (self.cameras.columns, self.photo_columns)
+        ]
         first = np.concatenate(columns)[self.pattern.runs]
         group = np.repeat(np.arange(len(self.pattern.runs_start) - 1), np.diff(self.pattern.runs_start))
         is_unknown = first < np.iinfo(np.int32).max
@@ -186,7 +189,7 @@ class PhotoLoop:
             cameras.polynomials, cameras.factors, cameras.at_measured, self.camera_of_photo, self.photo, self.point,
             points.xy, points.rows.error,
         )  # fmt: skip
-        return tuple(np.ascontiguousarray(each) for each in arrays)
+        return tuple(np.ascontiguousarray(array) for array in arrays)
 
     def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
         p = self.pattern
@@ -225,11 +228,11 @@ class StreamedCoupling:
 
     def times(self, reduced: FloatArray) -> FloatArray:
         """Return H N_pr times vectors (m,) or (m, k)."""
-        return np.apply_along_axis(lambda each: self.loop.backward(self, each), 0, reduced)
+        return np.apply_along_axis(lambda vector: self.loop.backward(self, vector), 0, reduced)
 
     def transposed_times(self, points: FloatArray) -> FloatArray:
         """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
-        return np.apply_along_axis(lambda each: self.loop.forward(self, each), 0, points)
+        return np.apply_along_axis(lambda vector: self.loop.forward(self, vector), 0, points)
 
 
 def _whole(size: int) -> Arrangement:

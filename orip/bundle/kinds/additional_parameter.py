@@ -39,8 +39,8 @@ def observe_additional_parameters(block: Block, unknowns: Unknowns) -> Additiona
         if (camera.name, name) not in block.held_additional
     ]
     camera = np.array([row for row, *_ in found], dtype=np.int64)
-    parameter = np.array([each for _, each, _ in found], dtype=np.int64)
-    errors = [_error(block, row, each) for row, each, _ in found]
+    parameter = np.array([index for _, index, _ in found], dtype=np.int64)
+    errors = [_error(block, row, index) for row, index, _ in found]
     rows = Rows(
         kind=ADDITIONAL_PARAMETER,
         photo=("",) * len(found),

@@ -56,26 +56,26 @@ class DirectionObservations(Observations):
 def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservations:
     """Return directions and zenith angles; a-priori error 0 is not possible, negative is disregarded."""
     place = block.point_index()
-    sets = {each.name: row for row, each in enumerate(block.theodolites)}
+    sets = {theodolite.name: row for row, theodolite in enumerate(block.theodolites)}
     found = [
-        (each, is_zenith, value, error)
-        for each in block.directions
+        (direction, is_zenith, value, error)
+        for direction in block.directions
         for is_zenith, value, error in (
-            (False, each.direction, each.direction_error),
-            (True, each.zenith, each.zenith_error),
+            (False, direction.direction, direction.direction_error),
+            (True, direction.zenith, direction.zenith_error),
         )
         if value is not None and error is not None
     ]
-    station = np.array([place[each.station] for each, *_ in found], dtype=np.int64)
-    target = np.array([place[each.target] for each, *_ in found], dtype=np.int64)
-    row = np.array([sets[each.set] for each, *_ in found], dtype=np.int64)
+    station = np.array([place[direction.station] for direction, *_ in found], dtype=np.int64)
+    target = np.array([place[direction.target] for direction, *_ in found], dtype=np.int64)
+    row = np.array([sets[direction.set] for direction, *_ in found], dtype=np.int64)
     is_zenith = np.array([zenith for _, zenith, *_ in found], dtype=bool)
     error = np.array([error for *_, error in found], dtype=np.float64)
     zero = np.where(is_zenith, CONSTANT, unknowns.theodolites[row] if len(row) else CONSTANT)
     rows = Rows(
         kind=DIRECTION,
-        photo=tuple(each.set for each, *_ in found),
-        point=tuple(f"{each.station}-{each.target}" for each, *_ in found),
+        photo=tuple(direction.set for direction, *_ in found),
+        point=tuple(f"{direction.station}-{direction.target}" for direction, *_ in found),
         component=tuple("zenith" if zenith else "direction" for _, zenith, *_ in found),
         observed=np.array([value for *_, value, _ in found], dtype=np.float64),
         error=np.abs(error),
@@ -88,4 +88,4 @@ def observe_directions(block: Block, unknowns: Unknowns) -> DirectionObservation
 def tied_by_directions(block: Block) -> frozenset[int]:
     """Return the points that directions tie to each other."""
     place = block.point_index()
-    return frozenset(place[name] for each in block.directions for name in (each.station, each.target))
+    return frozenset(place[name] for direction in block.directions for name in (direction.station, direction.target))

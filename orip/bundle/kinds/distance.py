@@ -75,14 +75,14 @@ class ConstantDistanceObservations(ExactObservations, DistanceObservations):
 
 def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
     """Return the weighted and the disregarded distances."""
-    chosen = [each for each in block.distances if each.error != 0.0]
-    error = np.array([each.error for each in chosen], dtype=np.float64)
+    chosen = [distance for distance in block.distances if distance.error != 0.0]
+    error = np.array([distance.error for distance in chosen], dtype=np.float64)
     return DistanceObservations(*_between(block, unknowns, chosen, DISTANCE, np.abs(error), error > 0.0))
 
 
 def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:
     """Return the distances with a-priori error 0."""
-    chosen = [each for each in block.distances if each.error == 0.0]
+    chosen = [distance for distance in block.distances if distance.error == 0.0]
     error = np.full(len(chosen), error_of_constant_lengths(block) if chosen else 1.0)
     used = np.ones(len(chosen), dtype=bool)
     return ConstantDistanceObservations(*_between(block, unknowns, chosen, CONSTANT_DISTANCE, error, used))
@@ -91,7 +91,7 @@ def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDist
 def tied_by_distances(block: Block) -> frozenset[int]:
     """Return the points that distances tie to each other."""
     place = block.point_index()
-    return frozenset(place[name] for each in block.distances for name in (each.start, each.end))
+    return frozenset(place[name] for distance in block.distances for name in (distance.start, distance.end))
 
 
 def _between(
@@ -99,17 +99,17 @@ def _between(
     used: NDArray[np.bool_],
 ) -> tuple[Rows, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], GroundSystem]:  # fmt: skip
     place = block.point_index()
-    start = np.array([place[each.start] for each in chosen], dtype=np.int64)
-    end = np.array([place[each.end] for each in chosen], dtype=np.int64)
+    start = np.array([place[distance.start] for distance in chosen], dtype=np.int64)
+    end = np.array([place[distance.end] for distance in chosen], dtype=np.int64)
     axes = np.zeros((len(chosen), 3), dtype=bool)
-    for row, each in enumerate(chosen):
-        axes[row, list(AXES[each.code])] = True
+    for row, distance in enumerate(chosen):
+        axes[row, list(AXES[distance.code])] = True
     rows = Rows(
         kind=kind,
         photo=("",) * len(chosen),
-        point=tuple(each.name for each in chosen),
-        component=tuple(each.code for each in chosen),
-        observed=np.array([each.distance for each in chosen], dtype=np.float64),
+        point=tuple(distance.name for distance in chosen),
+        component=tuple(distance.code for distance in chosen),
+        observed=np.array([distance.distance for distance in chosen], dtype=np.float64),
         error=error,
         used=used,
         columns=np.hstack([unknowns.points[start], unknowns.points[end]]),

@@ -119,8 +119,8 @@ def _rotation_values(ground: GroundSystem, state: BlockState, row: IntArray, col
     axes = ground.axes_at(ground.to_project(state.centres[row]))
     angles = angles_from_rotation(axes @ state.rotations[row])
     rates = angle_rates_from_axes_rotation(angles) @ axes @ state.rotation_basis()[row]
-    each = np.arange(len(row))
-    return _Values(angles[each, column] * DEGREES_PER_RADIAN, rates[each, column] * DEGREES_PER_RADIAN, angles[:, 1])
+    rows = np.arange(len(row))
+    return _Values(angles[rows, column] * DEGREES_PER_RADIAN, rates[rows, column] * DEGREES_PER_RADIAN, angles[:, 1])
 
 
 _EVALUATION: Mapping[str, Callable[[GroundSystem, BlockState, IntArray, IntArray], _Values]] = {
@@ -135,7 +135,7 @@ _EVALUATION: Mapping[str, Callable[[GroundSystem, BlockState, IntArray, IntArray
 def observe_elements(block: Block, unknowns: Unknowns) -> ElementObservations:
     """Return the elements that are observed or disregarded; those with a-priori error 0 are constants of the block."""
     places = _Places(block)
-    chosen = [each for each in block.elements if each.error != 0.0 and places.has(each)]
+    chosen = [element for element in block.elements if element.error != 0.0 and places.has(element)]
     error = np.array([abs(element.error) for element in chosen], dtype=np.float64)
     used = np.array([error_allows_use(block, element) for element in chosen], dtype=bool)
     return ElementObservations(*_observed(block, unknowns, chosen, ELEMENT, error, used))
@@ -146,7 +146,7 @@ def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantEleme
     chosen = block.constant_elements
     error = np.ones(len(chosen))
     if chosen:
-        angular = np.array([each.kind in PHOTO_PARAMETERS[3:] for each in chosen])
+        angular = np.array([element.kind in PHOTO_PARAMETERS[3:] for element in chosen])
         of_angle = error_of_constant_angles(block) * DEGREES_PER_RADIAN
         error = np.where(angular, of_angle, error_of_constant_lengths(block))
     used = np.ones(len(chosen), dtype=bool)
@@ -158,7 +158,7 @@ def _observed(
     used: NDArray[np.bool_],
 ) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, GroundSystem]:  # fmt: skip
     places = _Places(block)
-    found = [places.of(each) for each in chosen]
+    found = [places.of(element) for element in chosen]
     columns = [_columns(place, unknowns, block.ground) for place in found]
     rows = Rows(
         kind=kind,
@@ -190,9 +190,9 @@ class _Places:
 
     def __init__(self, block: Block) -> None:
         self.rows = {
-            "CAMERA": {record_key(each.name): row for row, each in enumerate(block.cameras)},
-            "PHOTO": {record_key(each.name): row for row, each in enumerate(block.photos)},
-            "THEODOLITE": {each.name: row for row, each in enumerate(block.theodolites)},
+            "CAMERA": {record_key(camera.name): row for row, camera in enumerate(block.cameras)},
+            "PHOTO": {record_key(photo.name): row for row, photo in enumerate(block.photos)},
+            "THEODOLITE": {theodolite.name: row for row, theodolite in enumerate(block.theodolites)},
             "POINT": block.point_index(),
         }
 
