@@ -16,6 +16,7 @@ from orip.records.camera import CAMERA_UNITS
 from orip.records.observation_kinds import unit_of_observation
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Residuals, Solution
+from orip.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,6 +74,10 @@ class ObservationResiduals:
 
     def __len__(self) -> int:
         return len(self.kind)
+
+    def __repr__(self) -> str:
+        columns = ", ".join(column.name for column in fields(self))
+        return f"<{counted(len(self), 'observation component')}: {columns}>"
 
 
 def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
