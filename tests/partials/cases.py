@@ -14,10 +14,12 @@ import numpy as np
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
+from orip.bundle.ground_results import rotation_partials
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.problem import starting_state
+from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.essential import TwoPhotos
@@ -46,8 +48,7 @@ from orip.multimodel.camera_model import camera_model
 from orip.prelim.image_rays import image_rays
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
-from orip.prelim.refinement.problem import Network
-from orip.prelim.refinement.problem import State as RefinementState
+from orip.prelim.refinement.problem import RefinementProblem, RefinementState
 from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
@@ -92,7 +93,7 @@ class Case:
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_similarity(),
-        *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_parallaxes(), *_resection(),
+        *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(), *_parallaxes(), *_resection(),
         *_refinement(), *_kinds(),
     ]  # fmt: skip
 
@@ -147,6 +148,19 @@ def _rates() -> Iterator[Case]:
 
     for function, value in ((axes_rotation_from_angle_rates, turn), (angle_rates_from_axes_rotation, change)):
         yield Case(full_name(function), "three angles", np.zeros(3), value, function(angles))
+
+
+def _shown_rotations() -> Iterator[Case]:
+    """Return a case for each photo of a solved block: omega, phi, kappa by the rotations that were estimated."""
+    block = solve_block(synthetic_block("convergent", "shown rotations").block, lambda _: None, lambda: False)
+    partials, level = rotation_partials(block)
+    assert not level.any()
+    for photo, rotation in enumerate(block.state.rotations):
+
+        def angles(x: np.ndarray, rotation: np.ndarray = rotation) -> np.ndarray:
+            return angles_from_rotation(rotation_about_axes(x) @ rotation) - angles_from_rotation(rotation)
+
+        yield Case(full_name(rotation_partials), f"photo {photo}", np.zeros(3), angles, partials[photo])
 
 
 def _frame() -> GroundFrame:
@@ -345,13 +359,15 @@ def _resection() -> Iterator[Case]:
     in_photo = generator.uniform([-3.0, -3.0, -9.0], [3.0, 3.0, -7.0], (6, 3))
     vectors = np.column_stack([50.0 * in_photo[:, :2] / -in_photo[:, 2:], np.full(6, -50.0)])
     known = resection.KnownPoints(vectors, centre + in_photo @ rotation.T, np.zeros(6), 0.005)
+    problem = resection._Resection(known)
 
     def linearised(x: np.ndarray) -> resection.Linearised:
         turned = rotation_about_axes(x[:3]) @ rotation
-        return resection._linearise(known, resection.Orientations(turned[None], (centre + x[3:])[None]))
+        at = resection.Orientations(turned[None], (centre + x[3:])[None])
+        return problem.linearised(at, np.ones((1, 6)), np.zeros((1, 6)))
 
     yield Case(
-        full_name(resection._linearise), "rotation and centre", np.zeros(6),
+        full_name(resection._Resection.linearised), "rotation and centre", np.zeros(6),
         lambda x: linearised(x).residual.ravel(), linearised(np.zeros(6)).partials.reshape(-1, 6),
     )  # fmt: skip
 
@@ -362,7 +378,7 @@ def _refinement() -> Iterator[Case]:
     camera = replace(made.block.cameras[0], unknown=("C", "DX", "DY", "A3"))
     rays = image_rays(replace(made.block, cameras=(camera, *made.block.cameras[1:])))
     photos, points = len(made.orientations), len(made.points)
-    network = Network(rays, np.ones(photos, dtype=bool), np.ones(points, dtype=bool))
+    network = RefinementProblem(rays, np.ones(photos, dtype=bool), np.ones(points, dtype=bool))
     solver = ArraySolver(network)
     state = RefinementState(
         rotation_from_angles(made.orientations[:, 3:]), made.orientations[:, :3], made.points, no_corrections(rays)

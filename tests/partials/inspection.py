@@ -16,7 +16,7 @@ import orip
 PACKAGES = ("bundle", "geometry", "interior", "mistakes", "multimodel", "prelim", "records")
 
 _FIELD = re.compile(r"^by_[a-z]|partials$|derivative$")
-_SPOKEN_OF = re.compile(r"\bpartials?\b|\bderivatives?\b|\bjacobian|\brates\b")
+_SPOKEN_OF = re.compile(r"\bpartials?\b(?! blocks?\b)|\bderivatives?\b|\bjacobian|\brates\b")
 _MAPPED = "Mapped"
 """The tuple of coordinates and their partials in `orip.interior.distortion`."""
 

@@ -64,7 +64,12 @@ PART_OF = {
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
 GIVES_NONE = {
-    "orip.bundle.consensus.moves_to_consensus": "moves of points",
+    "orip.bundle.covariance._joined": "partials of several records, side by side",
+    "orip.bundle.covariance.camera_figures": "unit matrices: parameters of cameras are shown as they are estimated",
+    "orip.bundle.covariance.covariance": "covariances",
+    "orip.bundle.covariance.photo_figures": "project_with_partials and rotation_partials, side by side",
+    "orip.bundle.covariance.point_figures": "project_with_partials, unchanged",
+    "orip.bundle.point_moves.moves_to_consensus": "moves of points",
     "orip.bundle.ground_results._project_cofactors": "cofactors",
     "orip.bundle.ground_results._rotation_deviations": "standard deviations",
     "orip.bundle.problem.BlockProblem._pattern": "places of unknowns",
@@ -77,12 +82,14 @@ GIVES_NONE = {
     "orip.prelim.refinement.array_steps.ArraySolver.moved": "the next state",
     "orip.prelim.relative.adjustment._design": "partials of parallaxes, in two directions across the base",
     "orip.prelim.relative.solution._intersection_deviations": "standard deviations",
-    "orip.prelim.resection.adjustment.Linearised.replaced": "some of the rows, unchanged",
-    "orip.prelim.resection.adjustment._solve": "corrections and normal matrices",
-    "orip.prelim.similarity.adjustment._Equations.linearised": "some of the rows, divided by their errors",
+    "orip.prelim.resection.adjustment.Linearised.normal_equations": "normal equations",
+    "orip.prelim.resection.adjustment._Resection.start": "the first rows, unchanged",
+    "orip.prelim.resection.adjustment._Resection.stepped": "the rows after a step, unchanged",
+    "orip.prelim.resection.adjustment._RobustResection.reweighted": "the rows, unchanged, with other weights",
+    "orip.prelim.resection.adjustment._TrimmedResection.reweighted": "the rows, unchanged, with other weights",
+    "orip.prelim.similarity.adjustment._SimilarityProblem._linearised": "some of the rows, divided by their errors",
     "orip.prelim.similarity.adjustment._deviations": "standard deviations",
-    "orip.prelim.similarity.rotation_starts._least_squares": "similarities",
-    "orip.prelim.similarity.rotation_starts._least_squares.<locals>.linearised": "some of the rows, weighted",
+    "orip.prelim.similarity.rotation_starts._DampedProblem._linearised": "some of the rows, weighted",
 }
 """Functions that use partials of others and return something else, or pass them on as they are."""
 
@@ -103,7 +110,7 @@ def test_the_inspection_finds_functions_and_methods_of_any_name():
     assert "orip.geometry.perspective.perspective_with_partials" in found
     assert "orip.bundle.kinds.photo_point.PhotoPointObservations.linearise_with_partials" in found
     assert "orip.prelim.refinement.camera_corrections.by_corrections" in found
-    assert "orip.prelim.resection.adjustment._linearise" in found
+    assert "orip.prelim.resection.adjustment._Resection.linearised" in found
 
 
 def test_every_kind_of_observation_occurs_in_a_block():
