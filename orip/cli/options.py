@@ -102,7 +102,7 @@ def _give_signature(run: Callable[..., None], own: inspect.Signature) -> None:
     """Let typer see the parameters of the function that `run` stands for, and the shared options."""
     signature = _with_shared_options(own)
     run.__signature__ = signature  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in signature.parameters.values()}
 
 
 def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
@@ -115,4 +115,4 @@ def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
         inspect.Parameter(key, keyword, default=SharedOptions._field_defaults[key], annotation=hints[key])
         for key in SharedOptions._fields
     ]
-    return inspect.Signature([context, *(each.replace(kind=keyword) for each in parameters), *shared])
+    return inspect.Signature([context, *(parameter.replace(kind=keyword) for parameter in parameters), *shared])

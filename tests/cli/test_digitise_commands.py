@@ -170,7 +170,7 @@ def test_an_operator_types_and_is_interrupted(tmp_path, how):
         assert "2 digitised so far; all of it is in DIGITISED.MEA; repeat the command" in said
     found = read_measurements(folder / "DIGITISED.MEA", "log")
     assert found.complaints == ()
-    (record,) = found.records
+    (record,) = found.value
     assert record.marks.names == ("1", "3")
     assert record.marks.measured[1].tolist() == [3.25, -7.0]
 

@@ -99,7 +99,7 @@ class Bench:
             if isinstance(operator, str):
                 lines = script_requests(operator.split(";"), "script")
                 assert lines.complaints == ()
-                found = Script(lines.records, fail)
+                found = Script(lines.value, fail)
             elif isinstance(operator, tuple):
                 found = Simulation(places_of(films_of(films, operator)))
             self.operator = Recorded(found, self.line)
@@ -170,7 +170,7 @@ def new_cliff(tmp_path):
 def measured_in(path):
     """Return what a log has measured by header and name, the last time."""
     found = {}
-    for record in read_measurements(path, path.name).records:
+    for record in read_measurements(path, path.name).value:
         owner = next(getattr(record, each) for each in ("photo", "template") if hasattr(record, each))
         names, values = (record.names, record.measured) if hasattr(record, "names") else (
             record.marks.names, record.marks.measured
@@ -529,7 +529,7 @@ def test_a_lost_link_leaves_all_that_was_digitised(cliff):
         cliff.points((DAY1, DAY2), again=True, photos=("101", "102"))
     found = read_measurements(cliff.folder / LOG, "NEW.MEA")
     assert found.complaints == ()
-    written = sum(len(record.names) for record in found.records)
+    written = sum(len(record.names) for record in found.value)
     assert written > 4
     assert f"{written} digitised so far; all of it is in NEW.MEA" in cliff.said[-1]
 
@@ -669,7 +669,7 @@ def test_a_refused_request_of_a_script(cliff):
 
 def test_lines_of_a_script():
     found = script_requests(["! all of it", "move 1 2  # a bit", "CLEAR", "", "FOOT RIGHT"], "script.txt")
-    assert found.records == ["move 1 2", "FOOT RIGHT"]
+    assert found.value == ["move 1 2", "FOOT RIGHT"]
     (complaint,) = found.complaints
     assert str(complaint).startswith("script.txt:3: 'CLEAR' is nothing an operator does; write one of FOOT, KEY")
 

@@ -67,7 +67,7 @@ def raise_failures(failures: Sequence[NotOriented]) -> None:
     NotSolvableError
     """
     if failures:
-        raise NotSolvableError("\n".join(f"{_names(each)}: {each.reason}" for each in failures))
+        raise NotSolvableError("\n".join(f"{_names(failure)}: {failure.reason}" for failure in failures))
 
 
 def chain_document(outcome: PrelimOutcome) -> dict[str, Any]:
@@ -106,8 +106,8 @@ def relative_document(found: Relative) -> dict[str, Any]:
     """Return relative orientations: mm, metres at photo scale, degrees."""
     return {
         "command": "prelim relative",
-        "models": [_model(each) for each in found.oriented],
-        "failures": [_failure(each) for each in found.failures],
+        "models": [_model(model) for model in found.oriented],
+        "failures": [_failure(failure) for failure in found.failures],
     }
 
 
@@ -115,8 +115,8 @@ def similarity_document(found: Similarities) -> dict[str, Any]:
     """Return bridgings or connections."""
     return {
         "command": "prelim",
-        "steps": [_step(each) for each in found.steps],
-        "failures": [_failure(each) for each in found.failures],
+        "steps": [_step(step) for step in found.steps],
+        "failures": [_failure(failure) for failure in found.failures],
     }
 
 
@@ -131,7 +131,11 @@ def absolute_document(values: PreliminaryValues) -> dict[str, Any]:
 
 def coordinates_document(found: ModelCoordinates) -> dict[str, Any]:
     """Return the model coordinate list."""
-    return {"command": "prelim show", "after": found.stage, "systems": [_system(each, found) for each in found.systems]}
+    return {
+        "command": "prelim show",
+        "after": found.stage,
+        "systems": [_system(system, found) for system in found.systems],
+    }
 
 
 def without_absolute(hows: Sequence[str]) -> str:

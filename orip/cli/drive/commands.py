@@ -67,7 +67,9 @@ def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
 
 def tell_no_table(terminal: Terminal, error: InputError) -> None:
     """Say why a bundle with models has no drive table."""
-    terminal.warn(ProjectWarning("no-drive-table", "", f"no drive table: {each}") for each in error.complaints)
+    terminal.warn(
+        ProjectWarning("no-drive-table", "", f"no drive table: {complaint}") for complaint in error.complaints
+    )
 
 
 def _counts(outcome: DriveTableOutcome) -> dict[str, int]:

@@ -72,7 +72,7 @@ def register(app: typer.Typer) -> None:
                         {"kind": change.kind, "name": change.name, "action": change.action}
                         for change in outcome.changes
                     ],
-                    "differences": [asdict(each) for each in outcome.differences],
+                    "differences": [asdict(difference) for difference in outcome.differences],
                     "warnings": warning_rows(outcome.warnings),
                 }
             )
@@ -112,10 +112,10 @@ def _tell_differences(terminal: Terminal, outcome: Initialised) -> None:
     from orip.workflow.records.values import shown_value
 
     lines = [
-        f"         {each.kind} {each.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
-        for each in outcome.differences
-        if each.action == "changed"
-        for value in each.values
+        f"         {record.kind} {record.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
+        for record in outcome.differences
+        if record.action == "changed"
+        for value in record.values
     ]
     for line in lines[:_SHOWN_VALUES]:
         terminal.say(line)

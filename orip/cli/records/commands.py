@@ -88,7 +88,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
                 {
                     "command": f"{kind} show",
                     "record": found.row.table,
-                    "values": [each._asdict() for each in found.values],
+                    "values": [value._asdict() for value in found.values],
                     "from": found.row.source,
                     "named_by": list(found.named_by),
                 }

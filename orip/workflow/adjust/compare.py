@@ -68,7 +68,7 @@ def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
     path = folder / given
     if not path.is_dir():
         return path, str(given)
-    found = sorted(each.name for each in path.iterdir() if each.name.endswith("result.json"))
+    found = sorted(file.name for file in path.iterdir() if file.name.endswith("result.json"))
     if not found:
         message = "there is no result.json in this folder; run 'orip solve' there first"
         raise InputError.single(message, str(given))

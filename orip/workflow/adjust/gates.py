@@ -90,5 +90,5 @@ def _unknown(name: str) -> str:
 
 
 def _line(project: Project, index: int) -> int:
-    text = "\n".join(read_lines(project.text, project.shown(project.text)).records)
+    text = "\n".join(read_lines(project.text, project.shown(project.text)).value)
     return TomlLines(text).line_of(("check", "gates", index))

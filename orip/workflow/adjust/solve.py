@@ -91,7 +91,7 @@ def solve(
 def _of_project(bundle: BundleState, solution: Solution, method: Method) -> Solution:
     """Return a solution with the project that it belongs to, what it was computed from, and the run id."""
     definition, given = bundle.project.definition, bundle.state.texts.control_input(bundle.name)
-    inputs = (*given.records.digests, *bundle.digests, bundle.project.heading_digest)
+    inputs = (*given.value.digests, *bundle.digests, bundle.project.heading_digest)
     return replace(
         solution,
         project=definition.name,

@@ -281,7 +281,7 @@ def _read(file: _File) -> ControlLines:
     if not file.path.exists():
         texts = file.state.texts
         found: Parsed[Any] = texts.control if file.bundle is None else texts.control_input(file.bundle)
-        same = [each for each in found.complaints if each.path.lower() == file.shown.lower()]
+        same = [complaint for complaint in found.complaints if complaint.path.lower() == file.shown.lower()]
         if same:
             raise InputError(same)
     return read_control_lines(file.path, file.shown)
@@ -316,7 +316,7 @@ def _check(file: _File, lines: ControlLines) -> tuple[ProjectWarning, ...]:
 
 def _changes(old: ControlLines, new: ControlLines) -> Iterator[LineChange]:
     """Compare line by line: an edit adds one line, takes some out, or changes some."""
-    before, after = old.parsed.records, new.parsed.records
+    before, after = old.parsed.value, new.parsed.value
     if len(after) > len(before):
         first = next((n for n, (was, now) in enumerate(zip(before, after, strict=False)) if was != now), len(before))
         yield LineChange("added", first + 1, None, after[first])

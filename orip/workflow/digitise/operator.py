@@ -143,12 +143,12 @@ class Simulation:
         return link.next_event()
 
     def _can_set_mark(self, link: Instrument, sought: Sequence[Sought]) -> bool:
-        places = [self._places.get(each[:3]) for each in sought]
+        places = [self._places.get(point[:3]) for point in sought]
         try:
-            for each, place in zip(sought, places, strict=True):
+            for point, place in zip(sought, places, strict=True):
                 if place is None:
                     return False
-                link.drive_plate(each.stage, *place)
+                link.drive_plate(point.stage, *place)
         except ProcessorFault as fault:
             if fault.code != DriveCode.OUTSIDE_STAGE:
                 raise
@@ -176,17 +176,17 @@ def read_script(path: Path, shown: str) -> list[str]:
         With all lines that are none.
     """
     text = read_lines(path, shown)
-    script = script_requests(text.records, shown)
+    script = script_requests(text.value, shown)
     if text.complaints or script.complaints:
         raise InputError([*text.complaints, *script.complaints])
-    return script.records
+    return script.value
 
 
 def typed_requests(lines: Iterable[str], tell: Tell) -> Iterator[str]:
     """Yield requests as they are typed; tell of lines that are none."""
     for line in lines:
         found = script_requests([line], "")
-        yield from found.records
+        yield from found.value
         for complaint in found.complaints:
             tell(complaint.message)
 

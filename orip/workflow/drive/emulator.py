@@ -96,11 +96,13 @@ async def _serve_until_signal(emulator: Emulator, host: str, port: int, listenin
         if not ended.done():
             ended.set_result(name)
 
-    for each in (signal.SIGINT, signal.SIGTERM):
+    for stop_signal in (signal.SIGINT, signal.SIGTERM):
         try:
-            loop.add_signal_handler(each, end, each.name)
+            loop.add_signal_handler(stop_signal, end, stop_signal.name)
         except NotImplementedError:  # Windows
-            signal.signal(each, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name))
+            signal.signal(
+                stop_signal, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name)
+            )
     await emulator.serve(host, port, lambda *address: listening(_joined(*address)), ended)
     return await ended
 

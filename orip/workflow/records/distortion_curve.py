@@ -75,7 +75,7 @@ def distortion_curve(state: ProjectState, name: str, largest_radius: float | Non
     cameras = state.records.cameras
     camera = cameras.get(record_key(name))
     if camera is None:
-        message = f"there is no camera {name}; {near_names(name, (each.name for each in cameras.values()))}"
+        message = f"there is no camera {name}; {near_names(name, (camera.name for camera in cameras.values()))}"
         raise UsageError(message)
     coefficients = camera.parameters[_RADIAL]
     points = np.array(camera.distortion_curve or (), dtype=np.float64).reshape(-1, 2)
