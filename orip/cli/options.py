@@ -22,10 +22,15 @@ Color = Annotated[
 ]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
+BundleArgument = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+"""Which bundle, of the commands whose argument it is."""
+
 BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
 ]
-"""Which bundle, of the commands that are about one and take names of other things as arguments."""
+"""Which bundle, of the commands whose arguments are other names."""
 
 
 class SharedOptions(NamedTuple):

@@ -8,12 +8,8 @@ import typer
 
 from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
-
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
-]
 
 Snoop = Annotated[
     bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")

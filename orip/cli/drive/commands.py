@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from orip.cli.drive import emulator, link
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
 from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.workflow.drive.table import DriveTableOutcome
-
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
-]
 
 _ABOUT = "Drive in the oriented block: the drive table and the plate processor.\n\nExample: orip drive table"
 
