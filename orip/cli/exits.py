@@ -27,7 +27,7 @@ def exit_on_error(terminal: Terminal) -> Iterator[None]:
         _report(terminal, error)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        message = "interrupted; stores and outputs are whole, 'orip status' tells what is left to do"
+        message = "interrupted; stores and outputs are consistent; 'orip status' shows what remains to be done"
         _report(terminal, OripError(message), INTERRUPTED)
         raise typer.Exit(INTERRUPTED) from None
     except (OSError, MemoryError) as error:

@@ -125,7 +125,7 @@ def _missing(one: FigureGroup, other: FigureGroup) -> Iterator[str]:
 
 
 def _is_sd(name: str) -> bool:
-    """Tell whether a figure is the standard deviation of another one, which is missed already."""
+    """Tell whether a figure is the standard deviation of another one that is already missing."""
     return name.endswith(" sd")
 
 

@@ -141,7 +141,7 @@ def _verdicts(
         if math.isnan(estimate.sd) or estimate.value == before:
             continue
         if estimate.parameter not in free:
-            yield KeptValue(name, estimate.parameter, "it is constant by now")
+            yield KeptValue(name, estimate.parameter, "it is now held constant")
         elif (fault := _fault(estimate)) is not None:
             yield KeptValue(name, estimate.parameter, fault)
         else:
@@ -149,10 +149,10 @@ def _verdicts(
 
 
 def _fault(estimate: Estimate) -> str | None:
-    """Say why an adjusted value is no good as a preliminary one, or return None if it is."""
+    """Say why an adjusted value is unfit as a preliminary one; None if it is fit."""
     if math.isinf(estimate.sd):
         return "nothing determines it"
-    return None if math.isfinite(estimate.value) else "its adjusted value is no number"
+    return None if math.isfinite(estimate.value) else "its adjusted value is not a number"
 
 
 def _preliminary_point(name: str, estimates: Sequence[Estimate]) -> PreliminaryPoint:
@@ -170,7 +170,7 @@ def _changed_coordinates(before: Mapping[str, PreliminaryPoint], after: Prelimin
 
 
 def rows_of(names: Sequence[str], wanted: Sequence[str], *, exact: bool) -> tuple[list[int], list[str]]:
-    """Return the rows of the wanted names (none: of all), and the wanted names that there are not.
+    """Return the rows of the wanted names (none: of all), and the wanted names that do not exist.
 
     Names of points are compared exactly, in those of records case does not count.
     """

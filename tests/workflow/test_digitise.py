@@ -671,10 +671,10 @@ def test_lines_of_a_script():
     found = script_requests(["! all of it", "move 1 2  # a bit", "CLEAR", "", "FOOT RIGHT"], "script.txt")
     assert found.value == ["move 1 2", "FOOT RIGHT"]
     (complaint,) = found.complaints
-    assert str(complaint).startswith("script.txt:3: 'CLEAR' is nothing an operator does; write one of FOOT, KEY")
+    assert str(complaint).startswith("script.txt:3: 'CLEAR' is not an operator's request; write one of FOOT, KEY")
 
 
 def test_typed_requests():
     said = []
     assert list(typed_requests(["FOOT RIGHT\n", "QUIT\n", "\n", "KEY 3"], said.append)) == ["FOOT RIGHT", "KEY 3"]
-    assert said == ["'QUIT' is nothing an operator does; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM"]
+    assert said == ["'QUIT' is not an operator's request; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM"]

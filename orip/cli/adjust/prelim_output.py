@@ -52,7 +52,7 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
     elif oriented:
         terminal.say("update   unchanged: photos and points have these values already")
     else:
-        terminal.say("update   nothing: no photo is oriented on the ground")
+        terminal.say("update   nothing: no photo is oriented absolutely")
     if outcome.others:
         preliminary = project.shown(project.preliminary(outcome.given.bundle))
         terminal.say(f"kept     {outcome.others} points of {preliminary} that were not computed")
@@ -141,8 +141,8 @@ def coordinates_document(found: ModelCoordinates) -> dict[str, Any]:
 def without_absolute(hows: Sequence[str]) -> str:
     """Return why a block is on the ground without an absolute orientation, from what was done for its photos."""
     if "given" in hows:
-        return "the block is on the ground by the photos whose orientation is given"
-    return "the photos were oriented on the ground at once, by resection from control"
+        return "the block was oriented absolutely by the photos whose orientation is given"
+    return "the photos were oriented absolutely in one step, by resection from control"
 
 
 def _by_way(photos: Sequence[PhotoStart]) -> list[tuple[str, str]]:

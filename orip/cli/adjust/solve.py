@@ -60,7 +60,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         if not snoop and (sigma0 is not None or alpha is not None):
-            message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
+            message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
         method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
         terminal = invocation.terminal

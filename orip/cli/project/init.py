@@ -54,7 +54,9 @@ def register(app: typer.Typer) -> None:
             _sample(invocation, name, folder, prefer)
             return
         if name is not None:
-            message = f"{name!r} is too much: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            message = (
+                f"{name!r} is not expected: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            )
             raise UsageError(message)
         from orip.workflow.project.commit import carry_out
         from orip.workflow.project.state import read_checked_project
@@ -80,7 +82,7 @@ def register(app: typer.Typer) -> None:
 
 def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefer: str | None) -> None:
     if prefer is not None:
-        message = "--prefer does not go with --sample; leave one of them out"
+        message = "--prefer cannot be combined with --sample; leave one of them out"
         raise UsageError(message)
     if name is None:
         list_samples(invocation.terminal)
@@ -103,7 +105,7 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
     terminal.say(f"init     {counted_changes(outcome.changes)}")
     for change in outcome.changes:
         if change.action == "detached":
-            terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")
+            terminal.say(f"         {change.kind} {change.name} was removed from orip.toml; it stays in its store")
     _tell_differences(terminal, outcome)
 
 

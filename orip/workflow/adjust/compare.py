@@ -36,7 +36,7 @@ def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutc
     Raises
     ------
     InputError
-        If a file is no result; both are looked at.
+        If a file is not a result; both are checked.
     UsageError
         If a tolerance is negative or no number, or a folder has several results.
     """

@@ -17,7 +17,7 @@ from orip.workflow.project.folder import Project
 from orip.workflow.project.texts import raise_complaints
 
 _ALIKE = 0.4
-"""Likeness of a name above which it is suggested; found by trial with typing mistakes."""
+"""Similarity above which a name is suggested; found by trial with typing mistakes."""
 
 
 def project_gates(project: Project, expressions: Sequence[str] = ()) -> tuple[Gate, ...]:

@@ -223,7 +223,7 @@ def _oriented(rays: ImageRays, model: StereoModel) -> PartialBlock:
 
 
 def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:
-    """Return the strip of a row; of one that falls to pieces, the largest."""
+    """Return the strip of a row; of a row that is not connected, the largest part."""
     models = [model for model in given.models if model.row == row]
     if not models:
         listed = ", ".join(map(str, dict.fromkeys(model.row for model in given.models)))

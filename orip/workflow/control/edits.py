@@ -27,7 +27,7 @@ Weighting = Literal["disregard", "include", "reject"]
 
 @dataclass(frozen=True, slots=True)
 class LineChange:
-    """A line before and after an edit, without line ends; None: there was none, or is none any more."""
+    """A line before and after an edit, without line ends; None: added, or deleted."""
 
     action: Literal["added", "changed", "killed"]
     line: int
@@ -277,7 +277,7 @@ def _file(state: ProjectState, kind: ControlKind, bundle: str | None) -> _File:
 
 
 def _read(file: _File) -> ControlLines:
-    """Return the lines of the file; one of the same name in other letters is not to be overlooked."""
+    """Return the lines of the file; a file whose name differs only in case is an error."""
     if not file.path.exists():
         texts = file.state.texts
         found: Parsed[Any] = texts.control if file.bundle is None else texts.control_input(file.bundle)

@@ -113,7 +113,7 @@ class MountedFilms:
         stage = self.stages.get(record_key(photo))
         if stage is None:
             message = (
-                f'nothing tells which stage photo {photo} is on; give it (or its template) stage = "UPPER" or '
+                f'the stage of photo {photo} is not known; give it (or its template) stage = "UPPER" or '
                 "\"LOWER\" in orip.toml and run 'orip init'"
             )
             raise UsageError(message)

@@ -174,7 +174,7 @@ def _stage_of_template(films: MountedFilms, template: Template) -> Stage:
              if record_key(photo.template or "") == record_key(template.name))  # fmt: skip
     stage = (known.stage if known else None) or template.stage or next(on_it, None)
     if stage is None:
-        message = f"nothing tells which stage template {template.name} is on; name it with --stage UPPER or LOWER"
+        message = f"the stage of template {template.name} is not known; name it with --stage UPPER or LOWER"
         raise UsageError(message)
     return stage
 

@@ -22,10 +22,10 @@ from orip.records.photo import Stage
 from orip.workflow.digitise.films import MountedFilms
 
 PAUSE_S = 0.05
-"""Between two questions for an event: shorter than a foot feels."""
+"""Seconds between two queries for an event: too short for an operator to notice."""
 
 Tell = Callable[[str], None]
-"""Who is told, line by line, what is going on."""
+"""What receives a line on each event."""
 
 
 class Instrument(Protocol):
@@ -85,7 +85,7 @@ class Operator(Protocol):
     """Who sets the measuring mark."""
 
     def act(self, link: Instrument, visit: Visit) -> Event | None:
-        """Return what is done about a visit, once it is; None where nobody does anything any more."""
+        """Return what is done about a visit, once it is; None where the operator has ended."""
 
 
 class AtTheProcessor:
@@ -173,7 +173,7 @@ def read_script(path: Path, shown: str) -> list[str]:
     Raises
     ------
     InputError
-        With all lines that are none.
+        With all lines that are not requests.
     """
     text = read_lines(path, shown)
     script = script_requests(text.value, shown)
@@ -183,7 +183,7 @@ def read_script(path: Path, shown: str) -> list[str]:
 
 
 def typed_requests(lines: Iterable[str], tell: Tell) -> Iterator[str]:
-    """Yield requests as they are typed; tell of lines that are none."""
+    """Yield requests as they are typed; report lines that are not requests."""
     for line in lines:
         found = script_requests([line], "")
         yield from found.value
@@ -192,14 +192,14 @@ def typed_requests(lines: Iterable[str], tell: Tell) -> Iterator[str]:
 
 
 def script_requests(lines: Sequence[str], shown: str) -> Parsed[list[str]]:
-    """Return the requests of lines, without comments, and a complaint for each line that is none."""
+    """Return the requests of lines, without comments, and a complaint for each line that is not a request."""
     requests, complaints = [], []
     for line in field_lines(list(lines)):
         words = [field.text for field in line.fields]
         if words[0].upper() in _REQUESTS:
             requests.append(" ".join(words))
         else:
-            message = f"'{words[0]}' is nothing an operator does; write one of {', '.join(_REQUESTS)}"
+            message = f"'{words[0]}' is not an operator's request; write one of {', '.join(_REQUESTS)}"
             complaints.append(Complaint(message, shown, line.number))
     return Parsed(requests, tuple(complaints))
 

@@ -245,7 +245,7 @@ def _refuse(points: BundlePoints, unknown: Sequence[str], measured: Sequence[str
             near = near_names(point, points.measured_photos)
             complaints.append(Complaint(f"point {point} is not measured in any photo that is meant; {near}"))
         else:
-            text = f"nothing tells where point {point} is; name the photos with --photo, or a model with --model"
+            text = f"the position of point {point} is not known; name the photos with --photo, or a model with --model"
             complaints.append(Complaint(text))
     if complaints:
         raise InputError(complaints)

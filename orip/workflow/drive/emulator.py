@@ -79,7 +79,7 @@ def emulate(settings: EmulatorSettings, listening: Callable[[str], None], troubl
     try:
         return asyncio.run(_serve_until_signal(emulator, host, port, listening))
     except OSError as error:
-        message = f"cannot listen at {settings.listen}: {error.strerror or error}; name another address with --listen"
+        message = f"cannot listen on {settings.listen}: {error.strerror or error}; name another address with --listen"
         if error.errno == errno.EADDRINUSE:
             message = (
                 f"{settings.listen} is in use by another program, perhaps another emulator; stop that one, or name "
@@ -111,7 +111,7 @@ def _address(settings: EmulatorSettings) -> tuple[str, int]:
     host, _, port = settings.listen.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not host or not (port.isascii() and port.isdecimal() and int(port) <= 65535):
-        message = f"'{settings.listen}' is no address to listen at; write HOST:PORT, for example 127.0.0.1:4788"
+        message = f"'{settings.listen}' is not an address to listen on; write HOST:PORT, for example 127.0.0.1:4788"
         raise UsageError(message)
     try:
         found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)
@@ -121,7 +121,7 @@ def _address(settings: EmulatorSettings) -> tuple[str, int]:
     address = str(found[0][4][0])
     if not ipaddress.ip_address(address.partition("%")[0]).is_loopback and not settings.is_remote_allowed:
         message = (
-            f"{settings.listen} can be reached from other machines, and whoever connects may operate; listen at "
+            f"{settings.listen} can be reached from other machines, and anyone who connects can control it; listen on "
             "127.0.0.1, or allow it with --allow-remote"
         )
         raise UsageError(message)

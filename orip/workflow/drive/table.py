@@ -67,7 +67,7 @@ def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:
 
 
 def drive_step(bundle: BundleState) -> Step | None:
-    """Return whether the drive table has to be made; None where there is nothing to drive.
+    """Return whether the drive table has to be made; None where the bundle has no models to drive in.
 
     Parameters
     ----------

@@ -246,7 +246,7 @@ def _longer(before: _Log, records: Sequence[LogRecord], lines: Sequence[str]) ->
 
 
 def _of_the_command(complaint: Complaint, before: _Log) -> Complaint:
-    """Return a complaint without a line that does not stand in the file yet."""
+    """Return a complaint without the number of a line that is not in the file yet."""
     if complaint.path == before.edits.shown and (complaint.line or 0) > before.edits.line_count:
         return Complaint(complaint.message)
     return complaint

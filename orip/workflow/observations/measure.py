@@ -158,7 +158,7 @@ def measure_step(state: ProjectState) -> Step:
         return Step(command, "out of date", f"changed since: {', '.join(changed)}")
     if is_interior_listing_stale(project, str(runs.pop())):
         shown = project.shown(project.interior_listing)
-        return Step(command, "out of date", f"{shown} is missing or not of the last run; {WRITTEN_BY}")
+        return Step(command, "out of date", f"{shown} is missing or older than the last run; {WRITTEN_BY}")
     return Step(command, "up to date", f"{files} in the stores")
 
 

@@ -42,7 +42,7 @@ class Project:
     definition : ProjectDefinition
         As the text says; distortions not yet taken to the polynomial.
     lines : mapping (kind, record_key) to int
-        Where each record stands in orip.toml.
+        The line of each record in orip.toml.
     warnings : tuple of ProjectWarning
     """
 

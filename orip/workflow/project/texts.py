@@ -161,7 +161,7 @@ def _misspelt(project: Project, path: Path) -> Complaint | None:
         return None
     shown = project.shown(path)
     if path.is_symlink():
-        return Complaint(f"this link leads to {path.readlink()}, which is not there; mend the link", shown)
+        return Complaint(f"this link points to {path.readlink()}, which does not exist; repair the link", shown)
     likely = {path.name.lower(), f"{path.name}.txt".lower()}
     for other in sorted(path.parent.iterdir()):
         if other.name.lower() in likely:

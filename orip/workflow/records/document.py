@@ -1,6 +1,6 @@
 """The records of the stores as a document of orip.toml, and back: edits of records are checked as their text would be.
 
-So each rule and message of orip.toml holds for records that are edited by a command, and stands in one place.
+So each rule and message of orip.toml holds for records that are edited by a command, and is stated once.
 """
 
 from __future__ import annotations

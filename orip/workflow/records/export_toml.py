@@ -143,9 +143,9 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
     applied = apply_text(project, stored, prefer=None)
     done: Mapping[str, str] = {
         "added": "is in the text, but not in the stores: it is not exported",
-        "changed": "has changed in the text, which was not applied: what is exported is the store's",
-        "removed": "is gone from the text, but still in the stores: it is exported",
-        "detached": "is gone from the text, but still in the stores: it is exported",
+        "changed": "has changed in the text, which was not applied: the store's version is exported",
+        "removed": "was removed from the text, but still in the stores: it is exported",
+        "detached": "was removed from the text, but still in the stores: it is exported",
     }
     shown = project.shown(project.text)
     for change in applied.changes:
@@ -155,7 +155,7 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
     for complaint in applied.complaints:
         where = shown if complaint.line is None else f"{shown}:{complaint.line}"
         conflict = complaint.message.partition(":")[0].partition(";")[0]
-        yield ProjectWarning("not-applied", where, f"{conflict}: what is exported is the store's")
+        yield ProjectWarning("not-applied", where, f"{conflict}: the store's version is exported")
 
 
 def _bytes_of(project: Project, path: Path) -> bytes | None:

@@ -22,7 +22,7 @@ from orip.workflow.records.changes import RecordChange
 
 
 def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> Iterator[ProjectWarning]:
-    """Warn of each text that names a record by a name that it has no longer."""
+    """Warn of each text that still uses the old name of a record."""
     gone = [
         change
         for change in changes
@@ -78,7 +78,7 @@ def _mentions(record: LogRecord, kind: str, name: str) -> bool:
 
 
 def _names(record: LogRecord, kind: str) -> Iterator[str]:
-    """Iterate over the names of records of a kind that stand in a record of a measurement log."""
+    """Iterate over the names of records of a kind in a record of a measurement log."""
     match kind, record:
         case ("photo", PointsRecord() | PhotoRecord()):
             yield record.photo

@@ -62,7 +62,7 @@ def referents(document: Mapping[str, Any], kind: RecordKind, name: str) -> list[
 
 
 def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: str, new: str) -> None:
-    """Write the new name of a record wherever its old one stands."""
+    """Replace the old name of a record wherever it occurs."""
     for where, key, what in _REFERENCES:
         if what == kind:
             for place in records_of(document, where):
