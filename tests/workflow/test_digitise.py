@@ -502,7 +502,7 @@ def test_points_that_should_be_seen_and_are_not_measured(cliff):
 def test_nothing_to_do(cliff):
     with pytest.raises(InputError) as error:
         cliff.points("", points=("1103", "9999", "-"))
-    assert "nothing tells where point 9999 is; name the photos with --photo, or a model with --model" in str(
+    assert "the position of point 9999 is not known; name the photos with --photo, or a model with --model" in str(
         error.value
     )
     assert "point -: '-' is not allowed as a name" in str(error.value)
@@ -587,7 +587,7 @@ def test_scans_are_driven_in_mm_and_logged_in_pixels(tmp_path):
 def test_a_stage_that_nothing_tells(tmp_path):
     folder = film_project(tmp_path / "film")
     run_quietly(folder)
-    with pytest.raises(UsageError, match="nothing tells which stage photo left is on"):
+    with pytest.raises(UsageError, match="the stage of photo left is not known"):
         Bench(folder).photos(["left"], "")
 
 
