@@ -131,7 +131,10 @@ def _table(
     parse: Callable[[Parsed[list[str]], str], Records[Record]],
 ) -> Records[Record]:
     """Read a table whose columns have one word or number a row; zenith angles that are NaN are left out."""
-    listed: list[Any] = [*words, *(None if each is None else each.tolist() for each in numbers)]
+    listed: list[Any] = [
+        *words,
+        *(None if column_values is None else column_values.tolist() for column_values in numbers),
+    ]
     if any(column is None for column in listed):
         return Parsed((), tuple(columns.complaints))
     rows = []
@@ -160,7 +163,7 @@ def _read(
         )
         for warning in parsed.warnings
     )
-    return Parsed(parsed.records, tuple(columns.complaints), warnings)
+    return Parsed(parsed.value, tuple(columns.complaints), warnings)
 
 
 def in_rows(message: str) -> str:

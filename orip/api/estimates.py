@@ -266,7 +266,7 @@ def row_of(
     UnknownNameError
         If it is not among them.
     """
-    known = {key(each): row for row, each in enumerate(names)} if rows is None else rows
+    known = {key(known_name): row for row, known_name in enumerate(names)} if rows is None else rows
     row = known.get(key(name)) if isinstance(name, str) else None
     if row is None:
         raise UnknownNameError(name, kind, names)

@@ -90,10 +90,10 @@ def gathered_block(given: Given) -> GatheredBlock:
     preliminary = control_tables.preliminary_points(given.preliminary_points)
     tables: tuple[Parsed[Any], ...] = (observations, points, elements, distances, directions, preliminary)
     complaints += [complaint for table in tables for complaint in table.complaints]
-    if complaints or definition is None or observations.records is None:
+    if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
-    control = Control(points.records, elements.records, distances.records, directions.records)
-    return _gathered(definition, observations.records, control, preliminary.records, points.warnings)
+    control = Control(points.value, elements.value, distances.value, directions.value)
+    return _gathered(definition, observations.value, control, preliminary.value, points.warnings)
 
 
 def _wrong_tables(given: Given) -> Iterator[Complaint]:

@@ -134,7 +134,7 @@ class Project:
 
     def control_points(self) -> ControlPoints:
         """Return control and check points; rejected ones are left out."""
-        points = [point for point in self._state.texts.control.records.points if not point.rejected]
+        points = [point for point in self._state.texts.control.value.points if not point.rejected]
         return ControlPoints(
             tuple(point.name for point in points),
             np.array([point.coordinates for point in points], dtype=np.float64).reshape(-1, 3),

@@ -28,13 +28,13 @@ NewName = Annotated[str, typer.Argument(metavar="NAME", help="Its first field.")
 Names = Annotated[list[str], typer.Argument(metavar="NAME...")]
 SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME...")]
 Values = Annotated[
-    list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= takes it away.")
+    list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= removes it.")
 ]
 BeforeOption = Annotated[str, typer.Option("--before", metavar="NAME", help="Before this one.")]
 BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Of preliminary coordinates; needed only where there are several.")
 ]
-AllOption = Annotated[bool, typer.Option("--all", help="All of them: start all over.")]
+AllOption = Annotated[bool, typer.Option("--all", help="All lines of the file.")]
 
 _ABOUT: dict[ControlKind, tuple[str, str]] = {
     "points": ("Control points (.PNT)", "add 5 X=1012.4 Y=2008.15 Z=101.2 aX=0.02 aY=0.02 aZ=0.03"),

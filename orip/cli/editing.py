@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     EditOutcome: TypeAlias = ControlOutcome | RecordsOutcome
 
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
-YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask whether that is meant.")]
+YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")]
 
 
 def tell_edit(terminal: Terminal, verb: str, outcome: EditOutcome, unchanged: str) -> None:
-    """Say whether anything was edited, before each change is told; `unchanged` says what is as it was."""
+    """Say whether anything was edited, before the changes are listed; `unchanged` names what stays."""
     terminal.warn(outcome.warnings)
     if not outcome.changes:
         terminal.say(f"{verb} unchanged: {unchanged} so already")

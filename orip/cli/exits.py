@@ -27,7 +27,7 @@ def exit_on_error(terminal: Terminal) -> Iterator[None]:
         _report(terminal, error)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        message = "interrupted; stores and outputs are whole, 'orip status' tells what is left to do"
+        message = "interrupted; stores and outputs are consistent; 'orip status' shows what remains to be done"
         _report(terminal, OripError(message), INTERRUPTED)
         raise typer.Exit(INTERRUPTED) from None
     except (OSError, MemoryError) as error:
@@ -58,11 +58,16 @@ def _report(terminal: Terminal, error: OripError, exit_code: int | None = None) 
     complaints = error.complaints if isinstance(error, InputError) else ()
     if terminal.json:
         rows = [
-            {"file": each.path or None, "line": each.line, "column": each.column, "message": each.message}
-            for each in complaints
+            {
+                "file": complaint.path or None,
+                "line": complaint.line,
+                "column": complaint.column,
+                "message": complaint.message,
+            }
+            for complaint in complaints
         ] or [{"file": None, "line": None, "column": None, "message": str(error)}]
         terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
-    for text in [str(each) for each in complaints] or [str(error)]:
+    for text in [str(complaint) for complaint in complaints] or [str(error)]:
         terminal.error(text)
     if len(complaints) > 1:
         terminal.say(f"{len(complaints)} errors; nothing was written")

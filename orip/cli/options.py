@@ -22,10 +22,15 @@ Color = Annotated[
 ]
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
+BundleArgument = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+]
+"""Which bundle, of the commands whose argument it is."""
+
 BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
 ]
-"""Which bundle, of the commands that are about one and take names of other things as arguments."""
+"""Which bundle, of the commands whose arguments are other names."""
 
 
 class SharedOptions(NamedTuple):
@@ -102,7 +107,7 @@ def _give_signature(run: Callable[..., None], own: inspect.Signature) -> None:
     """Let typer see the parameters of the function that `run` stands for, and the shared options."""
     signature = _with_shared_options(own)
     run.__signature__ = signature  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in signature.parameters.values()}
 
 
 def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
@@ -115,4 +120,4 @@ def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
         inspect.Parameter(key, keyword, default=SharedOptions._field_defaults[key], annotation=hints[key])
         for key in SharedOptions._fields
     ]
-    return inspect.Signature([context, *(each.replace(kind=keyword) for each in parameters), *shared])
+    return inspect.Signature([context, *(parameter.replace(kind=keyword) for parameter in parameters), *shared])

@@ -1,4 +1,4 @@
-"""A bar on stderr for work that takes longer than a moment; it is gone when the work is done."""
+"""A bar on stderr for work that takes longer than a moment; it is removed when the work is done."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 DELAY_SECONDS = 1.0
-"""What is done sooner needs no bar."""
+"""Seconds; shorter work shows no bar."""
 
 _WIDTHS = (5, 24)
 _BESIDES = 48
-"""Columns that what stands beside the bar may take."""
+"""Columns that the text beside the bar may take."""
 
 
 class ProgressBar:
@@ -59,7 +59,7 @@ class ProgressBar:
                 self._update()
 
     def end(self) -> None:
-        """Show nothing any more."""
+        """Remove what is shown."""
         with self._lock:
             self._depth -= 1
             if self._depth:

@@ -137,7 +137,11 @@ class Terminal:
         if (sys.stderr.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
             text = text.translate(_PLAIN)
         columns = self.columns
-        lines = [line for each in text.split("\n") for line in ([each] if columns is None else _wrapped(each, columns))]
+        lines = [
+            line
+            for paragraph in text.split("\n")
+            for line in ([paragraph] if columns is None else _wrapped(paragraph, columns))
+        ]
         lines = [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
         if styled is None:
             lines = [self._styled(line, style, sys.stderr) for line in lines]

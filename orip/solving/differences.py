@@ -112,7 +112,7 @@ def compare_figures(a: ResultFigures, b: ResultFigures, tolerance: Tolerance) ->
             found = _difference(f"{one.name} {name}".strip(), *pair, tolerance, scales)
             if found is not None:
                 differences.append(found)
-    differences.sort(key=lambda each: (-each.excess, each.name))
+    differences.sort(key=lambda difference: (-difference.excess, difference.name))
     return Comparison(compared, tuple(differences), tuple(sorted(only_a)), tuple(sorted(only_b)))
 
 
@@ -125,7 +125,7 @@ def _missing(one: FigureGroup, other: FigureGroup) -> Iterator[str]:
 
 
 def _is_sd(name: str) -> bool:
-    """Tell whether a figure is the standard deviation of another one, which is missed already."""
+    """Tell whether a figure is the standard deviation of another one that is already missing."""
     return name.endswith(" sd")
 
 
@@ -150,7 +150,7 @@ def _allowed(a: Figure, b: Figure, tolerance: Tolerance, scales: _Scales) -> flo
         scale = scales.principal_distance
     else:
         scale = max(
-            abs(number) for each in (a, b) for number in (each.value, each.sd, 0.0) if isinstance(number, float)
+            abs(number) for figure in (a, b) for number in (figure.value, figure.sd, 0.0) if isinstance(number, float)
         )
     return tolerance.absolute / a.effect + tolerance.relative * scale
 

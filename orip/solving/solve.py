@@ -25,7 +25,7 @@ PLAIN = Method()
 
 @dataclass(frozen=True, slots=True)
 class SolveWatcher:
-    """Who is told of an adjustment, and who may stop it.
+    """What follows the progress of an adjustment, and may stop it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def _never_stopped() -> Iterator[Callable[[], bool]]:
 
 
 NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, _never_stopped)
-"""Nobody is told, and nobody stops the adjustment."""
+"""Progress is not shown, and the adjustment is not stopped."""
 
 
 @dataclass(frozen=True, slots=True)

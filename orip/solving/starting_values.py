@@ -50,7 +50,7 @@ def started_block(
     cameras = cameras_as_found(block.cameras, values.cameras)
     oriented = replace(block, photo_orientation=orientation, cameras=cameras)
     started, warnings = with_starting_values(oriented, [*preliminary, *points])
-    return started, [*(ProjectWarning("preliminary-values", "", each) for each in values.findings), *warnings]
+    return started, [*(ProjectWarning("preliminary-values", "", finding) for finding in values.findings), *warnings]
 
 
 def explained_preliminary_values(block: Block) -> PreliminaryValues:
@@ -61,8 +61,8 @@ def explained_preliminary_values(block: Block) -> PreliminaryValues:
 
 def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) -> tuple[Camera, ...]:
     """Return cameras with the parameters that preliminary values have for them."""
-    parameters = {each.name: each.parameters for each in found}
-    return tuple(replace(each, parameters=parameters.get(each.name, each.parameters)) for each in cameras)
+    parameters = {start.name: start.parameters for start in found}
+    return tuple(replace(camera, parameters=parameters.get(camera.name, camera.parameters)) for camera in cameras)
 
 
 def not_oriented(values: PreliminaryValues) -> str:

@@ -73,7 +73,7 @@ def updated_camera(camera: Camera, estimates: Sequence[Estimate]) -> tuple[Camer
     """Return a camera with the adjusted values of its unknown parameters, and what is new and what is not."""
     found = list(_verdicts(camera.name, estimates, dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True)),
                            camera.unknown))  # fmt: skip
-    new = {each.parameter: each.new for each in found if isinstance(each, ChangedValue)}
+    new = {verdict.parameter: verdict.new for verdict in found if isinstance(verdict, ChangedValue)}
     pairs = zip(CAMERA_PARAMETERS, camera.parameters, strict=True)
     updated = replace(camera, parameters=tuple(new.get(parameter, old) for parameter, old in pairs))
     if any(parameter in new for parameter in _POLYNOMIAL):
@@ -88,12 +88,14 @@ def updated_photo(photo: Photo, estimates: Sequence[Estimate]) -> tuple[Photo, l
     The unknowns of a rotation turn about the ground axes: where one of them is undetermined, all three angles stay.
     """
     together = list(estimates)
-    if any(math.isinf(each.sd) for each in together[_ANGLES]):
-        together[_ANGLES] = [each if math.isnan(each.sd) else each._replace(sd=math.inf) for each in together[_ANGLES]]
+    if any(math.isinf(angle.sd) for angle in together[_ANGLES]):
+        together[_ANGLES] = [
+            angle if math.isnan(angle.sd) else angle._replace(sd=math.inf) for angle in together[_ANGLES]
+        ]
     free = [parameter for parameter in PHOTO_PARAMETERS if parameter not in photo.constant]
     old = dict(zip(PHOTO_PARAMETERS, photo.orientation, strict=True))
     found = list(_verdicts(photo.name, together, old, free))
-    new = {each.parameter: each.new for each in found if isinstance(each, ChangedValue)}
+    new = {verdict.parameter: verdict.new for verdict in found if isinstance(verdict, ChangedValue)}
     return replace(photo, orientation=tuple(new.get(parameter, old[parameter]) for parameter in old)), found
 
 
@@ -116,10 +118,10 @@ def updated_points(
         if wanted is not None and name not in wanted:
             continue
         estimates = estimates_of(solution.points, row, "XYZ")
-        if all(math.isnan(each.sd) for each in estimates):
+        if all(math.isnan(estimate.sd) for estimate in estimates):
             continue
         # a point that slides along its ray is not where two of its coordinates and an older third one put it
-        fault = next((fault for each in estimates if (fault := _fault(each)) is not None), None)
+        fault = next((fault for estimate in estimates if (fault := _fault(estimate)) is not None), None)
         if fault is None:
             new[name] = _preliminary_point(name, estimates)
         else:
@@ -134,29 +136,29 @@ def updated_points(
 def _verdicts(
     name: str, estimates: Sequence[Estimate], old: Mapping[str, float | None], free: Container[str]
 ) -> Iterator[ChangedValue | KeptValue]:
-    for each in estimates:
-        before = old[each.parameter]
-        if math.isnan(each.sd) or each.value == before:
+    for estimate in estimates:
+        before = old[estimate.parameter]
+        if math.isnan(estimate.sd) or estimate.value == before:
             continue
-        if each.parameter not in free:
-            yield KeptValue(name, each.parameter, "it is constant by now")
-        elif (fault := _fault(each)) is not None:
-            yield KeptValue(name, each.parameter, fault)
+        if estimate.parameter not in free:
+            yield KeptValue(name, estimate.parameter, "it is now held constant")
+        elif (fault := _fault(estimate)) is not None:
+            yield KeptValue(name, estimate.parameter, fault)
         else:
-            yield ChangedValue(name, each.parameter, before, each.value)
+            yield ChangedValue(name, estimate.parameter, before, estimate.value)
 
 
 def _fault(estimate: Estimate) -> str | None:
-    """Say why an adjusted value is no good as a preliminary one, or return None if it is."""
+    """Say why an adjusted value is unfit as a preliminary one; None if it is fit."""
     if math.isinf(estimate.sd):
         return "nothing determines it"
-    return None if math.isfinite(estimate.value) else "its adjusted value is no number"
+    return None if math.isfinite(estimate.value) else "its adjusted value is not a number"
 
 
 def _preliminary_point(name: str, estimates: Sequence[Estimate]) -> PreliminaryPoint:
-    x, y, z = (each.value for each in estimates)
-    sx, sy, sz = (each.sd for each in estimates)
-    deviations = (sx, sy, sz) if all(math.isfinite(each.sd) for each in estimates) else None
+    x, y, z = (estimate.value for estimate in estimates)
+    sx, sy, sz = (estimate.sd for estimate in estimates)
+    deviations = (sx, sy, sz) if all(math.isfinite(estimate.sd) for estimate in estimates) else None
     return PreliminaryPoint(name, (x, y, z), deviations)
 
 
@@ -168,7 +170,7 @@ def _changed_coordinates(before: Mapping[str, PreliminaryPoint], after: Prelimin
 
 
 def rows_of(names: Sequence[str], wanted: Sequence[str], *, exact: bool) -> tuple[list[int], list[str]]:
-    """Return the rows of the wanted names (none: of all), and the wanted names that there are not.
+    """Return the rows of the wanted names (none: of all), and the wanted names that do not exist.
 
     Names of points are compared exactly, in those of records case does not count.
     """

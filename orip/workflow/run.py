@@ -21,7 +21,7 @@ from orip.workflow.records.reconcile import Prefer
 
 @dataclass(frozen=True, slots=True)
 class RunWatcher:
-    """Who is told of each step as it is done."""
+    """What is informed of each step as it is done."""
 
     initialised: Callable[[Initialised], None]
     measured: Callable[[Committed[MeasureOutcome]], None]

@@ -90,7 +90,7 @@ def observation_loop() -> str:
 
 
 def _old_outputs(project: Project) -> list[ProjectWarning]:
-    text = "was written when the project had another number of bundles, and is not written any more; remove it"
+    text = "was written when the project had another number of bundles, and is no longer written; remove it"
     return [ProjectWarning("old-output", project.shown(path), text) for path in outputs_of_other_names(project)]
 
 
@@ -103,5 +103,5 @@ def _old_reports(state: ProjectState) -> Iterator[ProjectWarning]:
         with path.open(encoding="utf-8", errors="replace") as file:
             run = run_of_page(file.read(_HEAD_OF_REPORT))
         if run != head.run:
-            text = "is not of the last adjustment; 'orip report' writes it again"
+            text = "is older than the last adjustment; 'orip report' writes it again"
             yield ProjectWarning("old-report", project.shown(path), text)

@@ -131,7 +131,7 @@ def test_usage(tmp_path):
     (folder / "script.txt").write_text("FOOT RIGHT\nQUIT\n")
     said = orip(folder, "digitise", "template", "LEFT", "--link", "tcp://127.0.0.1:1", "--script", "script.txt")
     assert said.code == 3
-    assert "script.txt:2: 'QUIT' is nothing an operator does" in said.err
+    assert "script.txt:2: 'QUIT' is not an operator's request" in said.err
 
 
 def test_nobody_answers(tmp_path, monkeypatch):
@@ -164,13 +164,13 @@ def test_an_operator_types_and_is_interrupted(tmp_path, how):
         process.send_signal(how)
         _, err = process.communicate(timeout=20)
     said = "".join(heard) + err
-    assert "'HELP' is nothing an operator does" in said
+    assert "'HELP' is not an operator's request" in said
     if how == signal.SIGINT:
         assert process.returncode == 130
         assert "2 digitised so far; all of it is in DIGITISED.MEA; repeat the command" in said
     found = read_measurements(folder / "DIGITISED.MEA", "log")
     assert found.complaints == ()
-    (record,) = found.records
+    (record,) = found.value
     assert record.marks.names == ("1", "3")
     assert record.marks.measured[1].tolist() == [3.25, -7.0]
 

@@ -111,8 +111,8 @@ def test_a_port_that_is_in_use(tmp_path):
     [
         (["--listen", "0.0.0.0:0"], "can be reached from other machines"),
         (["--listen", "[::]:0"], "can be reached from other machines"),
-        (["--listen", "4788"], "'4788' is no address to listen at; write HOST:PORT"),
-        (["--listen", "127.0.0.1:70000"], "is no address to listen at"),
+        (["--listen", "4788"], "'4788' is not an address to listen on; write HOST:PORT"),
+        (["--listen", "127.0.0.1:70000"], "is not an address to listen on"),
         (["--listen", "no-such-host.invalid:0"], "is not known"),
         (["--rate", "50"], "give --speed too"),
         (["--speed", "0"], "speed"),

@@ -63,7 +63,7 @@ def test_ctrl_c_before_the_commit_changes_nothing(tmp_path: Path, place: str, mo
     monkeypatch.setattr(place, interrupt)
     said = orip(folder, "run", "--json")
     assert said.code == said.document["exit_code"] == 130
-    assert "interrupted; stores and outputs are whole" in said.err
+    assert "interrupted; stores and outputs are consistent" in said.err
     assert contents(folder) == before
 
 

@@ -141,7 +141,7 @@ def test_a_measurement_file_in_other_letters_is_not_left_out_silently(project: P
 def test_a_link_to_nowhere(project: Path) -> None:
     (project / "FIRST.PNT").unlink()
     (project / "FIRST.PNT").symlink_to("gone.pnt")
-    refused(orip(project, "run"), 3, "FIRST.PNT: this link leads to gone.pnt, which is not there")
+    refused(orip(project, "run"), 3, "FIRST.PNT: this link points to gone.pnt, which does not exist")
 
 
 def test_folders_in_place_of_files(project: Path) -> None:
@@ -159,7 +159,7 @@ def test_folders_in_place_of_files(project: Path) -> None:
 def test_an_output_that_cannot_be_written_is_made_up_for(project: Path) -> None:
     (project / "result.json").mkdir()
     refused(orip(project, "run"), 1, "result.json cannot be written: Is a directory; the results are safe in the")
-    assert "missing or not of the last adjustment: result.json" in orip(project, "status").out
+    assert "missing or older than the last adjustment: result.json" in orip(project, "status").out
     (project / "result.json").rmdir()
     assert orip(project, "init").code == 0
     assert "everything is up to date" in orip(project, "status").out

@@ -432,7 +432,7 @@ def test_too_little_control(tmp_path: Path, names: tuple[str, ...], sentence: st
     said = orip(folder, "prelim")
     assert said.code == 4
     assert sentence in said.err
-    assert "update   nothing: no photo is oriented on the ground" in said.err
+    assert "update   nothing: no photo is oriented absolutely" in said.err
     changed = {name for name, content in contents(folder).items() if before.get(name) != content}
     assert changed == {"PRELIM_RESULT.OUT"}
     if models:

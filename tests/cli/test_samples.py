@@ -111,8 +111,8 @@ def test_an_unknown_sample_is_answered_with_the_list(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("try",), "'try' is too much: --sample NAME DIR writes a sample"),
-        (("--sample", SMALLEST, "--prefer", "text"), "--prefer does not go with --sample"),
+        (("try",), "'try' is not expected: --sample NAME DIR writes a sample"),
+        (("--sample", SMALLEST, "--prefer", "text"), "--prefer cannot be combined with --sample"),
     ],
 )
 def test_words_that_do_not_go_together(tmp_path: Path, words: tuple[str, ...], sentence: str) -> None:

@@ -74,7 +74,7 @@ def test_pruning_holds_a_useless_parameter_at_zero(calibration: Path) -> None:
 def test_options_of_snooping_need_it(tmp_path: Path, options: tuple[str, str]) -> None:
     said = orip(first_project(tmp_path / "first"), "solve", *options)
     assert said.code == 2
-    assert "go with --snoop" in said.err
+    assert "need --snoop" in said.err
 
 
 @pytest.mark.parametrize("alpha", ["0", "1", "-0.001", "small"])

@@ -30,7 +30,7 @@ def test_points_with_all_forms_of_errors(tmp_path: Path) -> None:
     parsed = parse(read_points, tmp_path, text)
     assert not parsed.complaints
     assert not parsed.warnings
-    one, two, three, four = parsed.records
+    one, two, three, four = parsed.value
     assert (one.coordinates, one.errors, one.kind, one.line) == ((1, 2, 3), (0.1, 0, -1), "control", 2)
     assert (two.coordinates, two.errors) == ((15, 2, None), (0.1, 0.1, None))
     assert (three.kind, four.kind) == ("check", "rejected")
@@ -86,7 +86,7 @@ def test_elements_of_every_group(tmp_path: Path) -> None:
     text = "O camera c 8.6 0.01\nO CAMERA B2 0 0\nP1 PHOTO KAPPA 90 1\n7 POINT X 1 1\nS THEODOLITE R 12.5 -1\n"
     parsed = parse(read_elements, tmp_path, text)
     assert not parsed.complaints
-    assert [(e.name, e.group, e.kind, e.value, e.error) for e in parsed.records] == [
+    assert [(e.name, e.group, e.kind, e.value, e.error) for e in parsed.value] == [
         ("O", "CAMERA", "C", 8.6, 0.01),
         ("O", "CAMERA", "B2", 0, 0),
         ("P1", "PHOTO", "KAPPA", 90, 1),
@@ -120,7 +120,7 @@ def test_points_of_elements_keep_their_case(tmp_path: Path) -> None:
 def test_distances(tmp_path: Path) -> None:
     parsed = parse(read_distances, tmp_path, "D1 1 2 xyz 10.5 0.01\nD1 1 2 Z -3 0\nD2 2 3 XY 1 -1\n")
     assert not parsed.complaints
-    assert [(d.start, d.end, d.code, d.distance, d.error) for d in parsed.records] == [
+    assert [(d.start, d.end, d.code, d.distance, d.error) for d in parsed.value] == [
         ("1", "2", "XYZ", 10.5, 0.01),
         ("1", "2", "Z", -3, 0),
         ("2", "3", "XY", 1, -1),
@@ -147,7 +147,7 @@ def test_faulty_distances(tmp_path: Path, text: str, place: str, words: str) -> 
 def test_directions(tmp_path: Path) -> None:
     parsed = parse(read_directions, tmp_path, "S1 A B 12.5 0.001\nS1 A C 13 0.001 91.5 0.002\n")
     assert not parsed.complaints
-    assert [(d.target, d.direction, d.zenith, d.zenith_error) for d in parsed.records] == [
+    assert [(d.target, d.direction, d.zenith, d.zenith_error) for d in parsed.value] == [
         ("B", 12.5, None, None),
         ("C", 13, 91.5, 0.002),
     ]
@@ -169,7 +169,7 @@ def test_faulty_directions(tmp_path: Path, text: str, place: str, words: str) ->
 
 
 def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tmp_path: Path) -> None:
-    assert read_control(tmp_path, "ZURICH").records.points == ()
+    assert read_control(tmp_path, "ZURICH").value.points == ()
     for extension in ("PNT", "ELE", "LEN", "DIR"):
         (tmp_path / f"ZURICH.{extension}").write_text("1\n")
     parsed = read_control(tmp_path, "ZURICH")

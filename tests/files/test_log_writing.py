@@ -28,7 +28,7 @@ def names(path):
     """Return the names of each block of a log that nothing is wrong with."""
     found = read_measurements(path, path.name)
     assert found.complaints == ()
-    return [(record.photo, record.names) if hasattr(record, "photo") else record.action for record in found.records]
+    return [(record.photo, record.names) if hasattr(record, "photo") else record.action for record in found.value]
 
 
 def test_blocks_grow_in_their_chapter(tmp_path):
@@ -103,7 +103,7 @@ def test_headers_and_lines_are_read_back(tmp_path):
     log.put(points_header("MAIN", "P"), [measurement_line("POINTS", (1.0, 101.0))])
     found = read_measurements(path, path.name)
     assert found.complaints == ()
-    template, photo, points = found.records
+    template, photo, points = found.value
     assert (template.transformation, template.stage) == ("C", "LOWER")
     assert template.marks.disregarded.tolist() == [False, True]
     assert template.marks.measured.tolist() == [[1.0, -2.0], [0.0, 1000.0]]

@@ -57,7 +57,7 @@ def complaints(folder: Path, text: str) -> list[str]:
 def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> None:
     parsed = parse(tmp_path, LOG.replace("\n", line_end))
     assert not parsed.complaints
-    template, photo, points, *edits, fiducials, ticks = parsed.records
+    template, photo, points, *edits, fiducials, ticks = parsed.value
 
     assert isinstance(template, TemplateRecord)
     assert (template.place, template.template) == (Place("S1.MEA", 1), "T1")
@@ -153,7 +153,7 @@ def test_points_may_be_called_like_keywords(tmp_path: Path) -> None:
     text = "POINTS M P\nPHOTO 1 2\nKill 3.5 4\nPOINTS 5.0 6.0\nTICKS 7 8 -\nTEMPLATE 9 10 0.1 0.1\n"
     parsed = parse(tmp_path, text)
     assert not parsed.complaints
-    (record,) = parsed.records
+    (record,) = parsed.value
     assert isinstance(record, PointsRecord)
     assert record.names == ("PHOTO", "Kill", "POINTS", "TICKS", "TEMPLATE")
 
@@ -161,19 +161,19 @@ def test_points_may_be_called_like_keywords(tmp_path: Path) -> None:
 def test_bundles_and_photos_may_be_called_by_numbers(tmp_path: Path) -> None:
     parsed = parse(tmp_path, "PHOTO 101 A\n1 2 3\nPOINTS 1 101\n1 2 3\nPOINTS 1 102\n1 2 3\n")
     assert not parsed.complaints
-    assert [type(record) for record in parsed.records] == [PhotoRecord, PointsRecord, PointsRecord]
+    assert [type(record) for record in parsed.value] == [PhotoRecord, PointsRecord, PointsRecord]
 
 
 def test_the_same_name_in_a_later_block_is_a_new_measurement(tmp_path: Path) -> None:
     parsed = parse(tmp_path, "POINTS M P\n1 2 3\nPOINTS M P\n1 2 4\n")
     assert not parsed.complaints
-    assert len(parsed.records) == 2
+    assert len(parsed.value) == 2
 
 
 def test_names_of_other_scripts_are_names(tmp_path: Path) -> None:
     parsed = parse(tmp_path, "POINTS M P\nMühle_1 2 3\n")
-    assert isinstance(parsed.records[0], PointsRecord)
-    assert parsed.records[0].names == ("Mühle_1",)
+    assert isinstance(parsed.value[0], PointsRecord)
+    assert parsed.value[0].names == ("Mühle_1",)
 
 
 def test_a_missing_log_is_named(tmp_path: Path) -> None:

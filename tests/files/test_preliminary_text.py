@@ -27,7 +27,7 @@ def test_what_is_written_is_read_back_exactly(tmp_path: Path, given_points: list
     path.write_text(preliminary_text(given_points), encoding="utf-8", newline="")
     parsed = read_preliminary(path, "MAIN.PRE")
     assert not parsed.complaints
-    assert list(parsed.records) == given_points
+    assert list(parsed.value) == given_points
 
 
 def test_decimal_points_stand_below_each_other() -> None:
@@ -78,4 +78,4 @@ def test_faulty_lines(tmp_path: Path, text: str, place: str, words: str) -> None
 
 def test_an_absent_file_has_no_points(tmp_path: Path) -> None:
     parsed = read_preliminary(tmp_path / "M.PRE", "M.PRE")
-    assert (parsed.records, parsed.complaints) == ((), ())
+    assert (parsed.value, parsed.complaints) == ((), ())

@@ -22,8 +22,8 @@ from orip.records.project import ProjectDefinition
 def read(text: str) -> ProjectDefinition:
     parsed = parse_project(text)
     assert parsed.complaints == ()
-    assert parsed.records is not None
-    return parsed.records.definition
+    assert parsed.value is not None
+    return parsed.value.definition
 
 
 @given(project_definitions())

@@ -32,8 +32,8 @@ def complaints(text: str) -> list[str]:
 def definition(text: str) -> ProjectDefinition:
     parsed = parse_project(text)
     assert not parsed.complaints
-    assert parsed.records is not None
-    return parsed.records.definition
+    assert parsed.value is not None
+    return parsed.value.definition
 
 
 def test_the_defaults() -> None:
@@ -99,7 +99,7 @@ def test_photos_and_templates_name_each_other_whichever_side_the_text_has() -> N
 
 
 def test_records_have_their_lines() -> None:
-    records = parse_project(FULL).records
+    records = parse_project(FULL).value
     assert records is not None
     assert records.lines["project", ""] == 1
     assert records.lines["camera", "DIGITAL"] == 26
@@ -336,7 +336,7 @@ def test_windows_text_with_byte_order_mark_is_read(tmp_path: Path) -> None:
     (tmp_path / "orip.toml").write_bytes(b"\xef\xbb\xbf" + FULL.replace("\n", "\r\n").encode())
     parsed = read_project(tmp_path / "orip.toml")
     assert not parsed.complaints
-    assert parsed.records == parse_project(FULL).records
+    assert parsed.value == parse_project(FULL).value
 
 
 def test_a_missing_project_file_is_named(tmp_path: Path) -> None:
@@ -382,7 +382,7 @@ def test_documents_of_any_values_are_read_or_complained_of(seed: int, changes: i
     if not isinstance(document, dict):
         document = {"project": document}
     parsed = parse_project("".join(f"{json.dumps(key)} = {toml_of(part)}\n" for key, part in document.items()))
-    assert (parsed.records is None) == bool(parsed.complaints)
+    assert (parsed.value is None) == bool(parsed.complaints)
     for complaint in parsed.complaints:
         assert complaint.line is not None
         assert complaint.message.isprintable()

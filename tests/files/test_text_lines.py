@@ -66,7 +66,7 @@ def test_long_tokens_are_shown_short() -> None:
 )
 def test_what_is_no_text_is_one_complaint(data: bytes, line: int, words: str) -> None:
     parsed = decode_lines(data, "Z")
-    assert parsed.records == []
+    assert parsed.value == []
     (complaint,) = parsed.complaints
     assert str(complaint).startswith(f"Z:{line}: ")
     assert words in str(complaint)
@@ -94,7 +94,7 @@ def test_fields_are_parted_by_blanks_and_tabs_up_to_a_comment() -> None:
 
 @pytest.mark.parametrize("data", [b"a 1\r\nb 2\r\n", b"\xef\xbb\xbfa 1\nb 2", b"a 1\rb 2\r"])
 def test_line_ends_and_byte_order_mark(data: bytes) -> None:
-    lines = list(field_lines(decode_lines(data, "F").records))
+    lines = list(field_lines(decode_lines(data, "F").value))
     assert [(line.number, line.fields[0].text, line.fields[0].column) for line in lines] == [(1, "a", 1), (2, "b", 1)]
 
 

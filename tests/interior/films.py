@@ -97,7 +97,7 @@ def replayed(text, start=None, definitions=DEFINITIONS, files=None):
             path.write_text(content, encoding="utf-8")
             parsed = read_measurements(path, name)
             assert parsed.complaints == ()
-            records += parsed.records
+            records += parsed.value
     return replay(records, definitions, start or Measured())
 
 

@@ -80,7 +80,7 @@ def test_a_report_of_an_older_adjustment_is_named(project: Path) -> None:
     replace_in(project / "FIRST.PNT", "1012.40", "1012.41")
     assert orip(project, "solve", "--no-report").code == 0
     (warning,) = project_status(project).warnings
-    assert str(warning) == "report.html: is not of the last adjustment; 'orip report' writes it again"
+    assert str(warning) == "report.html: is older than the last adjustment; 'orip report' writes it again"
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

@@ -99,7 +99,7 @@ class Bench:
             if isinstance(operator, str):
                 lines = script_requests(operator.split(";"), "script")
                 assert lines.complaints == ()
-                found = Script(lines.records, fail)
+                found = Script(lines.value, fail)
             elif isinstance(operator, tuple):
                 found = Simulation(places_of(films_of(films, operator)))
             self.operator = Recorded(found, self.line)
@@ -170,7 +170,7 @@ def new_cliff(tmp_path):
 def measured_in(path):
     """Return what a log has measured by header and name, the last time."""
     found = {}
-    for record in read_measurements(path, path.name).records:
+    for record in read_measurements(path, path.name).value:
         owner = next(getattr(record, each) for each in ("photo", "template") if hasattr(record, each))
         names, values = (record.names, record.measured) if hasattr(record, "names") else (
             record.marks.names, record.marks.measured
@@ -502,7 +502,7 @@ def test_points_that_should_be_seen_and_are_not_measured(cliff):
 def test_nothing_to_do(cliff):
     with pytest.raises(InputError) as error:
         cliff.points("", points=("1103", "9999", "-"))
-    assert "nothing tells where point 9999 is; name the photos with --photo, or a model with --model" in str(
+    assert "the position of point 9999 is not known; name the photos with --photo, or a model with --model" in str(
         error.value
     )
     assert "point -: '-' is not allowed as a name" in str(error.value)
@@ -529,7 +529,7 @@ def test_a_lost_link_leaves_all_that_was_digitised(cliff):
         cliff.points((DAY1, DAY2), again=True, photos=("101", "102"))
     found = read_measurements(cliff.folder / LOG, "NEW.MEA")
     assert found.complaints == ()
-    written = sum(len(record.names) for record in found.records)
+    written = sum(len(record.names) for record in found.value)
     assert written > 4
     assert f"{written} digitised so far; all of it is in NEW.MEA" in cliff.said[-1]
 
@@ -587,7 +587,7 @@ def test_scans_are_driven_in_mm_and_logged_in_pixels(tmp_path):
 def test_a_stage_that_nothing_tells(tmp_path):
     folder = film_project(tmp_path / "film")
     run_quietly(folder)
-    with pytest.raises(UsageError, match="nothing tells which stage photo left is on"):
+    with pytest.raises(UsageError, match="the stage of photo left is not known"):
         Bench(folder).photos(["left"], "")
 
 
@@ -669,12 +669,12 @@ def test_a_refused_request_of_a_script(cliff):
 
 def test_lines_of_a_script():
     found = script_requests(["! all of it", "move 1 2  # a bit", "CLEAR", "", "FOOT RIGHT"], "script.txt")
-    assert found.records == ["move 1 2", "FOOT RIGHT"]
+    assert found.value == ["move 1 2", "FOOT RIGHT"]
     (complaint,) = found.complaints
-    assert str(complaint).startswith("script.txt:3: 'CLEAR' is nothing an operator does; write one of FOOT, KEY")
+    assert str(complaint).startswith("script.txt:3: 'CLEAR' is not an operator's request; write one of FOOT, KEY")
 
 
 def test_typed_requests():
     said = []
     assert list(typed_requests(["FOOT RIGHT\n", "QUIT\n", "\n", "KEY 3"], said.append)) == ["FOOT RIGHT", "KEY 3"]
-    assert said == ["'QUIT' is nothing an operator does; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM"]
+    assert said == ["'QUIT' is not an operator's request; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM"]

@@ -135,9 +135,9 @@ def test_text_that_was_not_applied_is_warned_of(project: Path) -> None:
     (project / "orip.toml").write_text(text[:start] + text[text.index("[[bundle]]") :])
     found = export_toml(project)
     assert [str(each) for each in found.warnings] == [
-        "orip.toml:6: photo left has changed in the text, which was not applied: what is exported is the store's",
-        "orip.toml: photo right is gone from the text, but still in the stores: it is exported",
-        "orip.toml:2: camera C35 was changed both in the text and in the store: what is exported is the store's",
+        "orip.toml:6: photo left has changed in the text, which was not applied: the store's version is exported",
+        "orip.toml: photo right was removed from the text, but still in the stores: it is exported",
+        "orip.toml:2: camera C35 was changed both in the text and in the store: the store's version is exported",
     ]
     assert "c = 35.1" in found.text
     export_and_init(project)

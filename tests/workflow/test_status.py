@@ -55,12 +55,18 @@ CHANGES: dict[str, tuple[Callable[[Path], None], dict[str, str]]] = {
         lambda folder: (folder / "MAIN.PRE").write_text("P1 1100 2075 100\n"),
         {SOLVE: "changed since: MAIN.PRE"},
     ),
-    "no result": (remove("result.json"), {SOLVE: "missing or not of the last adjustment: result.json, residuals.csv"}),
-    "no residuals": (remove("residuals.csv"), {SOLVE: "missing or not of the last adjustment: residuals.csv"}),
-    "no listing": (remove("BUNDLE_RESULT.OUT"), {SOLVE: "missing or not of the last adjustment: BUNDLE_RESULT.OUT"}),
+    "no result": (
+        remove("result.json"),
+        {SOLVE: "missing or older than the last adjustment: result.json, residuals.csv"},
+    ),
+    "no residuals": (remove("residuals.csv"), {SOLVE: "missing or older than the last adjustment: residuals.csv"}),
+    "no listing": (
+        remove("BUNDLE_RESULT.OUT"),
+        {SOLVE: "missing or older than the last adjustment: BUNDLE_RESULT.OUT"},
+    ),
     "no interior listing": (remove("INTERIOR_RESULT.OUT"), {MEASURE: "INTERIOR_RESULT.OUT is missing"}),
     "no cameras": (remove("CAMERAS.CAM"), {INIT: "1 camera added", MEASURE: "fiducial", SOLVE: "CAMERAS.CAM"}),
-    "no photo points": (remove("MAIN.EXO"), {MEASURE: "some of its stores are missing", SOLVE: "are gone"}),
+    "no photo points": (remove("MAIN.EXO"), {MEASURE: "some of its stores are missing", SOLVE: "no longer exist"}),
     "no templates": (remove("FIRST.TEM"), {MEASURE: "some of its stores are missing"}),
     "no solution": (
         remove("FIRST.EXT"),
@@ -118,7 +124,7 @@ def test_killed_between_commit_and_outputs(project: Path) -> None:
     assert after["result.json"] == before["result.json"]
     assert after["FIRST.EXT"] != before["FIRST.EXT"]
     assert (
-        "missing or not of the last adjustment: BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT, result.json"
+        "missing or older than the last adjustment: BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT, result.json"
         in outdated(project)[SOLVE]
     )
     initialise(project)

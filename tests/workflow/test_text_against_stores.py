@@ -146,7 +146,7 @@ def test_a_record_gone_from_the_text_goes(project: Path) -> None:
 def test_a_record_gone_from_the_text_but_edited_is_a_conflict(project: Path) -> None:
     edit_photos(project, lambda photo: replace(photo, constant=("X0",)))
     remove_photo(project)
-    assert "photo right is gone from the text but was changed in the store" in conflict(project)
+    assert "photo right was removed from the text but was changed in the store" in conflict(project)
     assert actions(project, "store") == {("photo", "right", "detached")}
     assert actions(project) == set()
 

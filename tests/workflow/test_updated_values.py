@@ -55,7 +55,7 @@ def test_a_parameter_that_was_unknown_and_is_constant_by_now_stays() -> None:
     before = camera(unknown=("C",))
     after, found = updated_camera(before, estimates(CAMERA_PARAMETERS, {"DX": 0.1}))
     assert after == before
-    assert found == [KeptValue("C35", "DX", "it is constant by now")]
+    assert found == [KeptValue("C35", "DX", "it is now held constant")]
 
 
 def test_a_distortion_curve_goes_when_the_polynomial_is_another() -> None:

@@ -16,7 +16,7 @@ Expressions = Annotated[
     list[str] | None, typer.Argument(metavar="EXPR", help="'name operator number'; those of orip.toml are checked too.")
 ]
 
-_HELP = """Hold gates against the last adjustment: exit code 5 if one fails, 4 if it did not converge.
+_HELP = """Check gates against the last adjustment: exit code 5 if one fails, 4 if it did not converge.
 
 A gate is a figure's name, one of < <= > >= == != and a number. A figure that the solution does not have fails.
 

@@ -79,13 +79,13 @@ def _document(outcome: CompareOutcome) -> dict[str, object]:
         "compared": comparison.compared,
         "differences": [
             {
-                "name": each.name,
-                "a": each.a,
-                "b": each.b,
-                "difference": each.size if math.isfinite(each.size) else None,
-                "allowed": each.allowed,
+                "name": difference.name,
+                "a": difference.a,
+                "b": difference.b,
+                "difference": difference.size if math.isfinite(difference.size) else None,
+                "allowed": difference.allowed,
             }
-            for each in comparison.differences
+            for difference in comparison.differences
         ],
         "only_in_a": list(comparison.only_a),
         "only_in_b": list(comparison.only_b),
@@ -98,11 +98,14 @@ def _list(terminal: Terminal, comparison: Comparison) -> None:
     shown = comparison.differences if terminal.verbose else comparison.differences[:_SHOWN]
     if shown:
         columns = (
-            Column("Figure", [each.name for each in shown], align="left"),
-            Column("A", [_shown(each.a, each) for each in shown], align="point"),
-            Column("B", [_shown(each.b, each) for each in shown], align="point"),
-            Column("Difference", [f"{each.size:.2g}" if math.isfinite(each.size) else "" for each in shown]),
-            Column("Allowed", [f"{each.allowed:.2g}" for each in shown]),
+            Column("Figure", [difference.name for difference in shown], align="left"),
+            Column("A", [_shown(difference.a, difference) for difference in shown], align="point"),
+            Column("B", [_shown(difference.b, difference) for difference in shown], align="point"),
+            Column(
+                "Difference",
+                [f"{difference.size:.2g}" if math.isfinite(difference.size) else "" for difference in shown],
+            ),
+            Column("Allowed", [f"{difference.allowed:.2g}" for difference in shown]),
         )
         for line in table_lines(columns, indent=0):
             terminal.data(line)
@@ -131,6 +134,6 @@ def _tell(terminal: Terminal, outcome: CompareOutcome) -> None:
     for names, shown in ((comparison.only_a, outcome.a), (comparison.only_b, outcome.b)):
         if names:
             parts.append(f"{len(names)} are in {shown} only")
-    hidden = max(len(each) for each in (comparison.differences, comparison.only_a, comparison.only_b)) > _SHOWN
+    hidden = max(len(rows) for rows in (comparison.differences, comparison.only_a, comparison.only_b)) > _SHOWN
     more = f" (at most {_SHOWN} of each are listed; -v lists all)" if hidden and not terminal.verbose else ""
     terminal.say(f"compare  {'; '.join(parts)}{more}", "red")

@@ -33,7 +33,7 @@ After = Annotated[
 
 prelim_group = typer.Typer(
     name="prelim",
-    help="Preliminary values of photos and points, from nothing but measurements and control.\n\nExample: orip prelim",
+    help="Preliminary values of photos and points, from measurements and control alone.\n\nExample: orip prelim",
 )
 
 

@@ -52,7 +52,7 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
     elif oriented:
         terminal.say("update   unchanged: photos and points have these values already")
     else:
-        terminal.say("update   nothing: no photo is oriented on the ground")
+        terminal.say("update   nothing: no photo is oriented absolutely")
     if outcome.others:
         preliminary = project.shown(project.preliminary(outcome.given.bundle))
         terminal.say(f"kept     {outcome.others} points of {preliminary} that were not computed")
@@ -67,7 +67,7 @@ def raise_failures(failures: Sequence[NotOriented]) -> None:
     NotSolvableError
     """
     if failures:
-        raise NotSolvableError("\n".join(f"{_names(each)}: {each.reason}" for each in failures))
+        raise NotSolvableError("\n".join(f"{_names(failure)}: {failure.reason}" for failure in failures))
 
 
 def chain_document(outcome: PrelimOutcome) -> dict[str, Any]:
@@ -106,8 +106,8 @@ def relative_document(found: Relative) -> dict[str, Any]:
     """Return relative orientations: mm, metres at photo scale, degrees."""
     return {
         "command": "prelim relative",
-        "models": [_model(each) for each in found.oriented],
-        "failures": [_failure(each) for each in found.failures],
+        "models": [_model(model) for model in found.oriented],
+        "failures": [_failure(failure) for failure in found.failures],
     }
 
 
@@ -115,8 +115,8 @@ def similarity_document(found: Similarities) -> dict[str, Any]:
     """Return bridgings or connections."""
     return {
         "command": "prelim",
-        "steps": [_step(each) for each in found.steps],
-        "failures": [_failure(each) for each in found.failures],
+        "steps": [_step(step) for step in found.steps],
+        "failures": [_failure(failure) for failure in found.failures],
     }
 
 
@@ -131,14 +131,18 @@ def absolute_document(values: PreliminaryValues) -> dict[str, Any]:
 
 def coordinates_document(found: ModelCoordinates) -> dict[str, Any]:
     """Return the model coordinate list."""
-    return {"command": "prelim show", "after": found.stage, "systems": [_system(each, found) for each in found.systems]}
+    return {
+        "command": "prelim show",
+        "after": found.stage,
+        "systems": [_system(system, found) for system in found.systems],
+    }
 
 
 def without_absolute(hows: Sequence[str]) -> str:
     """Return why a block is on the ground without an absolute orientation, from what was done for its photos."""
     if "given" in hows:
-        return "the block is on the ground by the photos whose orientation is given"
-    return "the photos were oriented on the ground at once, by resection from control"
+        return "the block was oriented absolutely by the photos whose orientation is given"
+    return "the photos were oriented absolutely in one step, by resection from control"
 
 
 def _by_way(photos: Sequence[PhotoStart]) -> list[tuple[str, str]]:

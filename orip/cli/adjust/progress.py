@@ -91,15 +91,15 @@ def tell_start(terminal: Terminal, block: Block) -> None:
     terminal.say(_NARROW_HEADING if _is_narrow(terminal) else _HEADING, "dim")
 
 
-def tell_pass(terminal: Terminal, each: IterationPass) -> None:
+def tell_pass(terminal: Terminal, row: IterationPass) -> None:
     """Print a pass line."""
-    mark = " *" if each.step_limited else ""
+    mark = " *" if row.step_limited else ""
     if _is_narrow(terminal):
-        line = f"{each.iteration:4d} {each.enp:6.1f} {each.down_weighted:6d} {each.singular:5d} {each.sigma0:11.4f}"
+        line = f"{row.iteration:4d} {row.enp:6.1f} {row.down_weighted:6d} {row.singular:5d} {row.sigma0:11.4f}"
     else:
         line = (
-            f"         {each.iteration:9d}  {each.enp:7.1f}  {each.down_weighted:13d}  {each.singular:8d}  "
-            f"{each.sigma0:11.4f}"
+            f"         {row.iteration:9d}  {row.enp:7.1f}  {row.down_weighted:13d}  {row.singular:8d}  "
+            f"{row.sigma0:11.4f}"
         )
     terminal.say(f"{line}{mark}")
 

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
     from orip.workflow.adjust.report import WrittenReport
 
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
-]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default report.html of the project.")
 ]

@@ -8,12 +8,8 @@ import typer
 
 from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
-
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
-]
 
 Snoop = Annotated[
     bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")
@@ -64,7 +60,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         if not snoop and (sigma0 is not None or alpha is not None):
-            message = "--sigma0 and --alpha go with --snoop; add --snoop, or leave them out"
+            message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
         method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
         terminal = invocation.terminal

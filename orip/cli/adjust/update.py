@@ -55,8 +55,8 @@ def register(app: typer.Typer) -> None:
                     "file": outcome.project.shown(outcome.path),
                     "unchanged": not outcome.changed,
                     "changed": list(outcome.changed),
-                    "changes": [asdict(each) for each in outcome.values],
-                    "kept": [asdict(each) for each in outcome.kept],
+                    "changes": [asdict(change) for change in outcome.values],
+                    "kept": [asdict(value) for value in outcome.kept],
                     "constant": outcome.constant,
                     "others": outcome.others,
                     "warnings": warning_rows(outcome.warnings),
@@ -78,8 +78,8 @@ def tell(terminal: Terminal, outcome: UpdateOutcome) -> None:
     _tell_values(terminal, outcome)
     if outcome.constant and outcome.changed:
         terminal.say(f"         constant in {source}, and left as they are: {outcome.constant} {outcome.what}")
-    for each in outcome.kept[:_SHOWN_KEPT]:
-        terminal.say(f"kept     {outcome.what[:-1]} {each.name} {each.parameter}: {each.reason}", "yellow")
+    for value in outcome.kept[:_SHOWN_KEPT]:
+        terminal.say(f"kept     {outcome.what[:-1]} {value.name} {value.parameter}: {value.reason}", "yellow")
     if (more := len(outcome.kept) - _SHOWN_KEPT) > 0:
         terminal.say(f"         and {more} more; --json lists all")
     if outcome.others:
@@ -89,10 +89,10 @@ def tell(terminal: Terminal, outcome: UpdateOutcome) -> None:
 def _tell_values(terminal: Terminal, outcome: UpdateOutcome) -> None:
     """Show new values: of cameras, which are few, always."""
     by_name: dict[str, list[ChangedValue]] = {}
-    for each in outcome.values:
-        by_name.setdefault(each.name, []).append(each)
+    for change in outcome.values:
+        by_name.setdefault(change.name, []).append(change)
     for name, values in by_name.items():
-        listed = ", ".join(f"{each.parameter} {_number(each.old)} -> {_number(each.new)}" for each in values)
+        listed = ", ".join(f"{change.parameter} {_number(change.old)} -> {_number(change.new)}" for change in values)
         line = f"         {outcome.what[:-1]} {name}: {listed}"
         if outcome.what == "cameras":
             terminal.say(line)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from orip.cli.late_groups import add_group
-from orip.cli.options import BundleOption, Invocation, command
+from orip.cli.options import BundleArgument, BundleOption, Invocation, command
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
@@ -124,9 +124,7 @@ def _register_points(group: typer.Typer) -> None:
     @command(group, "points")
     def points_command(
         invocation: Invocation,
-        bundle: Annotated[
-            str | None, typer.Argument(metavar="BUNDLE", help="Needed only where there are several.")
-        ] = None,
+        bundle: BundleArgument = None,
         photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
         point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
         model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,

@@ -21,10 +21,10 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
     if found.is_trial and not terminal.json:
         terminal.data("\n".join(_places(found)))
     terminal.warn(found.warnings)
-    for each in found.orientations:
-        summary = each.summary
+    for orientation in found.orientations:
+        summary = orientation.summary
         s0 = "no redundancy" if isnan(summary.s0) else f"s0 {summary.s0:.4f} mm"
-        largest = float(np.abs(each.residuals).max())
+        largest = float(np.abs(orientation.residuals).max())
         terminal.say(f"oriented {summary.group[:-1]} {summary.name}: {s0}, largest residual {largest:.4f} mm")
     counts = ", ".join(f"{found.count(outcome)} {outcome}" for outcome in ("digitised", "skipped", "kept"))
     if found.is_trial:
@@ -39,8 +39,8 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
                 "log": found.log,
                 "dry_run": found.is_trial,
                 "ending": found.ending,
-                "entries": [asdict(each) for each in found.entries],
-                "orientations": [_orientation(each) for each in found.orientations],
+                "entries": [asdict(entry) for entry in found.entries],
+                "orientations": [_orientation(orientation) for orientation in found.orientations],
                 "warnings": warning_rows(found.warnings),
             }
         )
@@ -49,13 +49,13 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
 def tell_ground(terminal: Terminal, found: GroundDigitised) -> None:
     """Say which ground points were taken."""
     terminal.warn(found.warnings)
-    taken = sum(each.xyz is not None for each in found.points)
+    taken = sum(point.xyz is not None for point in found.points)
     terminal.say(
         f"ground   {found.file}: {taken} digitised, {len(found.points) - taken} skipped; {found.ending}", "green"
     )
     if terminal.json:
         document = {"command": "digitise ground", "file": found.file, "ending": found.ending}
-        points = [asdict(each) for each in found.points]
+        points = [asdict(point) for point in found.points]
         terminal.document({**document, "points": points, "warnings": warning_rows(found.warnings)})
 
 
@@ -64,15 +64,15 @@ def _places(found: Digitised) -> list[str]:
     from orip.files.text.table import Column, table_lines
     from orip.number_text import fixed
 
-    places = [each.driven or (np.nan, np.nan) for each in found.entries]
+    places = [entry.driven or (np.nan, np.nan) for entry in found.entries]
     return table_lines(
         [
-            Column("", [each.what for each in found.entries], align="left"),
-            Column("Of", [each.owner for each in found.entries], align="left"),
-            Column("Name", [each.name for each in found.entries], align="left"),
+            Column("", [entry.what for entry in found.entries], align="left"),
+            Column("Of", [entry.owner for entry in found.entries], align="left"),
+            Column("Name", [entry.name for entry in found.entries], align="left"),
             Column("X-plate", fixed([x for x, _ in places], 4), "mm, px"),
             Column("Y-plate", fixed([y for _, y in places], 4), "mm, px"),
-            Column("Place", [each.known for each in found.entries], align="left"),
+            Column("Place", [entry.known for entry in found.entries], align="left"),
         ]
     )
 

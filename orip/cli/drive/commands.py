@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from orip.cli.drive import emulator, link
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
 from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.workflow.drive.table import DriveTableOutcome
-
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
-]
 
 _ABOUT = "Drive in the oriented block: the drive table and the plate processor.\n\nExample: orip drive table"
 
@@ -67,7 +63,9 @@ def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
 
 def tell_no_table(terminal: Terminal, error: InputError) -> None:
     """Say why a bundle with models has no drive table."""
-    terminal.warn(ProjectWarning("no-drive-table", "", f"no drive table: {each}") for each in error.complaints)
+    terminal.warn(
+        ProjectWarning("no-drive-table", "", f"no drive table: {complaint}") for complaint in error.complaints
+    )
 
 
 def _counts(outcome: DriveTableOutcome) -> dict[str, int]:

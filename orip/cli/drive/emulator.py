@@ -18,7 +18,7 @@ StateFile = Annotated[
     Path | None, typer.Option("--state", metavar="FILE", help="Keep the table and the mark in this file.")
 ]
 Speed = Annotated[
-    float | None, typer.Option("--speed", min=1e-3, help="Of the stages, mm a second. Default: they are there at once.")
+    float | None, typer.Option("--speed", min=1e-3, help="Speed of the stages, mm/s. Default: they move at once.")
 ]
 Rate = Annotated[float | None, typer.Option("--rate", min=1e-3, help="Hz at which --speed moves them; default 50.")]
 AllowRemote = Annotated[bool, typer.Option("--allow-remote", help="Listen for other machines too.")]
@@ -37,7 +37,7 @@ def emulate_command(
     rate: Rate = None,
     allow_remote: AllowRemote = False,
 ) -> None:
-    """Be a plate processor that talks over TCP, until Ctrl-C or SIGTERM.
+    """Emulate a plate processor over TCP until Ctrl-C or SIGTERM.
 
     The first client operates, others may read. Line protocol: send HELP, for example with netcat.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import warning_rows
 from orip.wording import counted
 
@@ -17,9 +17,6 @@ DEFAULT_LINK = "tcp://127.0.0.1:4788"
 
 Link = Annotated[
     str, typer.Option("--link", envvar="ORIP_LINK", metavar="URL", help="tcp://HOST:PORT or a serial device.")
-]
-BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
 ]
 Bundle = Annotated[
     str | None, typer.Option("--bundle", help="With a crs and several bundles: the one that is driven in.")

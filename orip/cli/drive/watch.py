@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.drive.commands import BundleArgument, drive
-from orip.cli.options import Invocation, command
+from orip.cli.drive.commands import drive
+from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import OripError
 
 if TYPE_CHECKING:

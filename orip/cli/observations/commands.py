@@ -23,8 +23,8 @@ _ABOUT = """Photo observations: list, disregard, include, kill, measure again.
 Example: orip observations disregard point P101 1001
 """
 _DOES = {
-    "disregard": "Keep points, marks or ticks with their residuals, but without influence.",
-    "include": "Give disregarded points, marks or ticks their influence back.",
+    "disregard": "Keep points, marks or ticks with their residuals, but without weight.",
+    "include": "Give disregarded points, marks or ticks their weight again.",
     "kill": "Delete measured points, marks or ticks; says which points are left with a single ray.",
 }
 

@@ -46,7 +46,7 @@ def tell_edited(terminal: Terminal, verb: str, edited: Edited) -> None:
     """Say what was added to EDITS.MEA, and which points have too few rays now."""
     terminal.warn(edited.warnings)
     if not edited.lines:
-        behind = "; the stores were behind, and are brought up to date" if edited.brought_up_to_date else ""
+        behind = "; the stores were out of date and have been brought up to date" if edited.brought_up_to_date else ""
         terminal.say(f"edit     unchanged: the measurement files say so already{behind}")
     would = "trial    would add" if edited.is_trial else "added   "
     if verb == "remeasure" and edited.lines:
@@ -54,8 +54,8 @@ def tell_edited(terminal: Terminal, verb: str, edited: Edited) -> None:
     else:
         for line in edited.lines:
             terminal.say(f"{would} {line}")
-    for each in edited.left_alone:
-        terminal.say(f"note     point {each.point} {_left(each)}", "yellow")
+    for observation in edited.left_alone:
+        terminal.say(f"note     point {observation.point} {_left(observation)}", "yellow")
     if edited.lines and not edited.is_trial:
         terminal.say("next     orip solve")
     if terminal.json:
@@ -101,11 +101,11 @@ def todo_document(todo: Todo) -> dict[str, Any]:
 
 
 def _rows(items: Iterable[ListedObservation | StereoPartner | PointToMeasure | LeftAlone]) -> list[dict[str, Any]]:
-    return [{key: _plain(value) for key, value in asdict(each).items()} for each in items]
+    return [{key: _plain(value) for key, value in asdict(item).items()} for item in items]
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: None for a number that there is none of."""
+    """Return a value as JSON has it: None for a number that is NaN or infinite."""
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [_plain(part) for part in value]
     return None if isinstance(value, float) and not isfinite(value) else value

@@ -54,7 +54,9 @@ def register(app: typer.Typer) -> None:
             _sample(invocation, name, folder, prefer)
             return
         if name is not None:
-            message = f"{name!r} is too much: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            message = (
+                f"{name!r} is not expected: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
+            )
             raise UsageError(message)
         from orip.workflow.project.commit import carry_out
         from orip.workflow.project.state import read_checked_project
@@ -72,7 +74,7 @@ def register(app: typer.Typer) -> None:
                         {"kind": change.kind, "name": change.name, "action": change.action}
                         for change in outcome.changes
                     ],
-                    "differences": [asdict(each) for each in outcome.differences],
+                    "differences": [asdict(difference) for difference in outcome.differences],
                     "warnings": warning_rows(outcome.warnings),
                 }
             )
@@ -80,7 +82,7 @@ def register(app: typer.Typer) -> None:
 
 def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefer: str | None) -> None:
     if prefer is not None:
-        message = "--prefer does not go with --sample; leave one of them out"
+        message = "--prefer cannot be combined with --sample; leave one of them out"
         raise UsageError(message)
     if name is None:
         list_samples(invocation.terminal)
@@ -103,7 +105,7 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
     terminal.say(f"init     {counted_changes(outcome.changes)}")
     for change in outcome.changes:
         if change.action == "detached":
-            terminal.say(f"         {change.kind} {change.name} is gone from orip.toml; it stays in its store")
+            terminal.say(f"         {change.kind} {change.name} was removed from orip.toml; it stays in its store")
     _tell_differences(terminal, outcome)
 
 
@@ -112,10 +114,10 @@ def _tell_differences(terminal: Terminal, outcome: Initialised) -> None:
     from orip.workflow.records.values import shown_value
 
     lines = [
-        f"         {each.kind} {each.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
-        for each in outcome.differences
-        if each.action == "changed"
-        for value in each.values
+        f"         {record.kind} {record.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"
+        for record in outcome.differences
+        if record.action == "changed"
+        for value in record.values
     ]
     for line in lines[:_SHOWN_VALUES]:
         terminal.say(line)

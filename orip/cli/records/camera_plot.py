@@ -23,7 +23,11 @@ _LINES = 15
 
 def register(app: typer.Typer) -> None:
     """Add the command to the group of commands about cameras, which is there already."""
-    group = next(each.typer_instance for each in app.registered_groups if _name(each.typer_instance) == "camera")
+    group = next(
+        registered.typer_instance
+        for registered in app.registered_groups
+        if _name(registered.typer_instance) == "camera"
+    )
     if group is not None:
         _register_plot(group)
 

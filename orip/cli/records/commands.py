@@ -25,7 +25,7 @@ Name = Annotated[str, typer.Argument(metavar="NAME")]
 NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
 Values = Annotated[
     list[str] | None,
-    typer.Argument(metavar="KEY=VALUE...", help="Keys and values as in orip.toml; KEY= takes a value away."),
+    typer.Argument(metavar="KEY=VALUE...", help="Keys and values as in orip.toml; KEY= removes a value."),
 ]
 BundleOption = Annotated[
     str | None, typer.Option("--bundle", help="Bundle of a model; needed only where there are several.")
@@ -88,7 +88,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
                 {
                     "command": f"{kind} show",
                     "record": found.row.table,
-                    "values": [each._asdict() for each in found.values],
+                    "values": [value._asdict() for value in found.values],
                     "from": found.row.source,
                     "named_by": list(found.named_by),
                 }

@@ -46,7 +46,7 @@ class ControlLines:
 
     def records(self) -> Iterator[TextLine]:
         """Iterate over the lines that have fields."""
-        for number, line in enumerate(self.parsed.records, start=1):
+        for number, line in enumerate(self.parsed.value, start=1):
             split = split_line(line, number)
             if split is not None:
                 yield split

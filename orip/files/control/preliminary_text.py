@@ -27,7 +27,7 @@ def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Preli
     points: list[PreliminaryPoint] = []
     complaints: list[Complaint] = list(text.complaints)
     first_lines: dict[str, int] = {}
-    for line in field_lines(text.records):
+    for line in field_lines(text.value):
         reader = FieldReader(line, shown)
         point = _read_point(reader)
         name = reader.text(0)

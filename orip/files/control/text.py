@@ -64,7 +64,7 @@ def _read(
 ) -> Parsed[tuple[Record, ...]]:
     """Read the text of a control file line by line."""
     found: _RecordList[Record] = _RecordList(shown)
-    for line in field_lines(text.records):
+    for line in field_lines(text.value):
         read_record(FieldReader(line, shown), found)
     return Parsed(tuple(found.records), (*text.complaints, *found.complaints))
 
@@ -81,9 +81,9 @@ def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
 def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
     """Read a text as `read_points` reads a file."""
     parsed = _read(text, shown, _read_point)
-    lines = {point.name: point.line for point in parsed.records}
+    lines = {point.name: point.line for point in parsed.value}
     warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
-    return Parsed(parsed.records, parsed.complaints, warnings)
+    return Parsed(parsed.value, parsed.complaints, warnings)
 
 
 def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> ProjectWarning:
@@ -210,7 +210,7 @@ def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ..
 def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
     """Read a text as `read_directions` reads a file."""
     parsed = _read(text, shown, _read_direction)
-    return Parsed(parsed.records, (*parsed.complaints, *_moved_sets(parsed.records, shown)))
+    return Parsed(parsed.value, (*parsed.complaints, *_moved_sets(parsed.value, shown)))
 
 
 def _moved_sets(directions: Sequence[ControlDirection], shown: str) -> Iterator[Complaint]:
@@ -264,7 +264,7 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_distances(folder / names["LEN"], names["LEN"])
     directions = read_directions(folder / names["DIR"], names["DIR"])
     return Parsed(
-        Control(points.records, elements.records, distances.records, directions.records),
+        Control(points.value, elements.value, distances.value, directions.value),
         (*points.complaints, *elements.complaints, *distances.complaints, *directions.complaints),
         points.warnings,
     )

@@ -43,7 +43,7 @@ def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
     """
     text = read_lines(path, shown)
     log = _Log(shown)
-    log.read(text.records)
+    log.read(text.value)
     return Parsed(tuple(log.records), (*text.complaints, *log.complaints))
 
 

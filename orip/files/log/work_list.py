@@ -42,8 +42,8 @@ def read_work_list(path: Path, shown: str) -> Parsed[tuple[ListedPoint, ...]]:
         The file as the user would name it.
     """
     text = read_lines(path, shown)
-    listed = work_list(field_lines(text.records), shown)
-    return Parsed(listed.records, (*text.complaints, *listed.complaints))
+    listed = work_list(field_lines(text.value), shown)
+    return Parsed(listed.value, (*text.complaints, *listed.complaints))
 
 
 def work_list(lines: Iterable[TextLine], shown: str) -> Parsed[tuple[ListedPoint, ...]]:

@@ -43,13 +43,13 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
         another structure (arrays in place of headers) prevents that, more of it is rewritten, if need be all.
     """
     old = parse_project(text)
-    if old.records is None or old.complaints:
+    if old.value is None or old.complaints:
         return project_text(project_document(definition))
-    if old.records.definition == definition:
+    if old.value.definition == definition:
         return text if text.endswith("\n") else f"{text}\n"
-    merged = _merged(text, old.records.definition, definition)
+    merged = _merged(text, old.value.definition, definition)
     again = parse_project(merged)
-    if again.complaints or again.records is None or again.records.definition != definition:
+    if again.complaints or again.value is None or again.value.definition != definition:
         return project_text(project_document(definition))
     return merged
 

@@ -51,7 +51,7 @@ def read_project(path: Path, shown: str = "orip.toml") -> Parsed[ProjectText | N
     decoded = decode_lines(data, shown)
     if decoded.complaints:
         return Parsed(None, decoded.complaints)
-    return parse_project("\n".join(decoded.records), shown)
+    return parse_project("\n".join(decoded.value), shown)
 
 
 def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | None]:

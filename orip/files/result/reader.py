@@ -48,7 +48,7 @@ def read_result(path: Path, shown: str) -> ResultFigures:
     if lines.complaints:
         raise InputError(lines.complaints)
     try:
-        return _figures(json.loads("\n".join(lines.records), parse_constant=_refused))
+        return _figures(json.loads("\n".join(lines.value), parse_constant=_refused))
     except _MalformedError as fault:
         reason = str(fault)
     except (ValueError, RecursionError) as fault:

@@ -15,16 +15,16 @@ class Parsed(Generic[T]):
     """The outcome of reading one file.
 
     A reader never stops at the first fault. The caller gathers the complaints of all files and raises one
-    `orip.errors.InputError`; the records are good for use only where there are no complaints.
+    `orip.errors.InputError`; the value is good for use only where there are no complaints.
 
     Parameters
     ----------
-    records : T
+    value : T
     complaints : tuple of Complaint
         In the order of the file's lines as far as they have one.
     warnings : tuple of ProjectWarning
     """
 
-    records: T
+    value: T
     complaints: tuple[Complaint, ...] = ()
     warnings: tuple[ProjectWarning, ...] = ()

@@ -48,7 +48,7 @@ class CheckOutcome:
 
 
 def check(bundle: BundleState, expressions: Sequence[str]) -> CheckOutcome:
-    """Hold gates against the last solution of a bundle.
+    """Check gates against the last solution of a bundle.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutc
     Raises
     ------
     InputError
-        If a file is no result; both are looked at.
+        If a file is not a result; both are checked.
     UsageError
         If a tolerance is negative or no number, or a folder has several results.
     """
@@ -68,7 +68,7 @@ def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
     path = folder / given
     if not path.is_dir():
         return path, str(given)
-    found = sorted(each.name for each in path.iterdir() if each.name.endswith("result.json"))
+    found = sorted(file.name for file in path.iterdir() if file.name.endswith("result.json"))
     if not found:
         message = "there is no result.json in this folder; run 'orip solve' there first"
         raise InputError.single(message, str(given))

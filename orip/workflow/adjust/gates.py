@@ -17,7 +17,7 @@ from orip.workflow.project.folder import Project
 from orip.workflow.project.texts import raise_complaints
 
 _ALIKE = 0.4
-"""Likeness of a name above which it is suggested; found by trial with typing mistakes."""
+"""Similarity above which a name is suggested; found by trial with typing mistakes."""
 
 
 def project_gates(project: Project, expressions: Sequence[str] = ()) -> tuple[Gate, ...]:
@@ -90,5 +90,5 @@ def _unknown(name: str) -> str:
 
 
 def _line(project: Project, index: int) -> int:
-    text = "\n".join(read_lines(project.text, project.shown(project.text)).records)
+    text = "\n".join(read_lines(project.text, project.shown(project.text)).value)
     return TomlLines(text).line_of(("check", "gates", index))

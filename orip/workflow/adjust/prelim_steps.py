@@ -145,7 +145,7 @@ def bridges(given: PrelimInput, model: str | None) -> Similarities:
         bridged = _bridged(given, rays)
         return Similarities(bridged.steps, bridged.failures)
     first = given.model(model)
-    after = [each for each in given.models if each.row == first.row and each.column > first.column]
+    after = [later for later in given.models if later.row == first.row and later.column > first.column]
     if not after:
         message = f"model {first.name} is the last of row {first.row}: there is no next one to bridge it to"
         raise UsageError(message)
@@ -197,7 +197,7 @@ def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[P
         return (block,) if len(block.photos) else (), not_oriented(values)
     if stage == "relative":
         found = relative_orientations(given, None)
-        return tuple(each.block for each in found.oriented), _reasons(found.failures)
+        return tuple(model.block for model in found.oriented), _reasons(found.failures)
     joined = _bridged(given, rays)
     if stage == "connected":
         joined = connect_rows(joined, rays)
@@ -205,7 +205,7 @@ def _systems(given: PrelimInput, rays: ImageRays, stage: Stage) -> tuple[tuple[P
 
 
 def _reasons(failures: Sequence[NotOriented]) -> str:
-    return "\n".join(f"model {each.name}: {each.reason}" for each in failures)
+    return "\n".join(f"model {failure.name}: {failure.reason}" for failure in failures)
 
 
 def _bridged(given: PrelimInput, rays: ImageRays) -> JoinedSystems:
@@ -223,7 +223,7 @@ def _oriented(rays: ImageRays, model: StereoModel) -> PartialBlock:
 
 
 def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:
-    """Return the strip of a row; of one that falls to pieces, the largest."""
+    """Return the strip of a row; of a row that is not connected, the largest part."""
     models = [model for model in given.models if model.row == row]
     if not models:
         listed = ", ".join(map(str, dict.fromkeys(model.row for model in given.models)))

@@ -91,7 +91,7 @@ def solve(
 def _of_project(bundle: BundleState, solution: Solution, method: Method) -> Solution:
     """Return a solution with the project that it belongs to, what it was computed from, and the run id."""
     definition, given = bundle.project.definition, bundle.state.texts.control_input(bundle.name)
-    inputs = (*given.records.digests, *bundle.digests, bundle.project.heading_digest)
+    inputs = (*given.value.digests, *bundle.digests, bundle.project.heading_digest)
     return replace(
         solution,
         project=definition.name,
@@ -133,13 +133,13 @@ def solve_step(bundle: BundleState) -> Step:
     if head is None:
         return Step(command, "missing", f"bundle {bundle.name} has not been adjusted")
     if not bundle.is_measured or record_key(bundle.name) not in bundle.records.bundles:
-        return Step(command, "out of date", "its definition or photo observations are gone")
+        return Step(command, "out of date", "its definition or photo observations no longer exist")
     now = (*control_input_digests(project, bundle.name), *bundle.digests, project.heading_digest)
     if changed := changed_inputs(head.inputs, now):
         return Step(command, "out of date", f"changed since: {', '.join(changed)}")
     if stale := stale_solution_outputs(project, bundle.name, head.run):
         names = ", ".join(project.shown(path) for path in stale)
-        return Step(command, "out of date", f"missing or not of the last adjustment: {names}; {WRITTEN_BY}")
+        return Step(command, "out of date", f"missing or older than the last adjustment: {names}; {WRITTEN_BY}")
     return _of_head(command, head)
 
 

@@ -27,7 +27,7 @@ Weighting = Literal["disregard", "include", "reject"]
 
 @dataclass(frozen=True, slots=True)
 class LineChange:
-    """A line before and after an edit, without line ends; None: there was none, or is none any more."""
+    """A line before and after an edit, without line ends; None: added, or deleted."""
 
     action: Literal["added", "changed", "killed"]
     line: int
@@ -277,11 +277,11 @@ def _file(state: ProjectState, kind: ControlKind, bundle: str | None) -> _File:
 
 
 def _read(file: _File) -> ControlLines:
-    """Return the lines of the file; one of the same name in other letters is not to be overlooked."""
+    """Return the lines of the file; a file whose name differs only in case is an error."""
     if not file.path.exists():
         texts = file.state.texts
         found: Parsed[Any] = texts.control if file.bundle is None else texts.control_input(file.bundle)
-        same = [each for each in found.complaints if each.path.lower() == file.shown.lower()]
+        same = [complaint for complaint in found.complaints if complaint.path.lower() == file.shown.lower()]
         if same:
             raise InputError(same)
     return read_control_lines(file.path, file.shown)
@@ -316,7 +316,7 @@ def _check(file: _File, lines: ControlLines) -> tuple[ProjectWarning, ...]:
 
 def _changes(old: ControlLines, new: ControlLines) -> Iterator[LineChange]:
     """Compare line by line: an edit adds one line, takes some out, or changes some."""
-    before, after = old.parsed.records, new.parsed.records
+    before, after = old.parsed.value, new.parsed.value
     if len(after) > len(before):
         first = next((n for n, (was, now) in enumerate(zip(before, after, strict=False)) if was != now), len(before))
         yield LineChange("added", first + 1, None, after[first])

@@ -48,7 +48,7 @@ def unknown_name_warnings(
 
 
 def _known(state: ProjectState) -> _Known:
-    control = state.texts.control.records
+    control = state.texts.control.value
     return _Known(
         frozenset(point for found in state.measured.observations.values() for point in found.points),
         frozenset(point.name for point in control.points),

@@ -113,7 +113,7 @@ class MountedFilms:
         stage = self.stages.get(record_key(photo))
         if stage is None:
             message = (
-                f'nothing tells which stage photo {photo} is on; give it (or its template) stage = "UPPER" or '
+                f'the stage of photo {photo} is not known; give it (or its template) stage = "UPPER" or '
                 "\"LOWER\" in orip.toml and run 'orip init'"
             )
             raise UsageError(message)
@@ -229,8 +229,8 @@ def log_records(project: Project, files: Sequence[Path]) -> tuple[LogRecord, ...
         With everything that is wrong in them.
     """
     read = [read_measurements(path, project.shown(path)) for path in files]
-    raise_complaints([complaint for each in read for complaint in each.complaints])
-    return tuple(record for each in read for record in each.records)
+    raise_complaints([complaint for log in read for complaint in log.complaints])
+    return tuple(record for log in read for record in log.value)
 
 
 def plate_of_log(scan: Scan | None) -> PlaneTransformation:
@@ -246,7 +246,7 @@ def position(transformation: PlaneTransformation, xy: Sequence[float] | np.ndarr
 
 def _files(state: ProjectState, log: Path) -> list[Path]:
     """Return the measurement files that exist, with the log."""
-    listed = list(state.texts.measurement_files.records)
+    listed = list(state.texts.measurement_files.value)
     if log.exists() and log.resolve() not in {path.resolve() for path in listed}:
         listed.append(log)
     return listed
@@ -272,7 +272,7 @@ def _owner(record: TemplateRecord | PhotoRecord) -> str:
 def _defined(records: Mapping[str, Defined], kind: str, name: str) -> Defined:
     found = records.get(record_key(name))
     if found is None:
-        near = near_names(name, (each.name for each in records.values()))
+        near = near_names(name, (defined.name for defined in records.values()))
         message = f"{kind} {name} is not defined; {near}"
         raise UsageError(message)
     return found

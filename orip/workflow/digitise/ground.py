@@ -170,7 +170,7 @@ def _listed(project: Project, file: Path) -> list[str]:
     path = project.folder / file
     found = read_work_list(path, project.shown(path))
     raise_complaints(found.complaints)
-    return [each.point for each in found.records]
+    return [row.point for row in found.value]
 
 
 def _series(first: str) -> Iterator[str]:

@@ -128,17 +128,17 @@ def digitise_photos(
         raise UsageError(message)
     chosen = [films.photo(name) for name in photos] if template is None else _on_template(films, template)
     if start is not None:
-        names = [record_key(each.name) for each in chosen]
+        names = [record_key(photo.name) for photo in chosen]
         if record_key(start) not in names:
-            message = f"photo {start} is not among those to digitise: {', '.join(each.name for each in chosen)}"
+            message = f"photo {start} is not among those to digitise: {', '.join(photo.name for photo in chosen)}"
             raise UsageError(message)
         chosen = chosen[names.index(record_key(start)) :]
-    return _digitise(films, setup, [_photo_sheet(films, each, kind, again=again) for each in chosen])
+    return _digitise(films, setup, [_photo_sheet(films, photo, kind, again=again) for photo in chosen])
 
 
 def _on_template(films: MountedFilms, template: str) -> list[Photo]:
     key = record_key(films.template(template).name)
-    found = [each for each in films.definitions.photos.values() if record_key(each.template or "") == key]
+    found = [photo for photo in films.definitions.photos.values() if record_key(photo.template or "") == key]
     if not found:
         message = f'no photo is on template {template}; define photos with template = "{template}" in orip.toml'
         raise InputError.single(message)
@@ -174,7 +174,7 @@ def _stage_of_template(films: MountedFilms, template: Template) -> Stage:
              if record_key(photo.template or "") == record_key(template.name))  # fmt: skip
     stage = (known.stage if known else None) or template.stage or next(on_it, None)
     if stage is None:
-        message = f"nothing tells which stage template {template.name} is on; name it with --stage UPPER or LOWER"
+        message = f"the stage of template {template.name} is not known; name it with --stage UPPER or LOWER"
         raise UsageError(message)
     return stage
 
@@ -272,7 +272,7 @@ class _Digitising:
         if not self._has_changed:
             return []
         marks = self.marks()
-        own = {each.name for each in self._sheet.marks} - self._sheet.of_record
+        own = {mark.name for mark in self._sheet.marks} - self._sheet.of_record
         return [
             measurement_line(
                 name,
@@ -285,8 +285,8 @@ class _Digitising:
 
     def marks(self) -> MeasuredMarks:
         """Return the marks there are, in the system of the orientation's marks."""
-        names = tuple(each.name for each in self._sheet.marks if each.name in self._on_plate)
-        given = {each.name: (each.x, each.y) for each in self._sheet.marks}
+        names = tuple(mark.name for mark in self._sheet.marks if mark.name in self._on_plate)
+        given = {mark.name: (mark.x, mark.y) for mark in self._sheet.marks}
         before = dict(zip(self._sheet.before.names, self._sheet.before.disregarded.tolist(), strict=True))
         return MeasuredMarks(
             names,

@@ -22,10 +22,10 @@ from orip.records.photo import Stage
 from orip.workflow.digitise.films import MountedFilms
 
 PAUSE_S = 0.05
-"""Between two questions for an event: shorter than a foot feels."""
+"""Seconds between two queries for an event: too short for an operator to notice."""
 
 Tell = Callable[[str], None]
-"""Who is told, line by line, what is going on."""
+"""What receives a line on each event."""
 
 
 class Instrument(Protocol):
@@ -85,7 +85,7 @@ class Operator(Protocol):
     """Who sets the measuring mark."""
 
     def act(self, link: Instrument, visit: Visit) -> Event | None:
-        """Return what is done about a visit, once it is; None where nobody does anything any more."""
+        """Return what is done about a visit, once it is; None where the operator has ended."""
 
 
 class AtTheProcessor:
@@ -143,12 +143,12 @@ class Simulation:
         return link.next_event()
 
     def _can_set_mark(self, link: Instrument, sought: Sequence[Sought]) -> bool:
-        places = [self._places.get(each[:3]) for each in sought]
+        places = [self._places.get(point[:3]) for point in sought]
         try:
-            for each, place in zip(sought, places, strict=True):
+            for point, place in zip(sought, places, strict=True):
                 if place is None:
                     return False
-                link.drive_plate(each.stage, *place)
+                link.drive_plate(point.stage, *place)
         except ProcessorFault as fault:
             if fault.code != DriveCode.OUTSIDE_STAGE:
                 raise
@@ -173,33 +173,33 @@ def read_script(path: Path, shown: str) -> list[str]:
     Raises
     ------
     InputError
-        With all lines that are none.
+        With all lines that are not requests.
     """
     text = read_lines(path, shown)
-    script = script_requests(text.records, shown)
+    script = script_requests(text.value, shown)
     if text.complaints or script.complaints:
         raise InputError([*text.complaints, *script.complaints])
-    return script.records
+    return script.value
 
 
 def typed_requests(lines: Iterable[str], tell: Tell) -> Iterator[str]:
-    """Yield requests as they are typed; tell of lines that are none."""
+    """Yield requests as they are typed; report lines that are not requests."""
     for line in lines:
         found = script_requests([line], "")
-        yield from found.records
+        yield from found.value
         for complaint in found.complaints:
             tell(complaint.message)
 
 
 def script_requests(lines: Sequence[str], shown: str) -> Parsed[list[str]]:
-    """Return the requests of lines, without comments, and a complaint for each line that is none."""
+    """Return the requests of lines, without comments, and a complaint for each line that is not a request."""
     requests, complaints = [], []
     for line in field_lines(list(lines)):
         words = [field.text for field in line.fields]
         if words[0].upper() in _REQUESTS:
             requests.append(" ".join(words))
         else:
-            message = f"'{words[0]}' is nothing an operator does; write one of {', '.join(_REQUESTS)}"
+            message = f"'{words[0]}' is not an operator's request; write one of {', '.join(_REQUESTS)}"
             complaints.append(Complaint(message, shown, line.number))
     return Parsed(requests, tuple(complaints))
 

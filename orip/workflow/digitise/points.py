@@ -190,9 +190,9 @@ class _Digitising:
 
     def _side(self, stage: Stage) -> Side:
         """Return the side of the active model on which a stage is seen; without one it is as the eyepieces are."""
-        for each in self._points.block.models:
-            if each.model == self._active:
-                return "LEFT" if self._points.block.stages.get(each.left) == stage else "RIGHT"
+        for model in self._points.block.models:
+            if model.model == self._active:
+                return "LEFT" if self._points.block.stages.get(model.left) == stage else "RIGHT"
         return "LEFT" if stage == "UPPER" else "RIGHT"
 
     def _decision(self, sought: tuple[Sought, ...], step: Step) -> Decision:

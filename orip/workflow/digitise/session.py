@@ -100,7 +100,7 @@ class Session:
         return sum(entry.outcome == "digitised" for entry in self.entries)
 
     def enter(self, entry: Entry) -> None:
-        """Put an entry into the account, and tell of it."""
+        """Add an entry to the account, and report it."""
         self.entries.append(entry)
         xy = "" if entry.xy is None else f"{entry.xy[0]:z12.4f} {entry.xy[1]:z11.4f}"
         self.tell(f"{entry.outcome:<10} {entry.what} {entry.name} of {entry.owner} {xy}".rstrip())

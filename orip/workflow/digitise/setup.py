@@ -172,10 +172,10 @@ def _without_effect(films: MountedFilms, entries: Sequence[Entry]) -> Iterator[P
         where = f"{entry.what} {entry.name} of {entry.owner}"
         found = places.get(key)
         if found is None or dist(found, _on_plate(films, entry, entry.xy)) > _SAME_PLACE:
-            text = "was digitised, but does not count: a text that is replayed later measures it too, or deletes it"
+            text = "was digitised, but has no effect: a file that is replayed later measures it again, or deletes it"
             yield ProjectWarning("does-not-count", where, text)
         elif key[1:] in disregarded:
-            text = "was digitised, and is disregarded all the same; 'orip observations include' makes it count"
+            text = "was digitised, but is still disregarded; 'orip observations include' gives it weight again"
             yield ProjectWarning("disregarded", where, text)
 
 

@@ -69,13 +69,15 @@ class BundlePoints:
     @cached_property
     def block(self) -> DigitisedBlock:
         """Return the models, and the stages of photos that have one."""
-        models = sorted(self.bundle.models, key=lambda each: (each.row, each.column))
+        models = sorted(self.bundle.models, key=lambda model: (model.row, model.column))
         return DigitisedBlock(tuple(map(_pair, models)), self.films.stages)
 
     def predicted(self, photo: str, point: str) -> Position | None:
         """Return where the last adjustment predicts a point on the plate, also beyond frame lines; None: nowhere."""
         found = self.places.anywhere(photo).get(point)
-        if found is None or any(each != each for each in found.log_xy):  # NaN: no interior orientation
+        if found is None or any(
+            coordinate != coordinate for coordinate in found.log_xy
+        ):  # NaN: no interior orientation
             return None
         return position(self._plate_of_log(photo), found.log_xy)
 
@@ -139,15 +141,15 @@ def wanted_points(points: BundlePoints, choice: PointChoice) -> dict[str, list[s
     wanted: dict[str, list[str]] = {}
     unknown: list[str] = []
     measured: list[str] = []
-    for each in (*named, *listed):
-        if each.photo is not None:
-            found = [photo for photo in photos if photo == record_key(each.photo)]
+    for wanted_point in (*named, *listed):
+        if wanted_point.photo is not None:
+            found = [photo for photo in photos if photo == record_key(wanted_point.photo)]
         else:
-            found = list(_photos_of(points, choice, photos, each.point))
+            found = list(_photos_of(points, choice, photos, wanted_point.point))
             if not found:
-                is_done = each.point in points.measured_photos and not choice.again
-                (measured if is_done else unknown).append(each.point)
-        of_point = wanted.setdefault(each.point, [])
+                is_done = wanted_point.point in points.measured_photos and not choice.again
+                (measured if is_done else unknown).append(wanted_point.point)
+        of_point = wanted.setdefault(wanted_point.point, [])
         of_point += [photo for photo in found if photo not in of_point]
     _refuse(points, unknown, measured, again=choice.again)
     return {point: of_point for point, of_point in wanted.items() if of_point}
@@ -172,7 +174,7 @@ def model_named(bundle: BundleDefinition, name: str) -> StereoModel:
     for model in bundle.models:
         if record_key(model.name) == record_key(name):
             return model
-    message = f"bundle {bundle.name} has no model {name}; {near_names(name, (each.name for each in bundle.models))}"
+    message = f"bundle {bundle.name} has no model {name}; {near_names(name, (model.name for model in bundle.models))}"
     raise UsageError(message)
 
 
@@ -185,15 +187,15 @@ def _listed(points: BundlePoints, choice: PointChoice) -> list[ListedPoint]:
     found = read_work_list(path, shown)
     faults = [*found.complaints]
     mine = [
-        each
-        for each in found.records
-        if record_key(each.bundle or points.bundle.name) == record_key(points.bundle.name)
+        point
+        for point in found.value
+        if record_key(point.bundle or points.bundle.name) == record_key(points.bundle.name)
     ]
-    for each in {record_key(each.photo): each for each in mine if each.photo is not None}.values():
-        if record_key(each.photo or "") not in points.films.definitions.photos:
+    for point in {record_key(point.photo): point for point in mine if point.photo is not None}.values():
+        if record_key(point.photo or "") not in points.films.definitions.photos:
             known = (photo.name for photo in points.films.definitions.photos.values())
-            message = f"photo {each.photo} is not defined; {near_names(each.photo or '', known)}"
-            faults.append(Complaint(message, shown, each.line))
+            message = f"photo {point.photo} is not defined; {near_names(point.photo or '', known)}"
+            faults.append(Complaint(message, shown, point.line))
     raise_complaints(faults)
     return mine
 
@@ -243,12 +245,12 @@ def _refuse(points: BundlePoints, unknown: Sequence[str], measured: Sequence[str
             near = near_names(point, points.measured_photos)
             complaints.append(Complaint(f"point {point} is not measured in any photo that is meant; {near}"))
         else:
-            text = f"nothing tells where point {point} is; name the photos with --photo, or a model with --model"
+            text = f"the position of point {point} is not known; name the photos with --photo, or a model with --model"
             complaints.append(Complaint(text))
     if complaints:
         raise InputError(complaints)
 
 
 def _pair(model: StereoModel) -> PhotoPair:
-    name, left, right = (record_key(each) for each in (model.name, model.left, model.right))
+    name, left, right = (record_key(owner) for owner in (model.name, model.left, model.right))
     return PhotoPair(name, left, right, model.row, model.column)

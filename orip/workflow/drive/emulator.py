@@ -79,7 +79,7 @@ def emulate(settings: EmulatorSettings, listening: Callable[[str], None], troubl
     try:
         return asyncio.run(_serve_until_signal(emulator, host, port, listening))
     except OSError as error:
-        message = f"cannot listen at {settings.listen}: {error.strerror or error}; name another address with --listen"
+        message = f"cannot listen on {settings.listen}: {error.strerror or error}; name another address with --listen"
         if error.errno == errno.EADDRINUSE:
             message = (
                 f"{settings.listen} is in use by another program, perhaps another emulator; stop that one, or name "
@@ -96,11 +96,13 @@ async def _serve_until_signal(emulator: Emulator, host: str, port: int, listenin
         if not ended.done():
             ended.set_result(name)
 
-    for each in (signal.SIGINT, signal.SIGTERM):
+    for stop_signal in (signal.SIGINT, signal.SIGTERM):
         try:
-            loop.add_signal_handler(each, end, each.name)
+            loop.add_signal_handler(stop_signal, end, stop_signal.name)
         except NotImplementedError:  # Windows
-            signal.signal(each, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name))
+            signal.signal(
+                stop_signal, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name)
+            )
     await emulator.serve(host, port, lambda *address: listening(_joined(*address)), ended)
     return await ended
 
@@ -109,7 +111,7 @@ def _address(settings: EmulatorSettings) -> tuple[str, int]:
     host, _, port = settings.listen.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not host or not (port.isascii() and port.isdecimal() and int(port) <= 65535):
-        message = f"'{settings.listen}' is no address to listen at; write HOST:PORT, for example 127.0.0.1:4788"
+        message = f"'{settings.listen}' is not an address to listen on; write HOST:PORT, for example 127.0.0.1:4788"
         raise UsageError(message)
     try:
         found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)
@@ -119,7 +121,7 @@ def _address(settings: EmulatorSettings) -> tuple[str, int]:
     address = str(found[0][4][0])
     if not ipaddress.ip_address(address.partition("%")[0]).is_loopback and not settings.is_remote_allowed:
         message = (
-            f"{settings.listen} can be reached from other machines, and whoever connects may operate; listen at "
+            f"{settings.listen} can be reached from other machines, and anyone who connects can control it; listen on "
             "127.0.0.1, or allow it with --allow-remote"
         )
         raise UsageError(message)

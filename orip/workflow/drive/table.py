@@ -67,7 +67,7 @@ def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:
 
 
 def drive_step(bundle: BundleState) -> Step | None:
-    """Return whether the drive table has to be made; None where there is nothing to drive.
+    """Return whether the drive table has to be made; None where the bundle has no models to drive in.
 
     Parameters
     ----------
@@ -203,10 +203,10 @@ def _stages(bundle: BundleState, models: tuple[StereoModel, ...]) -> Mapping[str
 def _name_complaints(ingredients: TableIngredients) -> Iterator[Complaint]:
     """Yield a complaint for what cannot be written in a table of ASCII, or not in one with a single plate unit."""
     photos, cameras, solution = ingredients.used_photos(), ingredients.used_cameras(), ingredients.solution
-    named = [("bundle", solution.bundle), *(("camera", each.name) for each in cameras)]
-    named += [("photo", each.name) for each in photos]
-    named += [("template", name) for name in dict.fromkeys(each.template for each in photos) if name is not None]
-    named += [("model", each.name) for each in ingredients.models]
+    named = [("bundle", solution.bundle), *(("camera", camera.name) for camera in cameras)]
+    named += [("photo", photo.name) for photo in photos]
+    named += [("template", name) for name in dict.fromkeys(photo.template for photo in photos) if name is not None]
+    named += [("model", model.name) for model in ingredients.models]
     for kind, name in named:
         fault = drivable_name_fault(record_key(name))
         if fault is not None:
@@ -214,7 +214,7 @@ def _name_complaints(ingredients: TableIngredients) -> Iterator[Complaint]:
     for what, text in (("project name", solution.project), ("ground unit", solution.ground_unit)):
         if not (text and text.isascii() and text.isprintable() and text == text.strip()):
             yield Complaint(f"the {what} '{text}' has a character that is not ASCII, which a drive table cannot hold")
-    digital = [each.name for each in photos if ingredients.cameras[record_key(each.camera)].sensor is not None]
+    digital = [photo.name for photo in photos if ingredients.cameras[record_key(photo.camera)].sensor is not None]
     if digital and len(digital) < len(photos):
         yield Complaint(
             f"digital frames ({', '.join(digital)}) are driven in pixels, films in millimetres, and a drive table has "

@@ -149,11 +149,11 @@ def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Cha
     if path.resolve() == before.edits.path.resolve():
         message = f"this is {EDITS_FILE} itself; name the file with the new measurements"
         raise InputError.single(message, shown)
-    if not found.records:
+    if not found.value:
         message = "there are no measurements in this file; write some, as in any .MEA file"
         raise InputError.single(message, shown)
-    lines = [line.rstrip() for line in read_lines(path, shown).records]
-    change = _applied(before, None, found.records, [f"! from {shown}", *lines], is_trial=is_trial)
+    lines = [line.rstrip() for line in read_lines(path, shown).value]
+    change = _applied(before, None, found.value, [f"! from {shown}", *lines], is_trial=is_trial)
     warnings = (*change.outcome.warnings, *_replayed_twice(before, path))
     return replace(change, outcome=replace(change.outcome, warnings=warnings))
 
@@ -178,15 +178,15 @@ def _replayed_log(state: ProjectState) -> _Log:
     log = state.texts.log
     raise_complaints(log.complaints)
     state.require_initialised()
-    replayed = replay(log.records.records, state.records, Measured())
+    replayed = replay(log.value.records, state.records, Measured())
     raise_complaints(replayed.complaints)
     inputs = dict(state.replay.inputs)
-    now = dict(measurement_inputs(project, log.records.digests, state.definitions))
+    now = dict(measurement_inputs(project, log.value.digests, state.definitions))
     _require_no_loss([name for name in inputs if name not in now], state.measured, replayed.measured)
     changed = [name for name, digest in now.items() if inputs and inputs.get(name) != digest]
     text = "changed since the last 'orip measure'; all measurement files are replayed into the stores"
     news = (ProjectWarning("all-replayed", ", ".join(changed), text),) if changed else ()
-    return _Log(state, edits, log.records, replayed, news)
+    return _Log(state, edits, log.value, replayed, news)
 
 
 def _require_no_loss(gone: Sequence[str], stored: Measured, replayed: Measured) -> None:
@@ -246,7 +246,7 @@ def _longer(before: _Log, records: Sequence[LogRecord], lines: Sequence[str]) ->
 
 
 def _of_the_command(complaint: Complaint, before: _Log) -> Complaint:
-    """Return a complaint without a line that does not stand in the file yet."""
+    """Return a complaint without the number of a line that is not in the file yet."""
     if complaint.path == before.edits.shown and (complaint.line or 0) > before.edits.line_count:
         return Complaint(complaint.message)
     return complaint

@@ -87,7 +87,7 @@ def measure_on_top(state: ProjectState, log: Parsed[MeasurementLog]) -> Change[M
         With everything that is wrong.
     """
     change = _replayed(state, log, state.measured, _provenance_on_top)
-    warnings = (*log.warnings, *_outside_project(state, log.records.files), *change.outcome.warnings)
+    warnings = (*log.warnings, *_outside_project(state, log.value.files), *change.outcome.warnings)
     return replace(change, outcome=replace(change.outcome, warnings=warnings))
 
 
@@ -105,15 +105,15 @@ def _replayed(
     raise_complaints(log.complaints)
     state.require_initialised()
     project = state.project
-    outcome = replay(log.records.records, state.records, before)
+    outcome = replay(log.value.records, state.records, before)
     raise_complaints(outcome.complaints)
     digitised = with_digitised(state.definitions, outcome.measured)
     after = state.with_stored(StoredParts(digitised, outcome.measured))
     interior = after.interior
     raise_complaints(interior.complaints)
     warnings = (*outcome.warnings, *measurement_warnings(after.records, outcome.measured, interior))
-    run, inputs = provenance(state, measurement_inputs(project, log.records.digests, digitised))
-    found = MeasureOutcome(project, log.records.files, _counts(project, outcome), interior, warnings)
+    run, inputs = provenance(state, measurement_inputs(project, log.value.digests, digitised))
+    found = MeasureOutcome(project, log.value.files, _counts(project, outcome), interior, warnings)
     change = Change(state, found, outputs=(interior_output(project, interior, run),), restores_outputs=True)
     if all(stored == run for stored in state.replay.runs):
         return change
@@ -146,7 +146,7 @@ def measure_step(state: ProjectState) -> Step:
         With `MEASURED_FROM`.
     """
     project, command = state.project, "orip measure"
-    log = log_digests(project, state.texts.measurement_files.records)
+    log = log_digests(project, state.texts.measurement_files.value)
     files = counted(len(log), "measurement file")
     runs = set(state.replay.runs)
     if runs == {None}:
@@ -158,7 +158,7 @@ def measure_step(state: ProjectState) -> Step:
         return Step(command, "out of date", f"changed since: {', '.join(changed)}")
     if is_interior_listing_stale(project, str(runs.pop())):
         shown = project.shown(project.interior_listing)
-        return Step(command, "out of date", f"{shown} is missing or not of the last run; {WRITTEN_BY}")
+        return Step(command, "out of date", f"{shown} is missing or older than the last run; {WRITTEN_BY}")
     return Step(command, "up to date", f"{files} in the stores")
 
 
@@ -190,7 +190,7 @@ def with_digitised(definitions: StoredDefinitions, measured: Measured) -> Stored
 
 
 def _outside_project(state: ProjectState, files: Sequence[Path]) -> list[ProjectWarning]:
-    known = {path.resolve() for path in state.texts.measurement_files.records}
+    known = {path.resolve() for path in state.texts.measurement_files.value}
     text = "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it"
     return [
         ProjectWarning("not-in-project", state.project.shown(path), text)

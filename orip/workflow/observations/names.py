@@ -42,7 +42,7 @@ def edited_owner(what: Literal["POINT", "MARK", "TICK"], owner: str, definitions
     records: Mapping[str, Photo | Template] = definitions.templates if what == "TICK" else definitions.photos
     record = records.get(record_key(owner))
     if record is None:
-        near = near_names(owner, (each.name for each in records.values()))
+        near = near_names(owner, (record.name for record in records.values()))
         message = f"{kind} {owner} is not defined; {near} ('*' in quotes: all {kind}s)"
         raise InputError.single(message)
     return record.name
@@ -77,7 +77,7 @@ def chosen_names(
 
 
 def _changes(action: str, flags: Mapping[str, list[bool]], name: str) -> bool:
-    of_name = [flag for each, found in flags.items() if name in (ALL, each) for flag in found]
+    of_name = [flag for flagged, found in flags.items() if name in (ALL, flagged) for flag in found]
     return bool(of_name) if action == "KILL" else (action == "INCLUDE") in of_name
 
 
@@ -97,23 +97,27 @@ def _not_measured(named: Named, name: str, measured: Iterable[str], killed: Mapp
 
 def _killed(named: Named, log: Sequence[LogRecord], definitions: Definitions) -> dict[str, EditRecord]:
     """Return the names that would be measured there if they had not been killed, with the last edit that did it."""
-    kills = [each for each in log if isinstance(each, EditRecord) and each.action == "KILL" and each.what == named.what]
+    kills = [
+        record
+        for record in log
+        if isinstance(record, EditRecord) and record.action == "KILL" and record.what == named.what
+    ]
     if not kills:
         return {}
     alive = replay(without_kills(log), definitions, Measured()).measured
     keys = {ALL, record_key(named.owner)}
     mine = [
-        each
-        for each in kills
-        if (named.owner == ALL or record_key(each.owner) in keys)
-        and (each.bundle is None or record_key(each.bundle) == record_key(named.bundle or ""))
+        kill
+        for kill in kills
+        if (named.owner == ALL or record_key(kill.owner) in keys)
+        and (kill.bundle is None or record_key(kill.bundle) == record_key(named.bundle or ""))
     ]
-    return {name: each for name in _disregarded(named, alive) for each in mine if each.name in (ALL, name)}
+    return {name: kill for name in _disregarded(named, alive) for kill in mine if kill.name in (ALL, name)}
 
 
 def without_kills(log: Iterable[LogRecord]) -> Iterator[LogRecord]:
     """Yield the records of a log that kill nothing."""
-    return (each for each in log if not (isinstance(each, EditRecord) and each.action == "KILL"))
+    return (record for record in log if not (isinstance(record, EditRecord) and record.action == "KILL"))
 
 
 def _disregarded(named: Named, measured: Measured) -> dict[str, list[bool]]:

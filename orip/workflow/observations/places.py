@@ -110,9 +110,9 @@ def _ground_coordinates(bundle: BundleState) -> dict[str, tuple[float, float, fl
     found = bundle.state.texts.control_input(bundle.name)
     raise_complaints(found.complaints)
     known: dict[str, tuple[float, float, float]] = {}
-    for point in found.records.preliminary:
+    for point in found.value.preliminary:
         known[point.name] = point.coordinates
-    for control in found.records.control.points:
+    for control in found.value.control.points:
         x, y, z = control.coordinates
         if not control.rejected and x is not None and y is not None and z is not None:
             known[control.name] = x, y, z

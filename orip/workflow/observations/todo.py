@@ -130,7 +130,7 @@ def _killed(bundle: BundleState, places: Places) -> list[PointToMeasure]:
     """Return the points that the measurement files would leave measured if nothing in them were killed."""
     log = bundle.state.texts.log
     raise_complaints(log.complaints)
-    alive = replay(without_kills(log.records.records), bundle.records, Measured()).measured
+    alive = replay(without_kills(log.value.records), bundle.records, Measured()).measured
     found = alive.observations.get(record_key(bundle.name))
     if found is None:
         return []

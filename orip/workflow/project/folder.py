@@ -42,7 +42,7 @@ class Project:
     definition : ProjectDefinition
         As the text says; distortions not yet taken to the polynomial.
     lines : mapping (kind, record_key) to int
-        Where each record stands in orip.toml.
+        The line of each record in orip.toml.
     warnings : tuple of ProjectWarning
     """
 
@@ -195,12 +195,12 @@ def open_project(folder: Path) -> Project:
         )
         raise InputError.single(message)
     parsed = read_project(path, PROJECT_FILE)
-    if parsed.complaints or parsed.records is None:
+    if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
-    if len(parsed.records.definition.bundles) > MOST_BUNDLES:
+    if len(parsed.value.definition.bundles) > MOST_BUNDLES:
         message = (
-            f"the project has {len(parsed.records.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
+            f"the project has {len(parsed.value.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
             f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
         )
         raise InputError.single(message, PROJECT_FILE)
-    return Project(folder, parsed.records.definition, parsed.records.lines, parsed.warnings)
+    return Project(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)

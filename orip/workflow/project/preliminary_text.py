@@ -54,6 +54,6 @@ def read_preliminary_text(project: Project, bundle: str) -> PreliminaryText:
     shown, digest = project.shown(path), digest_of_text(path)
     found = read_preliminary(path, shown)
     raise_complaints(found.complaints)
-    lines = read_lines(path, shown, may_be_absent=True).records
+    lines = read_lines(path, shown, may_be_absent=True).value
     comments = takewhile(lambda line: not line.strip() or line.strip().startswith(COMMENT_MARKS), lines)
-    return PreliminaryText(path, digest, tuple(comments), tuple(found.records))
+    return PreliminaryText(path, digest, tuple(comments), tuple(found.value))

@@ -27,8 +27,8 @@ def digest_of_observations(observations: PhotoObservations) -> str:
     """Return the SHA-256 (hex) of photo observations; fast for millions."""
     digest = hashlib.sha256()
     names: Sequence[Sequence[str]] = (observations.photos, observations.points)
-    for each in names:
-        digest.update("\n".join(each).encode())
+    for name in names:
+        digest.update("\n".join(name).encode())
     for array in (observations.measured, observations.errors, observations.disregarded):
         digest.update(array.tobytes())
     return digest.hexdigest()

@@ -227,7 +227,9 @@ def _read_measured(
     found = read_marks(project, stores) if "marks" in parts else Measured()
     if "observations" in parts:
         read = ((name, observations.read(stores[project.observations(name)])) for name in bundles)
-        found = replace(found, observations={record_key(name): each for name, each in read if each is not None})
+        found = replace(
+            found, observations={record_key(name): measured for name, measured in read if measured is not None}
+        )
     return found
 
 

@@ -100,7 +100,7 @@ class ProjectTexts:
         digests, control = self._control_with_digests
         preliminary = _read_preliminary(self._project, path)
         return Parsed(
-            ControlInput(control.records, preliminary.records, (*digests, *of_preliminary)),
+            ControlInput(control.value, preliminary.value, (*digests, *of_preliminary)),
             (*control.complaints, *preliminary.complaints),
             (*control.warnings, *preliminary.warnings),
         )
@@ -135,7 +135,7 @@ def read_ground_control(project: Project) -> Parsed[Control]:
     base = project.definition.control_files
     control = read_control(project.folder, base)
     misspelt = [_misspelt(project, project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
-    return Parsed(control.records, (*_given(misspelt), *control.complaints), control.warnings)
+    return Parsed(control.value, (*_given(misspelt), *control.complaints), control.warnings)
 
 
 def _read_preliminary(project: Project, path: Path) -> Parsed[tuple[PreliminaryPoint, ...]]:
@@ -161,7 +161,7 @@ def _misspelt(project: Project, path: Path) -> Complaint | None:
         return None
     shown = project.shown(path)
     if path.is_symlink():
-        return Complaint(f"this link leads to {path.readlink()}, which is not there; mend the link", shown)
+        return Complaint(f"this link points to {path.readlink()}, which does not exist; repair the link", shown)
     likely = {path.name.lower(), f"{path.name}.txt".lower()}
     for other in sorted(path.parent.iterdir()):
         if other.name.lower() in likely:
@@ -228,10 +228,10 @@ def read_log(project: Project, files: Sequence[Path]) -> Parsed[MeasurementLog]:
 
 
 def _read_log(project: Project, listed: Parsed[tuple[Path, ...]]) -> Parsed[MeasurementLog]:
-    digests = _digests(project, listed.records)
-    outcomes = [read_measurements(path, project.shown(path)) for path in listed.records]
+    digests = _digests(project, listed.value)
+    outcomes = [read_measurements(path, project.shown(path)) for path in listed.value]
     return Parsed(
-        MeasurementLog(listed.records, tuple(record for outcome in outcomes for record in outcome.records), digests),
+        MeasurementLog(listed.value, tuple(record for outcome in outcomes for record in outcome.value), digests),
         (*listed.complaints, *(complaint for outcome in outcomes for complaint in outcome.complaints)),
         tuple(warning for outcome in outcomes for warning in outcome.warnings),
     )

@@ -30,7 +30,7 @@ def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) 
     """Apply the records of orip.toml to those of the stores; nothing is written."""
     text, name = project.definition, project.definition.name
     cameras = reconcile(
-        "camera", [with_polynomial(each) for each in text.cameras], old.cameras, name, prefer, shared=True
+        "camera", [with_polynomial(camera) for camera in text.cameras], old.cameras, name, prefer, shared=True
     )
     temticks = reconcile("temtick", text.temticks, old.temticks, name, prefer, shared=True)
     templates = reconcile("template", text.templates, old.templates, name, prefer, shared=False)
@@ -39,8 +39,8 @@ def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) 
     outcomes = (cameras, temticks, templates, photos, bundles)
     return TextApplied(
         StoredDefinitions(cameras.records, temticks.records, templates.records, photos.records, bundles.records),
-        tuple(change for each in outcomes for change in each.changes),
-        tuple(_complaints(project, (conflict for each in outcomes for conflict in each.conflicts))),
+        tuple(change for outcome in outcomes for change in outcome.changes),
+        tuple(_complaints(project, (conflict for outcome in outcomes for conflict in outcome.conflicts))),
     )
 
 

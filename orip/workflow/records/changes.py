@@ -68,7 +68,7 @@ def _changes_of_kind(
     renaming: Renaming | None,
     ground_unit: str,
 ) -> Iterator[RecordChange]:
-    old = {_name_now(each, renaming): each for each in records_of(before, kind)}
+    old = {_name_now(record, renaming): record for record in records_of(before, kind)}
     for place in records_of(after, kind):
         known = old.pop((record_key(place.bundle), record_key(place.table["name"])), None)
         if known is None:
@@ -95,8 +95,8 @@ def _name_now(place: Place, renaming: Renaming | None) -> tuple[str, str]:
 
 
 def _values(kind: RecordKind, old: TomlTable, new: TomlTable, ground_unit: str) -> Iterator[ValueChange]:
-    before = {each.key: each for each in values_of(kind, old, ground_unit)}
-    after = {each.key: each for each in values_of(kind, new, ground_unit)}
+    before = {value.key: value for value in values_of(kind, old, ground_unit)}
+    after = {value.key: value for value in values_of(kind, new, ground_unit)}
     for key in {**before, **after}:
         was, now = before.get(key, _NOTHING), after.get(key, _NOTHING)
         if was.value != now.value:

@@ -65,7 +65,7 @@ class _Plan:
     @property
     def bundles(self) -> list[str]:
         """Return the names of the bundles before the edit."""
-        return [each.record.name for each in self.before.bundles]
+        return [bundle.record.name for bundle in self.before.bundles]
 
 
 def read_records(folder: Path, *, with_solutions: bool = False) -> ProjectState:

@@ -75,13 +75,13 @@ def distortion_curve(state: ProjectState, name: str, largest_radius: float | Non
     cameras = state.records.cameras
     camera = cameras.get(record_key(name))
     if camera is None:
-        message = f"there is no camera {name}; {near_names(name, (each.name for each in cameras.values()))}"
+        message = f"there is no camera {name}; {near_names(name, (camera.name for camera in cameras.values()))}"
         raise UsageError(message)
     coefficients = camera.parameters[_RADIAL]
     points = np.array(camera.distortion_curve or (), dtype=np.float64).reshape(-1, 2)
     reach = largest_radius if largest_radius is not None else _reach(camera, points[:, 0])
     if not 0.0 < reach < np.inf:
-        message = f"nothing tells how far photos of camera {camera.name} reach; give the radius in mm with --radius"
+        message = f"the extent of photos of camera {camera.name} is not known; give the radius in mm with --radius"
         raise UsageError(message)
     radius = np.linspace(0.0, reach, _RADII)
     form: DistortionForm = "isp" if camera.distortion_isp else "curve" if camera.distortion_curve else "polynomial"

@@ -1,6 +1,6 @@
 """The records of the stores as a document of orip.toml, and back: edits of records are checked as their text would be.
 
-So each rule and message of orip.toml holds for records that are edited by a command, and stands in one place.
+So each rule and message of orip.toml holds for records that are edited by a command, and is stated once.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ def stored_definition(project: Project, stored: StoredDefinitions) -> ProjectDef
     """Return the project with the records of the stores in place of those of orip.toml."""
     return replace(
         project.definition,
-        cameras=tuple(in_given_form(each.record) for each in stored.cameras),
-        temticks=tuple(each.record for each in stored.temticks),
-        templates=tuple(each.record for each in stored.templates),
-        photos=tuple(each.record for each in stored.photos),
-        bundles=tuple(each.record for each in stored.bundles),
+        cameras=tuple(in_given_form(camera.record) for camera in stored.cameras),
+        temticks=tuple(temtick.record for temtick in stored.temticks),
+        templates=tuple(template.record for template in stored.templates),
+        photos=tuple(photo.record for photo in stored.photos),
+        bundles=tuple(bundle.record for bundle in stored.bundles),
     )
 
 
@@ -73,16 +73,18 @@ def checked(document: Mapping[str, Any], faults: Sequence[str] = ()) -> CheckedD
         With everything that is wrong. Nobody has seen the text, so its lines are not told.
     """
     parsed = parse_project(project_text(document))
-    complaints = [Complaint(fault) for fault in (*faults, *(_without_line(each.message) for each in parsed.complaints))]
+    complaints = [
+        Complaint(fault) for fault in (*faults, *(_without_line(complaint.message) for complaint in parsed.complaints))
+    ]
     bundles = len(document["bundle"])
     if bundles > MOST_BUNDLES:
         message = f"the project would have {bundles} bundles, at most {MOST_BUNDLES} are possible; delete another first"
         complaints.append(Complaint(message))
-    if complaints or parsed.records is None:
+    if complaints or parsed.value is None:
         raise InputError(complaints)
-    definition = parsed.records.definition
+    definition = parsed.value.definition
     definition = replace(definition, cameras=tuple(map(with_polynomial, definition.cameras)))
-    warnings = tuple(replace(each, where="", text=_without_line(each.text)) for each in parsed.warnings)
+    warnings = tuple(replace(warning, where="", text=_without_line(warning.text)) for warning in parsed.warnings)
     return CheckedDocument(definition, warnings)
 
 
@@ -96,8 +98,8 @@ def bound(
     """
 
     def of_kind(kind: str, records: Sequence[T], known: Iterable[StoredRecord[T]]) -> tuple[StoredRecord[T], ...]:
-        by_key = {record_key(each.record.name): each for each in known}
-        tables = {record_key(each["name"]): each for each in before[kind]}
+        by_key = {record_key(record.record.name): record for record in known}
+        tables = {record_key(table["name"]): table for table in before[kind]}
         found = []
         for record, table in zip(records, document[kind], strict=True):
             key = record_key(record.name)

@@ -150,13 +150,13 @@ def bundle_of_models(document: Mapping[str, Any], name: str | None) -> TomlTable
     bundles: list[TomlTable] = document["bundle"]
     if name is None and len(bundles) == 1:
         return bundles[0]
-    names = listed_names(each["name"] for each in bundles)
+    names = listed_names(bundle["name"] for bundle in bundles)
     if name is None:
         message = f"the stores hold {len(bundles)} bundles; name that of the models with --bundle: {names}"
         raise UsageError(message)
-    for each in bundles:
-        if record_key(each["name"]) == record_key(name):
-            return each
+    for bundle in bundles:
+        if record_key(bundle["name"]) == record_key(name):
+            return bundle
     message = f"there is no bundle '{shown_token(name)}'; known are: {names}"
     raise UsageError(message)
 

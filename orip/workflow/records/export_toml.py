@@ -102,12 +102,12 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
 
 def _own(project: Project, stored: StoredDefinitions) -> StoredDefinitions:
     """Return the records of this project alone."""
-    cameras = {record_key(each.record.camera) for each in stored.photos}
-    temticks = {record_key(each.record.temtick) for each in stored.templates}
+    cameras = {record_key(photo.record.camera) for photo in stored.photos}
+    temticks = {record_key(template.record.temtick) for template in stored.templates}
 
     def own(records: Sequence[StoredRecord[T]], named: set[str]) -> tuple[StoredRecord[T], ...]:
         home = {None, project.definition.name}
-        return tuple(each for each in records if each.origin in home or record_key(each.record.name) in named)
+        return tuple(record for record in records if record.origin in home or record_key(record.record.name) in named)
 
     return replace(stored, cameras=own(stored.cameras, cameras), temticks=own(stored.temticks, temticks))
 
@@ -117,23 +117,25 @@ def _require_fit(definition: ProjectDefinition) -> None:
         checked(project_document(definition))
     except InputError as error:
         message = "the stores hold records that orip.toml may not have"
-        raise InputError([replace(each, message=f"{message}: {each.message}") for each in error.complaints]) from None
+        raise InputError(
+            [replace(complaint, message=f"{message}: {complaint.message}") for complaint in error.complaints]
+        ) from None
 
 
 def _without_polynomial(definition: ProjectDefinition) -> ProjectDefinition:
     """Return the definition as a text is read: the polynomial is 0 where the distortion has another form."""
     cameras = tuple(
-        replace(each, parameters=(*each.parameters[:3], *(0.0 for _ in each.parameters[3:])))
-        if each.distortion_isp is not None or each.distortion_curve is not None
-        else each
-        for each in definition.cameras
+        replace(camera, parameters=(*camera.parameters[:3], *(0.0 for _ in camera.parameters[3:])))
+        if camera.distortion_isp is not None or camera.distortion_curve is not None
+        else camera
+        for camera in definition.cameras
     )
     return replace(definition, cameras=cameras)
 
 
 def _text_of(project: Project) -> str:
     data, _ = read_bytes(project.text, project.shown(project.text))
-    return "\n".join(decode_lines(data or b"", "").records)
+    return "\n".join(decode_lines(data or b"", "").value)
 
 
 def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[ProjectWarning]:
@@ -141,9 +143,9 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
     applied = apply_text(project, stored, prefer=None)
     done: Mapping[str, str] = {
         "added": "is in the text, but not in the stores: it is not exported",
-        "changed": "has changed in the text, which was not applied: what is exported is the store's",
-        "removed": "is gone from the text, but still in the stores: it is exported",
-        "detached": "is gone from the text, but still in the stores: it is exported",
+        "changed": "has changed in the text, which was not applied: the store's version is exported",
+        "removed": "was removed from the text, but still in the stores: it is exported",
+        "detached": "was removed from the text, but still in the stores: it is exported",
     }
     shown = project.shown(project.text)
     for change in applied.changes:
@@ -153,7 +155,7 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
     for complaint in applied.complaints:
         where = shown if complaint.line is None else f"{shown}:{complaint.line}"
         conflict = complaint.message.partition(":")[0].partition(";")[0]
-        yield ProjectWarning("not-applied", where, f"{conflict}: what is exported is the store's")
+        yield ProjectWarning("not-applied", where, f"{conflict}: the store's version is exported")
 
 
 def _bytes_of(project: Project, path: Path) -> bytes | None:

@@ -95,7 +95,7 @@ def _differences(project: Project, old: StoredDefinitions, applied: TextApplied)
 
 def _log_complaints(texts: ProjectTexts, applied: TextApplied, *, is_complete: bool) -> Sequence[Complaint]:
     """Return what a replay of the measurements will complain of."""
-    definitions, records = applied.definitions.by_name(), texts.log.records.records
+    definitions, records = applied.definitions.by_name(), texts.log.value.records
     if applied.complaints or not is_complete:
         # lines that could not be read may be missing from the replay: only wrong names are certain
         records = tuple(_with_unknown_names(records, definitions))

@@ -69,8 +69,8 @@ def list_records(state: ProjectState, kind: RecordKind, bundle: str | None = Non
     project, stored = state.project, state.definitions
     document = stored_document(project, stored)
     chosen = bundle_of_models(document, bundle)["name"] if bundle is not None else None
-    places = [each for each in records_of(document, kind) if chosen in {None, each.bundle}]
-    rows = tuple(_row(project, stored, each) for each in places)
+    places = [place for place in records_of(document, kind) if chosen in {None, place.bundle}]
+    rows = tuple(_row(project, stored, place) for place in places)
     columns = [Column("Name", [row.name for row in rows], align="left")]
     for heading, key, counted in headings_of(RECORD_TYPES[kind]):
         columns.append(Column(heading, [_cell(row.table, key, counted=counted) for row in rows], align="left"))
@@ -87,7 +87,9 @@ def show_record(state: ProjectState, record: RecordName) -> ShownRecord:
     place = find(document, record)
     row = _row(project, stored, place)
     values = tuple(values_of(record.kind, place.table, project.definition.ground_unit))
-    named_by = tuple(f"{each.kind} {each.name}" for each in referents(document, record.kind, place.table["name"]))
+    named_by = tuple(
+        f"{referent.kind} {referent.name}" for referent in referents(document, record.kind, place.table["name"])
+    )
     lines = [f"{record.kind} {place.name}", *_value_lines(values), "", f"  from      {row.source}"]
     lines.append(f"  named by  {', '.join(named_by) or 'no record'}")
     return ShownRecord(row, values, named_by, "\n".join(lines) + "\n")
@@ -96,9 +98,9 @@ def show_record(state: ProjectState, record: RecordName) -> ShownRecord:
 def _value_lines(values: Iterable[RecordValue]) -> list[str]:
     listed = list(values)
     columns = [
-        Column("Key", [each.key for each in listed], align="left"),
-        Column("Value", [each.text for each in listed], align="left"),
-        Column("Unit", [each.unit for each in listed], align="left"),
+        Column("Key", [value.key for value in listed], align="left"),
+        Column("Value", [value.text for value in listed], align="left"),
+        Column("Unit", [value.unit for value in listed], align="left"),
     ]
     return table_lines(columns)
 
@@ -115,7 +117,7 @@ def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
 def _row(project: Project, stored: StoredDefinitions, place: Place) -> RecordRow:
     kind, name = ("bundle", place.bundle) if place.kind == "model" else (place.kind, place.table["name"])
     known: tuple[StoredRecord[Named], ...] = getattr(stored, f"{kind}s")
-    record = next(each for each in known if record_key(each.record.name) == record_key(name))
+    record = next(candidate for candidate in known if record_key(candidate.record.name) == record_key(name))
     return RecordRow(place.bundle, place.table["name"], place.table, _source(project, kind, record))
 
 
@@ -133,7 +135,7 @@ def _source(project: Project, kind: str, stored: StoredRecord[Named]) -> str:
     else:
         place = f"{PROJECT_FILE}:{line}"
         records: tuple[Named, ...] = getattr(project.definition, f"{kind}s")
-        text: Any = next(each for each in records if record_key(each.name) == key)
+        text: Any = next(record for record in records if record_key(record.name) == key)
         now = record_digest(with_polynomial(text) if kind == "camera" else text)
         changed += ["in the text"] if now != stored.text_digest else []
         if now == kept:

@@ -75,16 +75,16 @@ _NewName = Callable[[str], str | None]
 def _write_templates(project: Project, stores: Stores, new_name: _NewName) -> None:
     store = stores[project.templates]
     old = list(templates.read_orientations(store).values())
-    new = [replace(each, template=name) for each in old if (name := new_name(each.template)) is not None]
-    if [each.template for each in new] != [each.template for each in old]:
+    new = [replace(reading, template=name) for reading in old if (name := new_name(reading.template)) is not None]
+    if [reading.template for reading in new] != [reading.template for reading in old]:
         templates.write_orientations(store, new)
 
 
 def _write_photos(project: Project, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
     store = stores[project.photos]
     old = list(photos.read_orientations(store).values())
-    new = [replace(each, photo=name) for each in old if (name := new_name(each.photo)) is not None]
-    if [each.photo for each in new] != [each.photo for each in old]:
+    new = [replace(reading, photo=name) for reading in old if (name := new_name(reading.photo)) is not None]
+    if [reading.photo for reading in new] != [reading.photo for reading in old]:
         photos.write_orientations(store, new)
     for bundle, measured in _observed(project, stores, bundles):
         found = _with_photos(measured, new_name)

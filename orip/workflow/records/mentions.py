@@ -22,7 +22,7 @@ from orip.workflow.records.changes import RecordChange
 
 
 def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> Iterator[ProjectWarning]:
-    """Warn of each text that names a record by a name that it has no longer."""
+    """Warn of each text that still uses the old name of a record."""
     gone = [
         change
         for change in changes
@@ -33,14 +33,16 @@ def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> 
     if not gone:
         return
     project = state.project
-    log, elements = state.texts.log.records.records, state.texts.control.records.elements
+    log, elements = state.texts.log.value.records, state.texts.control.value.elements
     control = f"{project.definition.control_files}.ELE"
     for change in gone:
         name = change.old_name or change.name
         now = f"is called {change.name} now" if change.old_name else "is deleted"
         yield from _in_project_text(project, change, name, now)
         yield from _shared(project, state.definitions, change, name)
-        for path, line in dict(reversed([_place(each) for each in log if _mentions(each, change.kind, name)])).items():
+        for path, line in dict(
+            reversed([_place(record) for record in log if _mentions(record, change.kind, name)])
+        ).items():
             text = f"{change.kind} {name} {now}, but is still measured here; correct it before the next 'orip measure'"
             yield ProjectWarning("still-in-measurements", f"{path}:{line}", text)
         for element in elements:
@@ -61,9 +63,9 @@ def _in_project_text(project: Project, change: RecordChange, name: str, now: str
 
 def _shared(project: Project, before: StoredDefinitions, change: RecordChange, name: str) -> Iterator[ProjectWarning]:
     stored = before.cameras if change.kind == "camera" else before.temticks if change.kind == "temtick" else ()
-    for each in stored:
-        if record_key(each.record.name) == record_key(name) and each.origin not in {None, project.definition.name}:
-            text = f"comes from project {each.origin}, which may still use it"
+    for record in stored:
+        if record_key(record.record.name) == record_key(name) and record.origin not in {None, project.definition.name}:
+            text = f"comes from project {record.origin}, which may still use it"
             yield ProjectWarning("shared-record", f"{change.kind} {name}", text)
 
 
@@ -72,11 +74,11 @@ def _place(record: LogRecord) -> tuple[str, int]:
 
 
 def _mentions(record: LogRecord, kind: str, name: str) -> bool:
-    return record_key(name) in {record_key(each) for each in _names(record, kind)}
+    return record_key(name) in {record_key(mentioned) for mentioned in _names(record, kind)}
 
 
 def _names(record: LogRecord, kind: str) -> Iterator[str]:
-    """Iterate over the names of records of a kind that stand in a record of a measurement log."""
+    """Iterate over the names of records of a kind in a record of a measurement log."""
     match kind, record:
         case ("photo", PointsRecord() | PhotoRecord()):
             yield record.photo

@@ -103,7 +103,7 @@ def reconcile(
             records.append(StoredRecord(old.record))
             changes.append(AppliedChange(kind, old.record.name, "detached"))
         elif edited and prefer is None:
-            conflicts.append(Conflict(kind, old.record.name, "is gone from the text but was changed in the store"))
+            conflicts.append(Conflict(kind, old.record.name, "was removed from the text but was changed in the store"))
             records.append(old)
         else:
             changes.append(AppliedChange(kind, old.record.name, "removed"))

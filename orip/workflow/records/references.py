@@ -56,18 +56,18 @@ def referents(document: Mapping[str, Any], kind: RecordKind, name: str) -> list[
     found: dict[int, Place] = {}
     for where, key, what in _REFERENCES:
         if what == kind:
-            named = (each for each in records_of(document, where) if _names(each.table, key, name))
-            found |= {id(each.table): each for each in named}
+            named = (place for place in records_of(document, where) if _names(place.table, key, name))
+            found |= {id(place.table): place for place in named}
     return list(found.values())
 
 
 def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: str, new: str) -> None:
-    """Write the new name of a record wherever its old one stands."""
+    """Replace the old name of a record wherever it occurs."""
     for where, key, what in _REFERENCES:
         if what == kind:
-            for each in records_of(document, where):
-                if _names(each.table, key, old):
-                    each.table[key] = new
+            for place in records_of(document, where):
+                if _names(place.table, key, old):
+                    place.table[key] = new
     if kind == "photo":
         for template in document["template"]:
             if "photos" in template:
@@ -78,8 +78,8 @@ def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: st
 
 def delete_with_referents(document: Mapping[str, Any], place: Place) -> None:
     """Take a record out, and before it those that name it."""
-    for each in referents(document, place.kind, place.table["name"]):
-        delete_with_referents(document, each)
+    for referent in referents(document, place.kind, place.table["name"]):
+        delete_with_referents(document, referent)
     place.around[:] = [table for table in place.around if table is not place.table]
     templates_follow(document)
 

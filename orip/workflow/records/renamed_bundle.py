@@ -66,7 +66,7 @@ def require_free_file(project: Project, renaming: Renaming) -> None:
 
 
 def copy_preliminary(project: Project, renaming: Renaming) -> None:
-    """Copy BUNDLE.PRE before the commit; the old one is removed after it: at no instant are its points lost.
+    """Copy BUNDLE.PRE before the commit; the old one is removed after it: its points exist at every instant.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def copy_preliminary(project: Project, renaming: Renaming) -> None:
 
 
 def files_of_old_name(project: Project, renaming: Renaming) -> tuple[tuple[Path, ...], tuple[ProjectWarning, ...]]:
-    """Return the files that are named after a bundle that gets another name, and a warning of the results in them."""
+    """Return the files that are named after a renamed bundle, and a warning about the results in them."""
     if renaming.old == renaming.new:
         return (), ()
     sources = (project.observations(renaming.old), project.preliminary(renaming.old))
