@@ -245,7 +245,7 @@ class _Replay:
     def _template(self, name: str) -> Template:
         template = self.definitions.templates.get(record_key(name))
         if template is None:
-            known = (each.name for each in self.definitions.templates.values())
+            known = (template.name for template in self.definitions.templates.values())
             raise OrientationError(unknown_record("template", name, known))
         return template
 
@@ -256,7 +256,7 @@ class _Replay:
         return photo
 
     def _unknown_photo(self, name: str) -> str:
-        return unknown_record("photo", name, (each.name for each in self.definitions.photos.values()))
+        return unknown_record("photo", name, (photo.name for photo in self.definitions.photos.values()))
 
     def _bundle(self, name: str) -> str:
         bundle = self.definitions.bundles.get(record_key(name))

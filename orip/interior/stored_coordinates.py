@@ -107,7 +107,9 @@ class StoredCoordinates:
         for key, photo in self._definitions.photos.items():
             if photo.template is not None and record_key(photo.template) == template:
                 used |= self._points.mountings(key)
-                used.update(each.template_mounting for each in self._photos.of(key) if not _all_killed(each))
+                used.update(
+                    mounting.template_mounting for mounting in self._photos.of(key) if not _all_killed(mounting)
+                )
         return used
 
     def _needs_marks(self, key: str, photo: Photo) -> bool:
@@ -144,7 +146,7 @@ class StoredCoordinates:
 
     def _is_oriented(self, key: str, number: int) -> bool:
         """Whether a mounting is oriented, without a complaint: one in which no point was measured need not be."""
-        if number in {max(each, 0) for each in self._points.mountings(key)}:
+        if number in {max(mounting, 0) for mounting in self._points.mountings(key)}:
             return self._measured_to_photo(key, number) is not None
         return _is_valid(lambda orientation: self._orient_photo(key, orientation), self._photos.of(key)[number])
 

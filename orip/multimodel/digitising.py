@@ -74,7 +74,7 @@ class DigitisedBlock:
     def in_order(self, photos: Collection[str]) -> list[str]:
         """Return photos in the order in which the models show them, those of no model behind."""
         shown = dict.fromkeys(photo for model in self.models for photo in model.photos)
-        return [*(each for each in shown if each in photos), *(each for each in photos if each not in shown)]
+        return [*(photo for photo in shown if photo in photos), *(photo for photo in photos if photo not in shown)]
 
     def turns_by_photo(self, wanted: Wanted) -> Iterator[Turn]:
         """Yield turns for one eye: photo by photo."""
@@ -122,7 +122,7 @@ class DigitisedBlock:
             if self.stages.get(partner) not in (None, self.stages[photo])
         ]
         if together:
-            partner, photo = min(together, key=lambda each: self._rank(turn, *each))
+            partner, photo = min(together, key=lambda pair: self._rank(turn, *pair))
             return Step((photo,), partner, self._model_to_see(turn, partner, photo))
         for model in self._first(turn.model):
             if set(model.photos) <= set(turn.photos):

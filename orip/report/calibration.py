@@ -55,7 +55,11 @@ def camera_sheets(given: ReportInput) -> tuple[CameraSheet, ...]:
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
     """Return the correlations of a camera's unknowns; None where it has less than two."""
-    found = {(each.a, each.b): each.r for each in solution.correlations if each.a.rpartition(".")[0] == camera}
+    found = {
+        (correlation.a, correlation.b): correlation.r
+        for correlation in solution.correlations
+        if correlation.a.rpartition(".")[0] == camera
+    }
     names = tuple(dict.fromkeys(name for pair in found for name in pair))
     if not names:
         return None
@@ -93,7 +97,11 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Pag
         )
         if not math.isnan(sd) or value != 0.0
     ]  # fmt: skip
-    shown += [(each.name, "", 0.0, each.value, each.sd) for each in solution.additional if each.camera == name]
+    shown += [
+        (parameter.name, "", 0.0, parameter.value, parameter.sd)
+        for parameter in solution.additional
+        if parameter.camera == name
+    ]
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
     significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]

@@ -244,7 +244,7 @@ def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray
         return []
     frame = Box(_LEFT, _TOP, _LEFT + plane.width, _TOP + plane.height)
     found = labels(np.concatenate([places for places, _ in few]), [name for _, names in few for name in names], frame)
-    return [text(each.x, each.y, each.name, text_anchor=each.anchor, class_="faint") for each in found]
+    return [text(label.x, label.y, label.name, text_anchor=label.anchor, class_="faint") for label in found]
 
 
 def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:

@@ -75,7 +75,7 @@ class ControlLines:
         lines = list(self.lines)
         if index > 0 and lines[index - 1] == lines[index - 1].rstrip(_LINE_ENDS):
             lines[index - 1] += self.line_end
-        pattern = [each for each in self.records() if each.number <= index][-1:] or list(self.records())[:1]
+        pattern = [record for record in self.records() if record.number <= index][-1:] or list(self.records())[:1]
         lines.insert(index, _aligned(fields, pattern[0] if pattern else None, names) + self.line_end)
         return replace(self, lines=tuple(lines))
 

@@ -68,10 +68,11 @@ def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Se
     if form is CheckedTable:
         return f"the items of {key} have no names; write all of them in one list"
     elements: list[TomlTable] = table.setdefault(key, [])
-    known = next((each for each in elements if each["name"] == name), None)
+    known = next((element for element in elements if element["name"] == name), None)
     if not text and not inner:
         if known is None:
-            return f"{key} has none of that name; known are: {', '.join(each['name'] for each in elements) or 'none'}"
+            names = ", ".join(element["name"] for element in elements)
+            return f"{key} has none of that name; known are: {names or 'none'}"
         elements.remove(known)
         return None
     if known is None:

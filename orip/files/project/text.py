@@ -32,11 +32,11 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
     return {
         "project": {key: value for key, value in project.items() if value is not None},
         "check": {"gates": list(definition.gates)} if definition.gates else {},
-        "camera": [camera_table(each) for each in definition.cameras],
-        "temtick": [toml_of(each) for each in definition.temticks],
-        "template": [toml_of(each) for each in definition.templates],
-        "photo": [toml_of(each) for each in definition.photos],
-        "bundle": [toml_of(each) for each in definition.bundles],
+        "camera": [camera_table(camera) for camera in definition.cameras],
+        "temtick": [toml_of(temtick) for temtick in definition.temticks],
+        "template": [toml_of(template) for template in definition.templates],
+        "photo": [toml_of(photo) for photo in definition.photos],
+        "bundle": [toml_of(bundle) for bundle in definition.bundles],
     }
 
 

@@ -65,11 +65,13 @@ class Definitions(Generic[T]):
 
     def read(self, store: Store) -> tuple[StoredRecord[T], ...]:
         """Return all records in the order they were written; none if the store is absent."""
-        fields = [each for each in fields_of(cast(type, self.kind)) if each.name in self.lists]
-        lists = [(each, store.lists(self.lists[each.name])) for each in fields]
+        fields = [record_field for record_field in fields_of(cast(type, self.kind)) if record_field.name in self.lists]
+        lists = [(record_field, store.lists(self.lists[record_field.name])) for record_field in fields]
         stored = []
         for name, _position, digest, origin, *row in store.rows(self.table):
-            values = {each.name: list_of(each, rows.get(record_key(name), [])) for each, rows in lists}
+            values = {
+                record_field.name: list_of(record_field, rows.get(record_key(name), [])) for record_field, rows in lists
+            }
             record = self.kind(**values_of(self.kind, (name, *row)), **values)
             stored.append(StoredRecord(record, digest, origin))
         return tuple(stored)
