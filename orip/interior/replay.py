@@ -1,9 +1,9 @@
 """Replaying a measurement log: what the records, one after the other, leave measured.
 
 Photo and point measurements are kept in template coordinates (plate coordinates off a template, pixels of a digital
-frame), so that a template mounted again is oriented anew by its ticks alone. A photo off a template that is mounted
-again takes its earlier points and marks along: old plate to photo to new plate. An edit concerns the mounting in which
-the mark was last measured, and everything measured in it.
+frame), so that a template mounted again needs only its ticks to be oriented again. A photo off a template that is
+mounted again takes its earlier points and marks along: old plate to photo to new plate. An edit concerns the mounting
+in which the mark was last measured, and everything measured in it.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def text(x: float, y: float, words: str, **attributes: object) -> str:
 
 
 def round_step(span: float, parts: int) -> float:
-    """Return 1, 2 or 5 times a power of ten that parts a span into about so many."""
+    """Return 1, 2 or 5 times a power of ten that divides a span into about `parts` steps."""
     if not (span > 0.0 and math.isfinite(span)):
         return 1.0
     power = 10.0 ** math.floor(math.log10(span / parts))

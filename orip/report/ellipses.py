@@ -72,9 +72,7 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
     rows = drawn_points(solution, MOST_ELLIPSES)
     scenes = [_scene(solution, rows, *view) for view in VIEWS]
     enlargement = min(_enlargement(scene) for scene in scenes)
-    note = (
-        f"Standard ellipses, enlarged {round(enlargement)} times. A mark whose name has no room tells it to the mouse."
-    )
+    note = f"Standard ellipses, enlarged {round(enlargement)} times. Point at a mark without a label to see its name."
     if len(rows) < count:
         note += f" {len(rows)} of {count} points are drawn: control and check points, and every so many of the others."
     found = {"photo", *(solution.point_kinds[row] for row in rows)}

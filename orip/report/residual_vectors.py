@@ -164,8 +164,8 @@ def _finding(means: CellMeans) -> str:
     p = probability(means.p)
     if means.p < _ALPHA:
         pattern = "there is a systematic pattern that the camera model does not describe"
-        return f"{what} are larger than chance makes them (p {p}): {pattern}."
-    return f"{what} are what chance makes them (p {p}): no systematic pattern."
+        return f"{what} are larger than expected by chance (p {p}): {pattern}."
+    return f"{what} are as expected by chance (p {p}): no systematic pattern."
 
 
 def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:

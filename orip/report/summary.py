@@ -25,10 +25,10 @@ LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
 _WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "not-converged", "no-redundancy", "blunder"}
-"""Diagnoses of what has to be mended; the others are to be looked at."""
+"""Diagnoses of what must be corrected; the others need attention only."""
 
 _MORE_THAN_CHANCE = 1.5
-"""Factor: residuals of few photo points go together."""
+"""Factor: residuals of few photo points are correlated."""
 
 _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (3, 3, frozenset()),

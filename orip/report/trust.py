@@ -61,7 +61,7 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     ----------
     sigma0 : float
     redundancy : float
-        That of the observations that sigma0 stands on; need not be whole.
+        Of the observations that sigma0 is based on; not always a whole number.
     """
     from scipy.special import gammaincc, gammaincinv
 
@@ -191,7 +191,7 @@ def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     if sigma0 < test.lower:
         return f"below the {between}: the observations are better than their a-priori errors"
     if sigma0 > test.upper:
-        return f"above the {between}: the residuals are larger than the a-priori errors promise"
+        return f"above the {between}: the residuals are larger than the a-priori errors suggest"
     return f"within the {between}: the a-priori errors are right"
 
 

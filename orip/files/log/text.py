@@ -39,7 +39,7 @@ def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
     ----------
     path : Path
     shown : str
-        The file as the user would name it; it also stands in each record's place.
+        The file as the user would name it; it is also in each record's place.
     """
     text = read_lines(path, shown)
     log = _Log(shown)

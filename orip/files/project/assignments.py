@@ -63,7 +63,7 @@ def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: 
 
 
 def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
-    """Assign to an element of a list of tables, which is told by its name; a new name is a new element."""
+    """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
     name, *inner = rest
     if form is CheckedTable:
         return f"the items of {key} have no names; write all of them in one list"
@@ -72,7 +72,7 @@ def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Se
     if not text and not inner:
         if known is None:
             names = ", ".join(element["name"] for element in elements)
-            return f"{key} has none of that name; known are: {names or 'none'}"
+            return f"{key} has no item of that name; known are: {names or 'none'}"
         elements.remove(known)
         return None
     if known is None:

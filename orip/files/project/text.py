@@ -16,7 +16,7 @@ RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "bundle")
 def project_document(definition: ProjectDefinition) -> TomlTable:
     """Return a definition as the document that orip.toml would be.
 
-    A distortion stands in the form that it was given in. Templates list their photos, and photos name their template.
+    A distortion keeps the form that it was given in. Templates list their photos, and photos name their template.
     """
     project = {
         "name": definition.name,
@@ -60,7 +60,7 @@ def record_text(section: str, table: Mapping[str, Any]) -> str:
 
 
 def camera_table(camera: Camera) -> TomlTable:
-    """Return a camera as a table of orip.toml; its distortion stands in the form that it was given in."""
+    """Return a camera as a table of orip.toml; its distortion is written in the form that it was given in."""
     table = toml_of(camera)
     forms = [form for form in ("distortion_isp", "distortion_curve", "distortion") if form in table]
     return {key: value for key, value in table.items() if key not in forms[1:]}

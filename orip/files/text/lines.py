@@ -57,7 +57,7 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
         message = (
             "this is a folder, not a file; name the file itself"
             if path.is_dir()  # what Windows says when a folder is opened
-            else "the file may not be read; give yourself the right to read it"
+            else "the file may not be read; change its permissions"
         )
     except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
         reason = getattr(fault, "strerror", None) or str(fault)
@@ -80,7 +80,7 @@ def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
         return Parsed([], (Complaint(message, shown, len(data.splitlines())),))
     raw_lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
     try:
-        # One decoding of all lines is several times faster; splitlines of bytes parts at \n, \r and \r\n only.
+        # One decoding of all lines is several times faster; splitlines of bytes splits at \n, \r and \r\n only.
         return Parsed(b"\n".join(raw_lines).decode("utf-8").split("\n") if raw_lines else [])
     except UnicodeDecodeError:
         return _decode_each(raw_lines, shown)

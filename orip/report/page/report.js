@@ -44,7 +44,7 @@ async function unpackPlotly() {
   document.head.append(script);
 }
 
-// The coordinates of polylines in one trace: null parts one from the next.
+// The coordinates of polylines in one trace: null separates one from the next.
 function polylines(lines, style) {
   const at = (axis) => lines.flatMap((line) => [...line.map((place) => place[axis]), null]);
   return { type: "scatter3d", mode: "lines", x: at(0), y: at(1), z: at(2), hoverinfo: "skip", ...style };
