@@ -17,7 +17,7 @@ from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints, points_of_record
-from orip.interior.mounting import STORED, MountedFilms, Mounting
+from orip.interior.mounting import STORED, FilmMountings, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
 from orip.interior.stored_coordinates import StoredCoordinates
@@ -83,8 +83,8 @@ class _Replay:
             cameras={**definitions.cameras, **start.cameras},
             temticks={**definitions.temticks, **start.temticks},
         )
-        self.templates = MountedFilms(start.templates)
-        self.photos = MountedFilms(start.photos)
+        self.templates = FilmMountings(start.templates)
+        self.photos = FilmMountings(start.photos)
         self.points = MeasuredPoints(start.observations)
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)

@@ -15,7 +15,7 @@ from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints
-from orip.interior.mounting import STORED, MountedFilms, Mounting, Orientation, chosen_marks, joined_marks
+from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
@@ -29,8 +29,8 @@ class StoredCoordinates:
     def __init__(
         self,
         definitions: Definitions,
-        templates: MountedFilms[TemplateOrientation],
-        photos: MountedFilms[PhotoOrientation],
+        templates: FilmMountings[TemplateOrientation],
+        photos: FilmMountings[PhotoOrientation],
         points: MeasuredPoints,
         findings: Findings,
     ) -> None:

@@ -14,7 +14,7 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution
-from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.drawing import ChartFrame, Curve, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
@@ -151,7 +151,7 @@ def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adju
         return Markup("")
     radius = np.linspace(0.0, reach, _RADII)
     lines = [
-        Line(
+        Curve(
             list(zip(radius.tolist(), (1e3 * curve_from_polynomial(coefficients, radius)).tolist(), strict=True)),
             *label,
         )

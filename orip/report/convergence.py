@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from orip.records.solution import Solution
-from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.drawing import ChartFrame, Curve, line_chart
 from orip.report.numbers import fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
@@ -17,9 +17,9 @@ def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
     if not passes:
         return ()
     ends = [(float(passes[0].iteration), given.bundle.enp_stop), (float(passes[-1].iteration), given.bundle.enp_stop)]
-    enp = [Line([(step.iteration, step.enp) for step in passes], "ENP", "first"), Line(ends, "enp_stop", "limit")]
-    sigma0 = [Line([(step.iteration, step.sigma0) for step in passes], "sigma0", "second")]
-    down = [Line([(step.iteration, float(step.down_weighted)) for step in passes], "down-weighted", "third")]
+    enp = [Curve([(step.iteration, step.enp) for step in passes], "ENP", "first"), Curve(ends, "enp_stop", "limit")]
+    sigma0 = [Curve([(step.iteration, step.sigma0) for step in passes], "sigma0", "second")]
+    down = [Curve([(step.iteration, float(step.down_weighted)) for step in passes], "down-weighted", "third")]
     wide = max((step.sigma0 for step in passes), default=1.0) > 10.0 * min(step.sigma0 for step in passes)
     return (
         line_chart("ENP over the iterations", _frame("ENP"), enp),

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Curve:
     """A curve of a chart: points (x, y), the name in the key, and its style class."""
 
     points: Sequence[tuple[float, float]]
@@ -90,7 +90,7 @@ def shown_tick(value: float) -> str:
     return f"{value:.6g}".replace("-", "−")
 
 
-def line_chart(label: str, frame: ChartFrame, lines: Sequence[Line]) -> Markup:
+def line_chart(label: str, frame: ChartFrame, lines: Sequence[Curve]) -> Markup:
     """Return a chart of curves over a common axis."""
     finite = [[(x, y) for x, y in line.points if math.isfinite(x) and math.isfinite(y)] for line in lines]
     ups = [y for points in finite for _, y in points]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import InputError
-from orip.files.text.lines import Field, TextLine, decode_lines, read_bytes, split_line
+from orip.files.text.lines import TextField, TextLine, decode_lines, read_bytes, split_line
 from orip.files.text.parsed import Parsed
 
 _LINE_ENDS = "\r\n"
@@ -129,7 +129,7 @@ def _with_field(line: str, index: int, text: str) -> str:
     return before + " " * room + text + line[end:]
 
 
-def _end(field: Field) -> int:
+def _end(field: TextField) -> int:
     """Return how much of the line stands up to the end of a field."""
     return field.column - 1 + len(field.text)
 

@@ -15,7 +15,7 @@ from orip.records.fields import fields_of
 from orip.records.names import case_twins, record_key
 
 
-class Named(Protocol):
+class NamedRecord(Protocol):
     """A record of the model: all have a name."""
 
     @property
@@ -23,8 +23,8 @@ class Named(Protocol):
         """Return the record's name; case does not count."""
 
 
-T = TypeVar("T", bound=Named)
-T_co = TypeVar("T_co", bound=Named, covariant=True)
+T = TypeVar("T", bound=NamedRecord)
+T_co = TypeVar("T_co", bound=NamedRecord, covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class StoredRecord(Generic[T_co]):
 
 
 @dataclass(frozen=True, slots=True)
-class Definitions(Generic[T]):
+class DefinitionTables(Generic[T]):
     """How one kind of definition lies in its tables.
 
     Parameters

@@ -19,7 +19,7 @@ _DOS_END = b"\x1a"
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class TextField:
     """One field of a line and the column it starts in, counted from 1."""
 
     text: str
@@ -31,7 +31,7 @@ class TextLine:
     """A line that has fields: its number, counted from 1, and its fields without the comment."""
 
     number: int
-    fields: tuple[Field, ...]
+    fields: tuple[TextField, ...]
 
     @property
     def end_column(self) -> int:
@@ -111,11 +111,11 @@ def split_line(line: str, number: int) -> TextLine | None:
 
     ``!`` or ``#`` starts a comment where a field would start; inside a field it belongs to the field.
     """
-    fields: list[Field] = []
+    fields: list[TextField] = []
     for match in _FIELD.finditer(line):
         if match.group().startswith(COMMENT_MARKS):
             break
-        fields.append(Field(match.group(), match.start() + 1))
+        fields.append(TextField(match.group(), match.start() + 1))
     return TextLine(number, tuple(fields)) if fields else None
 
 
