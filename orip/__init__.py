@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orip.version import __version__
+from orip.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from orip.api import (
@@ -68,7 +68,6 @@ __all__ = [
     "Solution",
     "UnknownNameError",
     "UsageError",
-    "__version__",
     "open_project",
 ]
 

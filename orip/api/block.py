@@ -51,9 +51,9 @@ class Block:
         Points of a free network's inner constraints; all if none is given.
     enp_stop : float
         Iterations end at this exponent of numerical precision.
-    max_iterations, start_down_weight : int
-        Weights of observations that do not fit are reduced from iteration `start_down_weight` on; equal to
-        `max_iterations`: never.
+    max_iterations : int
+    start_down_weight : int
+        Iteration from which on weights of observations that do not fit are reduced; equal to `max_iterations`: never.
     max_standard_residual : float
         Standard residual from which on a weight is reduced.
     max_lost_digits : float

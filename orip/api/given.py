@@ -83,8 +83,10 @@ class PhotoPoints:
 
     Parameters
     ----------
-    photo, point : (n,) of str
-        Case does not count in names of photos, but in those of points.
+    photo : (n,) of str
+        Case does not count.
+    point : (n,) of str
+        Case counts.
     xy : array (n, 2)
         Photo coordinates in the fiducial system, mm; pixels (column, row) for a camera with a sensor.
     error : float or array (2,), (n, 1) or (n, 2), optional
@@ -147,7 +149,9 @@ class Distances:
 
     Parameters
     ----------
-    name, start, end : (n,) of str
+    name : (n,) of str
+    start : (n,) of str
+    end : (n,) of str
     distance : array (n,)
         Ground units.
     error : float or array (n,)
@@ -171,14 +175,18 @@ class Directions:
 
     Parameters
     ----------
-    set, station, target : (n,) of str
+    set : (n,) of str
         All directions of a set are from one station.
+    station : (n,) of str
+    target : (n,) of str
     direction : array (n,)
         Degrees, clockwise.
     error : float or array (n,)
         A-priori error, degrees; negative: without influence.
-    zenith, zenith_error : arrays (n,), optional
-        Degrees; NaN where no zenith angle was observed.
+    zenith : array (n,), optional
+        Zenith angle, degrees; NaN where none was observed.
+    zenith_error : float or array (n,), optional
+        A-priori error, degrees; NaN where no zenith angle was observed.
     """
 
     set: ArrayLike

@@ -103,7 +103,7 @@ class Project:
 
     @property
     def status(self) -> tuple[Step, ...]:
-        """Return the steps of the work with what is missing or out of date, as `orip status` shows them."""
+        """Return the steps of the work as `orip status` shows them: command, state and text of each."""
         return project_status(self._stored).steps
 
     def photo_points(self, bundle: str | None = None) -> PhotoPoints:

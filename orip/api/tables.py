@@ -16,6 +16,7 @@ from orip.records.camera import CAMERA_UNITS
 from orip.records.observation_kinds import unit_of_observation
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Residuals, Solution
+from orip.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,8 +36,12 @@ class ObservationResiduals:
     ----------
     kind : array of str
         "photo", "control", "element", "distance", "direction" and so on.
-    photo, point, component : arrays of str
-        What was observed, and which part of it ("x", "y", "X", ...); photo is empty where none is concerned.
+    photo : array of str
+        Empty where none is concerned.
+    point : array of str
+        Point, or the name of what was observed.
+    component : array of str
+        Which part of it: "x", "y", "X" and so on.
     unit : array of str
         Unit of `observed`, `residual` and `a_priori`: "mm", the ground unit or "degrees"; empty for pure numbers.
     observed : array
@@ -69,6 +74,10 @@ class ObservationResiduals:
 
     def __len__(self) -> int:
         return len(self.kind)
+
+    def __repr__(self) -> str:
+        columns = ", ".join(column.name for column in fields(self))
+        return f"<{counted(len(self), 'observation component')}: {columns}>"
 
 
 def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:

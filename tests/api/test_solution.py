@@ -80,6 +80,14 @@ def test_covariances_between_records() -> None:
     assert r == pytest.approx(wanted, abs=1e-6)
 
 
+def test_residuals_are_shown_by_their_columns() -> None:
+    shown = repr(solution().residuals)
+    assert shown.startswith(
+        f"<{len(solution().residuals)} observation components: kind, photo, point, component, unit, "
+    )
+    assert len(shown) < 200
+
+
 def test_residuals_have_names_and_units() -> None:
     residuals = solution().residuals
     assert {(kind, unit) for kind, unit in zip(residuals.kind, residuals.unit, strict=True)} == {
