@@ -41,7 +41,7 @@ def _monomial(factors: tuple[str, ...]) -> str:
 def _collecting() -> FloatArray:
     """Return the matrix (64, 20) that adds products of three variables up to coefficients of monomials."""
     monomials = _CUBIC + _LOWER
-    assert set(monomials) == {_monomial(each) for each in combinations_with_replacement(_VARIABLES, 3)}
+    assert set(monomials) == {_monomial(factors) for factors in combinations_with_replacement(_VARIABLES, 3)}
     result = np.zeros((64, 20))
     for row, factors in enumerate(product(_VARIABLES, repeat=3)):
         result[row, monomials.index(_monomial(factors))] = 1.0
@@ -49,7 +49,7 @@ def _collecting() -> FloatArray:
 
 
 _COLLECT = _collecting()
-_TIMES_X = [_monomial(("x", *each.replace("1", "", 1))) for each in _LOWER]
+_TIMES_X = [_monomial(("x", *monomial.replace("1", "", 1))) for monomial in _LOWER]
 
 
 class TwoPhotos(NamedTuple):

@@ -85,7 +85,7 @@ def plane_orientations(vectors: FloatArray, points: FloatArray) -> PlaneOrientat
     -----
     At the points' centroid the derivative of the image is two rows and columns of the rotation over the distance, once
     the image is turned to that direction. Its larger singular value is one over the distance, and the third row follows
-    but for its sign (Collins and Bartoli 2014).
+    except for its sign (Collins and Bartoli 2014).
     """
     centroid = points.mean(axis=0)
     axes = np.linalg.svd(points - centroid, full_matrices=False)[2]

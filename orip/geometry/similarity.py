@@ -85,9 +85,9 @@ class Similarities(NamedTuple):
 def several(transformations: list[Similarity]) -> Similarities:
     """Return s single transformations as arrays."""
     return Similarities(
-        np.array([each.scale for each in transformations]),
-        np.array([each.rotation for each in transformations]),
-        np.array([each.shift for each in transformations]),
+        np.array([transformation.scale for transformation in transformations]),
+        np.array([transformation.rotation for transformation in transformations]),
+        np.array([transformation.shift for transformation in transformations]),
     )
 
 

@@ -77,6 +77,6 @@ def unknown_record(what: str, name: str, known: Iterable[str]) -> str:
 def _referred_to(records: Mapping[str, Referred], kind: str, name: str, by: str) -> Referred:
     found = records.get(record_key(name))
     if found is None:
-        message = f"{by}: {unknown_record(kind, name, (each.name for each in records.values()))}"
+        message = f"{by}: {unknown_record(kind, name, (record.name for record in records.values()))}"
         raise OrientationError(message)
     return found

@@ -24,7 +24,7 @@ def camera_with_digitised_fiducials(record: FiducialsRecord, definitions: Defini
     camera = definitions.cameras.get(record_key(record.camera))
     if camera is None:
         raise OrientationError(
-            unknown_record("camera", record.camera, (each.name for each in definitions.cameras.values()))
+            unknown_record("camera", record.camera, (camera.name for camera in definitions.cameras.values()))
         )
     if camera.sensor is not None:
         message = (
@@ -51,7 +51,7 @@ def temtick_with_digitised_ticks(record: TicksRecord, definitions: Definitions) 
     temtick = definitions.temticks.get(record_key(record.temtick))
     if temtick is None:
         raise OrientationError(
-            unknown_record("temtick", record.temtick, (each.name for each in definitions.temticks.values()))
+            unknown_record("temtick", record.temtick, (temtick.name for temtick in definitions.temticks.values()))
         )
     measured = zip(record.marks.names, record.marks.measured.tolist(), strict=True)
     return replace(temtick, ticks=tuple(Mark(name, x, y) for name, (x, y) in measured))

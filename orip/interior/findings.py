@@ -30,7 +30,9 @@ class Findings:
 
     def complaints(self) -> tuple[Complaint, ...]:
         """Return the complaints, sorted by file and line."""
-        return tuple(sorted(self._complaints, key=lambda each: (self._files.get(each.path, -1), each.line or 0)))
+        return tuple(
+            sorted(self._complaints, key=lambda finding: (self._files.get(finding.path, -1), finding.line or 0))
+        )
 
     def warnings(self) -> tuple[ProjectWarning, ...]:
         """Return the warnings."""

@@ -49,7 +49,7 @@ class PointsOfPhoto:
 
     def where(self, kept: BoolArray) -> PointsOfPhoto:
         """Return some of the points."""
-        return PointsOfPhoto(tuple(compress(self.names, kept)), *(each[kept] for each in self._arrays()))
+        return PointsOfPhoto(tuple(compress(self.names, kept)), *(array[kept] for array in self._arrays()))
 
     def measured_again(self, new: PointsOfPhoto) -> tuple[PointsOfPhoto, int]:
         """Return these points with new measurements in their places or behind them, and how many are not the first."""

@@ -56,7 +56,7 @@ class Mounting(Generic[Orientation]):
         return replace(self, history=self.history + ((orientation, record.place),))  # noqa: RUF005  (mypy: a TypeVar)
 
 
-class MountedFilms(Generic[Orientation]):
+class FilmMountings(Generic[Orientation]):
     """The mountings of all templates, or of all photos, by `record_key`; each list in the order of the log."""
 
     def __init__(self, stored: Mapping[str, Orientation]) -> None:

@@ -1,9 +1,9 @@
 """Replaying a measurement log: what the records, one after the other, leave measured.
 
 Photo and point measurements are kept in template coordinates (plate coordinates off a template, pixels of a digital
-frame), so that a template mounted again is oriented anew by its ticks alone. A photo off a template that is mounted
-again takes its earlier points and marks along: old plate to photo to new plate. An edit concerns the mounting in which
-the mark was last measured, and everything measured in it.
+frame), so that a template mounted again needs only its ticks to be oriented again. A photo off a template that is
+mounted again takes its earlier points and marks along: old plate to photo to new plate. An edit concerns the mounting
+in which the mark was last measured, and everything measured in it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints, points_of_record
-from orip.interior.mounting import STORED, MountedFilms, Mounting
+from orip.interior.mounting import STORED, FilmMountings, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
 from orip.interior.stored_coordinates import StoredCoordinates
@@ -83,8 +83,8 @@ class _Replay:
             cameras={**definitions.cameras, **start.cameras},
             temticks={**definitions.temticks, **start.temticks},
         )
-        self.templates = MountedFilms(start.templates)
-        self.photos = MountedFilms(start.photos)
+        self.templates = FilmMountings(start.templates)
+        self.photos = FilmMountings(start.photos)
         self.points = MeasuredPoints(start.observations)
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
@@ -245,7 +245,7 @@ class _Replay:
     def _template(self, name: str) -> Template:
         template = self.definitions.templates.get(record_key(name))
         if template is None:
-            known = (each.name for each in self.definitions.templates.values())
+            known = (template.name for template in self.definitions.templates.values())
             raise OrientationError(unknown_record("template", name, known))
         return template
 
@@ -256,7 +256,7 @@ class _Replay:
         return photo
 
     def _unknown_photo(self, name: str) -> str:
-        return unknown_record("photo", name, (each.name for each in self.definitions.photos.values()))
+        return unknown_record("photo", name, (photo.name for photo in self.definitions.photos.values()))
 
     def _bundle(self, name: str) -> str:
         bundle = self.definitions.bundles.get(record_key(name))

@@ -15,7 +15,7 @@ from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints
-from orip.interior.mounting import STORED, MountedFilms, Mounting, Orientation, chosen_marks, joined_marks
+from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
@@ -29,8 +29,8 @@ class StoredCoordinates:
     def __init__(
         self,
         definitions: Definitions,
-        templates: MountedFilms[TemplateOrientation],
-        photos: MountedFilms[PhotoOrientation],
+        templates: FilmMountings[TemplateOrientation],
+        photos: FilmMountings[PhotoOrientation],
         points: MeasuredPoints,
         findings: Findings,
     ) -> None:
@@ -107,7 +107,9 @@ class StoredCoordinates:
         for key, photo in self._definitions.photos.items():
             if photo.template is not None and record_key(photo.template) == template:
                 used |= self._points.mountings(key)
-                used.update(each.template_mounting for each in self._photos.of(key) if not _all_killed(each))
+                used.update(
+                    mounting.template_mounting for mounting in self._photos.of(key) if not _all_killed(mounting)
+                )
         return used
 
     def _needs_marks(self, key: str, photo: Photo) -> bool:
@@ -144,7 +146,7 @@ class StoredCoordinates:
 
     def _is_oriented(self, key: str, number: int) -> bool:
         """Whether a mounting is oriented, without a complaint: one in which no point was measured need not be."""
-        if number in {max(each, 0) for each in self._points.mountings(key)}:
+        if number in {max(mounting, 0) for mounting in self._points.mountings(key)}:
             return self._measured_to_photo(key, number) is not None
         return _is_valid(lambda orientation: self._orient_photo(key, orientation), self._photos.of(key)[number])
 

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Literal, Self, overload
 
 from orip.errors import LinkError
-from orip.link.lines import Line, open_line
+from orip.link.lines import LinkLine, open_line
 from orip.link.reply_values import (
     Greeting,
     ProfilePoint,
@@ -59,7 +59,7 @@ class PlateProcessorLink:
     answer in time, ends the connection, or says what no plate processor does.
     """
 
-    def __init__(self, line: Line, url: str, greeting: Greeting) -> None:
+    def __init__(self, line: LinkLine, url: str, greeting: Greeting) -> None:
         self.url = url
         self.greeting = greeting
         self._line = line

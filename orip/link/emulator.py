@@ -84,7 +84,7 @@ class Emulator:
         self._kept, self._keeping = station, asyncio.Lock()
 
     async def serve(self, host: str, port: int, listening: Callable[[str, int], None], end: Awaitable[object]) -> None:
-        """Serve until `end` comes; `listening` is told the address and port.
+        """Serve until `end` comes; `listening` is called with the address and port.
 
         Raises
         ------
@@ -237,7 +237,7 @@ class Emulator:
                 self._kept = station
 
     async def _dismiss(self) -> None:
-        """End all connections, those too that do not read what they are told."""
+        """End all connections, including those that do not read their replies."""
         for client in self._clients:
             client.writer.close()
         tasks = [task for task in self._clients.values() if task is not None]

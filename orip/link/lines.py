@@ -19,7 +19,7 @@ _QUIET_S = 0.2
 """A serial line on which nothing came for this long has nothing left from before."""
 
 
-class Line(Protocol):
+class LinkLine(Protocol):
     """A line that requests go out on and replies come in on."""
 
     def send(self, data: bytes, timeout_s: float | None = None) -> None:
@@ -32,7 +32,7 @@ class Line(Protocol):
         """End the connection."""
 
 
-def open_line(url: str, timeout_s: float) -> tuple[Line, str]:
+def open_line(url: str, timeout_s: float) -> tuple[LinkLine, str]:
     """Open a line and return it with the plate processor's greeting.
 
     Raises
@@ -169,7 +169,7 @@ def no_answer(url: str) -> LinkError:
     return LinkError(f"what is at {url} does not answer in time; is it a plate processor, and is it free?")
 
 
-def _open_serial(url: str, timeout_s: float) -> tuple[Line, str]:
+def _open_serial(url: str, timeout_s: float) -> tuple[LinkLine, str]:
     try:
         serial = importlib.import_module("serial")
     except ImportError:

@@ -1,8 +1,8 @@
 """The protocol of the plate processor: a request is one line, the reply one line, ``OK …`` or ``ERR code text``.
 
-Lines end in LF or CRLF. Words are parted by blanks; verbs and keywords may be written in small letters. A list is
-``OK n`` and n lines. Plate, photo and object coordinates have four decimals. Nothing is said without having been asked,
-but for the greeting of a new connection. Error codes are those of `orip.records.drive_table.DriveCode`.
+Lines end in LF or CRLF. Words are separated by blanks; verbs and keywords may be written in small letters. A list is
+``OK n`` and n lines. Plate, photo and object coordinates have four decimals. Nothing is sent without a request,
+except the greeting of a new connection. Error codes are those of `orip.records.drive_table.DriveCode`.
 
     (greeting), VERSION              OK KDPP-EMU 1 READY|EMPTY [OBSERVER address of the operator, or nobody]
     DOWNLOAD n, and n lines          OK LOADED cameras c photos p models m; the table is replaced as a whole or not

@@ -56,7 +56,7 @@ def object_text(readout: ObjectReadout) -> str:
 
 def photos_text(readouts: Sequence[PhotoReadout]) -> str:
     """Return ``LEFT photo x y RIGHT photo x y``."""
-    return " ".join(f"{each.side} {each.photo} {each.xy[0]:z.4f} {each.xy[1]:z.4f}" for each in readouts)
+    return " ".join(f"{readout.side} {readout.photo} {readout.xy[0]:z.4f} {readout.xy[1]:z.4f}" for readout in readouts)
 
 
 def event_text(event: Event | None) -> str:

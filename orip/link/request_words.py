@@ -77,7 +77,7 @@ def keyword(word: str, *allowed: str) -> str:
 
 
 def shown(word: str) -> str:
-    """Return a word as it may stand in a reply."""
+    """Return a word as a reply may contain it."""
     plain = "".join(character if character.isascii() and character.isprintable() else "?" for character in word)
     return plain if len(plain) <= _SHOWN else f"{plain[:_SHOWN]}..."
 

@@ -35,7 +35,7 @@ _REACH = 20_000.0
 """Plate units; where on their stages films or digital frames lie, only a table tells."""
 
 
-class Mark(NamedTuple):
+class MeasuringMark(NamedTuple):
     """Where the measuring mark is: the active model, the plates, and the place in the object if it was driven there."""
 
     model: str
@@ -81,10 +81,10 @@ class Station:
         return self.on_the_way or self.state
 
     @property
-    def mark(self) -> Mark:
+    def mark(self) -> MeasuringMark:
         """Return where the measuring mark is."""
         state = self.state
-        return Mark(self.block.models[state.model].name, state.plates, state.mark, state.condition)
+        return MeasuringMark(self.block.models[state.model].name, state.plates, state.mark, state.condition)
 
     def loaded(self, data: bytes, load: TableLoader) -> Station | tuple[DriveFault, ...]:
         """Return the station with another table, or all that is wrong with that."""
@@ -93,7 +93,7 @@ class Station:
             return found
         return Station(*found, data, hashlib.sha256(data).hexdigest(), is_paced=self.is_paced)
 
-    def at(self, mark: Mark) -> Station | None:
+    def at(self, mark: MeasuringMark) -> Station | None:
         """Return the station with its measuring mark elsewhere; None if it has no such model or position."""
         model = self.block.model_index(mark.model)
         limits = (self.block.table.upper, self.block.table.lower)

@@ -211,8 +211,8 @@ def _finite(values: Triple | tuple[float, ...] | list[float]) -> list[float | No
 
 
 def _numbers(given: object, count: int) -> list[float]:
-    if isinstance(given, list) and len(given) == count and all(_is_number(each) for each in given):
-        return [float(each) for each in given]
+    if isinstance(given, list) and len(given) == count and all(_is_number(value) for value in given):
+        return [float(value) for value in given]
     message = f"expected {count} finite numbers"
     raise RequestError(message)
 

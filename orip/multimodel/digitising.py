@@ -42,7 +42,7 @@ class Turn(NamedTuple):
     model: str | None = None
 
 
-class Step(NamedTuple):
+class DigitisingStep(NamedTuple):
     """What is digitised at once.
 
     Attributes
@@ -74,7 +74,7 @@ class DigitisedBlock:
     def in_order(self, photos: Collection[str]) -> list[str]:
         """Return photos in the order in which the models show them, those of no model behind."""
         shown = dict.fromkeys(photo for model in self.models for photo in model.photos)
-        return [*(each for each in shown if each in photos), *(each for each in photos if each not in shown)]
+        return [*(photo for photo in shown if photo in photos), *(photo for photo in photos if photo not in shown)]
 
     def turns_by_photo(self, wanted: Wanted) -> Iterator[Turn]:
         """Yield turns for one eye: photo by photo."""
@@ -106,7 +106,7 @@ class DigitisedBlock:
         for of_model in turns.values():
             yield from of_model
 
-    def next_step(self, turn: Turn, measured: Iterable[str]) -> Step:
+    def next_step(self, turn: Turn, measured: Iterable[str]) -> DigitisingStep:
         """Return what to digitise next of a turn that still has photos.
 
         Parameters
@@ -122,12 +122,12 @@ class DigitisedBlock:
             if self.stages.get(partner) not in (None, self.stages[photo])
         ]
         if together:
-            partner, photo = min(together, key=lambda each: self._rank(turn, *each))
-            return Step((photo,), partner, self._model_to_see(turn, partner, photo))
+            partner, photo = min(together, key=lambda pair: self._rank(turn, *pair))
+            return DigitisingStep((photo,), partner, self._model_to_see(turn, partner, photo))
         for model in self._first(turn.model):
             if set(model.photos) <= set(turn.photos):
-                return Step(model.photos, None, model.model)
-        return Step(turn.photos[:1], None, self._model_to_see(turn, turn.photos[0], turn.photos[0]))
+                return DigitisingStep(model.photos, None, model.model)
+        return DigitisingStep(turn.photos[:1], None, self._model_to_see(turn, turn.photos[0], turn.photos[0]))
 
     def _models_of_photos(self, photos: Collection[str], measured: Collection[str]) -> dict[str | None, list[str]]:
         """Return the photos whose turn comes in each model."""

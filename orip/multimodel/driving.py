@@ -83,7 +83,7 @@ def profile(
     if not step > 0.0:
         return state, DriveFault(DriveCode.BAD_KEYWORD, f"a profile goes in steps greater than 0, not {step:g}")
     if not length / step <= MOST_PROFILE_POINTS - 1:
-        text = f"the profile has more than {MOST_PROFILE_POINTS} points; take a longer step, or part it"
+        text = f"the profile has more than {MOST_PROFILE_POINTS} points; take a longer step, or divide it"
         return state, DriveFault(DriveCode.BAD_KEYWORD, text)
     # a last step that is rounding alone is none
     steps = int(np.ceil(length / step * (1.0 - 1e-12)))
@@ -96,7 +96,7 @@ def _driven(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) -> Dri
     selected = _selected(block, state, xyz)
     code = np.zeros(len(xyz), dtype=np.int64)
     plates = np.empty((2, len(xyz), 2))
-    for side in (1, 0):  # of two faults the left photo's is told
+    for side in (1, 0):  # of two faults the left photo's is reported
         shown_in = np.array([(model.left, model.right)[side] for model in block.models])[selected.model]
         for place in np.unique(shown_in).tolist():
             photo, mine = block.photos[place], np.flatnonzero(shown_in == place)

@@ -20,7 +20,7 @@ from orip.records.photo import Stage
 _NOT_DRIVEN = {
     DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",
     DriveCode.OUTSIDE_STAGE: "the point is outside the limits of the {stage} stage with photo {photo}",
-    DriveCode.NOT_INVERTIBLE: "the point is beyond what the distortion of photo {photo} is a model of",
+    DriveCode.NOT_INVERTIBLE: "the point is beyond the radius up to which the distortion of photo {photo} is valid",
 }
 
 

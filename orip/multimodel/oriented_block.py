@@ -50,7 +50,7 @@ class OrientedBlock:
 def oriented_block(table: DriveTable) -> OrientedBlock:
     """Make a drive table ready for driving; `table_faults` finds nothing wrong with it."""
     cameras = {camera.name: camera_model(camera) for camera in table.cameras}
-    photos = tuple(photo_loop(each, cameras[each.camera], table.limits(each.stage)) for each in table.photos)
+    photos = tuple(photo_loop(photo, cameras[photo.camera], table.limits(photo.stage)) for photo in table.photos)
     by_name = {
         record.name: (place, record, loop)
         for place, (record, loop) in enumerate(zip(table.photos, photos, strict=True))

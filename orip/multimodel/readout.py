@@ -26,7 +26,7 @@ class PhotoReadout(NamedTuple):
 
 
 _NO_PLACE = {
-    DriveCode.BEHIND_CAMERA: "the rays of the two plates part: they would meet behind a camera",
+    DriveCode.BEHIND_CAMERA: "the rays of the two plates diverge: they would meet behind a camera",
     DriveCode.NOT_INVERTIBLE: "the camera's distortion has no inverse at a plate's position",
     DriveCode.PARALLEL_RAYS: "the rays of the two plates are parallel",
 }

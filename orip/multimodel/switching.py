@@ -1,9 +1,9 @@
 """Automatic model switching: which model shows a point of the object, coming from the active one.
 
 A point is inside a model if it is within the frame lines of both its photos, and both stages can be driven there. The
-active model is kept while the point is inside it. Otherwise all models that it is inside of are candidates; taken is
-the one with the smallest |row difference| + |column difference| from the active one, of equals the one in whose photos
-the point is farthest from the frame lines (the smallest ratio), of equals again the first by row and column.
+active model is kept while the point is inside it. Otherwise all models that it is inside of are candidates: the
+one with the smallest |row difference| + |column difference| from the active one is taken, of equals the one in whose
+photos the point is farthest from the frame lines (the smallest ratio), of equals again the first by row and column.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ def _camera(camera: Camera, solution: Solution) -> DriveCamera:
 
 def _parameter_set(camera: Camera, solution: Solution) -> DriveParameterSet | None:
     key = record_key(camera.name)
-    found = {each.name: each.value for each in solution.additional if record_key(each.camera) == key}
+    found = {estimate.name: estimate.value for estimate in solution.additional if record_key(estimate.camera) == key}
     for name, parameter_set in PARAMETER_SETS.items():
         if any(parameter in found for parameter in parameter_set.parameter_names):
             # a parameter that was held at zero is none of the estimates
@@ -193,9 +193,11 @@ def _limits(ingredients: TableIngredients, stage: Stage) -> StageLimits:
     cameras = [ingredients.cameras[record_key(photo.camera)] for photo in photos]
     sensors = [camera.sensor for camera in cameras if camera.sensor is not None]
     if sensors:
-        columns, rows = max(each.columns for each in sensors), max(each.rows for each in sensors)
+        columns, rows = max(sensor.columns for sensor in sensors), max(sensor.rows for sensor in sensors)
         return StageLimits(0.0, float(columns), 0.0, float(rows), LEAST_COUNT)
-    shown = np.vstack([_shown_on_plate(ingredients, *each) for each in zip(photos, cameras, strict=True)])
+    shown = np.vstack(
+        [_shown_on_plate(ingredients, *photo_and_camera) for photo_and_camera in zip(photos, cameras, strict=True)]
+    )
     low, high = shown.min(axis=0), shown.max(axis=0)
     half_travel = np.maximum(high - low, STAGE_TRAVEL_MM) / 2.0
     x_min, y_min = np.floor((low + high) / 2.0 - half_travel).tolist()

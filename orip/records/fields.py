@@ -137,38 +137,44 @@ class RecordField:
 def fields_of(record: type) -> tuple[RecordField, ...]:
     """Return the fields of a record in the order of its attributes."""
     hints = get_type_hints(record, include_extras=True)
-    return tuple(_field(each, hints[each.name]) for each in dataclasses.fields(record))
+    return tuple(_field(attribute, hints[attribute.name]) for attribute in dataclasses.fields(record))
 
 
 def fields_by_key(record: type) -> tuple[RecordField, ...]:
     """Return the fields of a record in the order of orip.toml."""
-    return _in_order(fields_of(record), {each.name: each.field.key_after for each in fields_of(record)})
+    return _in_order(
+        fields_of(record), {record_field.name: record_field.field.key_after for record_field in fields_of(record)}
+    )
 
 
 def fields_by_column(record: type) -> tuple[RecordField, ...]:
     """Return the fields of a record in the order of its store's columns."""
-    return _in_order(fields_of(record), {each.name: each.field.column_after for each in fields_of(record)})
+    return _in_order(
+        fields_of(record), {record_field.name: record_field.field.column_after for record_field in fields_of(record)}
+    )
 
 
 def headings_of(record: type) -> Iterator[tuple[str, str, bool]]:
     """Yield heading and key of what is listed of a record, and whether a list of records is shown as its number."""
-    for each in fields_by_key(record):
-        for listed in each.field.parts or (each.field,):
+    for record_field in fields_by_key(record):
+        for listed in record_field.field.parts or (record_field.field,):
             if listed.heading:
-                yield listed.heading, listed.key or each.name, dataclasses.is_dataclass(each.item)
+                yield listed.heading, listed.key or record_field.name, dataclasses.is_dataclass(record_field.item)
 
 
 def units_of(record: type) -> Iterator[tuple[str, str]]:
     """Yield the keys of a record's values with their units; those in a table in it as ``sensor.columns``."""
-    for each in fields_of(record):
-        for part in each.field.parts or (Part(key=each.key, names=each.field.names, units=each.field.units),):
+    for record_field in fields_of(record):
+        for part in record_field.field.parts or (
+            Part(key=record_field.key, names=record_field.field.names, units=record_field.field.units),
+        ):
             units = part.units * (len(part.names) or 1) if len(part.units) == 1 else part.units
             paths = [f"{part.key}.{name}" for name in part.names] or [part.key]
             yield from zip(paths, units, strict=True)
-        inner = each.item or each.type
+        inner = record_field.item or record_field.type
         if dataclasses.is_dataclass(inner) and isinstance(inner, type):
-            between = ".*" if each.item else ""
-            yield from ((f"{each.key}{between}.{path}", unit) for path, unit in units_of(inner))
+            between = ".*" if record_field.item else ""
+            yield from ((f"{record_field.key}{between}.{path}", unit) for path, unit in units_of(inner))
 
 
 def without_none(hint: Any) -> Any:
@@ -187,9 +193,9 @@ def _field(attribute: dataclasses.Field[Any], hint: Any) -> RecordField:
 
 
 def _in_order(fields: tuple[RecordField, ...], after: dict[str, str]) -> tuple[RecordField, ...]:
-    ordered = [each for each in fields if not after[each.name]]
-    for each in fields:
-        if after[each.name]:
-            place = next(index for index, other in enumerate(ordered) if other.name == after[each.name])
-            ordered.insert(place + 1, each)
+    ordered = [record_field for record_field in fields if not after[record_field.name]]
+    for record_field in fields:
+        if after[record_field.name]:
+            place = next(index for index, other in enumerate(ordered) if other.name == after[record_field.name])
+            ordered.insert(place + 1, record_field)
     return tuple(ordered)

@@ -23,7 +23,7 @@ GATE_FIGURES: Mapping[str, str] = {
     "sigma0": "standard error of unit weight",
     "sigma0_all": "the same over all observations, none down-weighted",
     "redundancy": "observations minus unknowns",
-    "redundancy_used": "share of the redundancy that sigma0 stands on",
+    "redundancy_used": "share of the redundancy that sigma0 is based on",
     "observations": "observation equations",
     "unknowns": "unknowns, removed ones included",
     "enp": "exponent of numerical precision at the end",

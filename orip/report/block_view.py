@@ -46,8 +46,8 @@ def block_view(given: ReportInput) -> dict[str, Any]:
         "photos": {
             "names": list(solution.photos.names),
             "xyz": _rounded(centres - origin),
-            "corners": [_rounded(each) for each in corners],
-            "sees": [[place[row] for row in each.tolist() if row in place] for each in seen_points(solution)],
+            "corners": [_rounded(corner) for corner in corners],
+            "sees": [[place[row] for row in rows.tolist() if row in place] for rows in seen_points(solution)],
         },
     }
 

@@ -14,7 +14,7 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.records.solution import Solution
-from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.drawing import ChartFrame, Curve, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach
@@ -55,7 +55,11 @@ def camera_sheets(given: ReportInput) -> tuple[CameraSheet, ...]:
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
     """Return the correlations of a camera's unknowns; None where it has less than two."""
-    found = {(each.a, each.b): each.r for each in solution.correlations if each.a.rpartition(".")[0] == camera}
+    found = {
+        (correlation.a, correlation.b): correlation.r
+        for correlation in solution.correlations
+        if correlation.a.rpartition(".")[0] == camera
+    }
     names = tuple(dict.fromkeys(name for pair in found for name in pair))
     if not names:
         return None
@@ -93,7 +97,11 @@ def _parameter_table(solution: Solution, row: int, before: Camera | None) -> Pag
         )
         if not math.isnan(sd) or value != 0.0
     ]  # fmt: skip
-    shown += [(each.name, "", 0.0, each.value, each.sd) for each in solution.additional if each.camera == name]
+    shown += [
+        (parameter.name, "", 0.0, parameter.value, parameter.sd)
+        for parameter in solution.additional
+        if parameter.camera == name
+    ]
     written = [parameter(value, sd) for _kind, _unit, _old, value, sd in shown]
     limit = significance_limit(solution.redundancy)
     significant = [significance(kind, value, sd, limit) for kind, _unit, _old, value, sd in shown]
@@ -143,7 +151,7 @@ def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adju
         return Markup("")
     radius = np.linspace(0.0, reach, _RADII)
     lines = [
-        Line(
+        Curve(
             list(zip(radius.tolist(), (1e3 * curve_from_polynomial(coefficients, radius)).tolist(), strict=True)),
             *label,
         )

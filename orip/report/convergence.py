@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from orip.records.solution import Solution
-from orip.report.drawing import ChartFrame, Line, line_chart
+from orip.report.drawing import ChartFrame, Curve, line_chart
 from orip.report.numbers import fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
@@ -17,10 +17,10 @@ def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
     if not passes:
         return ()
     ends = [(float(passes[0].iteration), given.bundle.enp_stop), (float(passes[-1].iteration), given.bundle.enp_stop)]
-    enp = [Line([(each.iteration, each.enp) for each in passes], "ENP", "first"), Line(ends, "enp_stop", "limit")]
-    sigma0 = [Line([(each.iteration, each.sigma0) for each in passes], "sigma0", "second")]
-    down = [Line([(each.iteration, float(each.down_weighted)) for each in passes], "down-weighted", "third")]
-    wide = max((each.sigma0 for each in passes), default=1.0) > 10.0 * min(each.sigma0 for each in passes)
+    enp = [Curve([(step.iteration, step.enp) for step in passes], "ENP", "first"), Curve(ends, "enp_stop", "limit")]
+    sigma0 = [Curve([(step.iteration, step.sigma0) for step in passes], "sigma0", "second")]
+    down = [Curve([(step.iteration, float(step.down_weighted)) for step in passes], "down-weighted", "third")]
+    wide = max((step.sigma0 for step in passes), default=1.0) > 10.0 * min(step.sigma0 for step in passes)
     return (
         line_chart("ENP over the iterations", _frame("ENP"), enp),
         line_chart("sigma0 over the iterations", _frame("sigma0", logarithmic=wide), sigma0),
@@ -32,13 +32,13 @@ def iteration_table(solution: Solution) -> PageTable:
     """Return the iterations in numbers."""
     passes = solution.iterations
     columns = (
-        PageColumn("Iteration", [str(each.iteration) for each in passes], key="iteration"),
-        PageColumn("ENP", [fixed(each.enp, 2) for each in passes], key="enp"),
-        PageColumn("sigma0", [significant(each.sigma0, 5) for each in passes], key="sigma0"),
-        PageColumn("Down-weighted", [str(each.down_weighted) for each in passes], key="down_weighted"),
-        PageColumn("Singular", [str(each.singular) for each in passes], key="singular"),
+        PageColumn("Iteration", [str(step.iteration) for step in passes], key="iteration"),
+        PageColumn("ENP", [fixed(step.enp, 2) for step in passes], key="enp"),
+        PageColumn("sigma0", [significant(step.sigma0, 5) for step in passes], key="sigma0"),
+        PageColumn("Down-weighted", [str(step.down_weighted) for step in passes], key="down_weighted"),
+        PageColumn("Singular", [str(step.singular) for step in passes], key="singular"),
     )
-    shortened = [str(each.iteration) for each in passes if each.step_limited]
+    shortened = [str(step.iteration) for step in passes if step.step_limited]
     note = f"Steps were shortened in iteration {', '.join(shortened)}." if shortened else ""
     return PageTable("iterations", "Iterations", columns, note)
 

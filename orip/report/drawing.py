@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Curve:
     """A curve of a chart: points (x, y), the name in the key, and its style class."""
 
     points: Sequence[tuple[float, float]]
@@ -69,7 +69,7 @@ def text(x: float, y: float, words: str, **attributes: object) -> str:
 
 
 def round_step(span: float, parts: int) -> float:
-    """Return 1, 2 or 5 times a power of ten that parts a span into about so many."""
+    """Return 1, 2 or 5 times a power of ten that divides a span into about `parts` steps."""
     if not (span > 0.0 and math.isfinite(span)):
         return 1.0
     power = 10.0 ** math.floor(math.log10(span / parts))
@@ -90,7 +90,7 @@ def shown_tick(value: float) -> str:
     return f"{value:.6g}".replace("-", "−")
 
 
-def line_chart(label: str, frame: ChartFrame, lines: Sequence[Line]) -> Markup:
+def line_chart(label: str, frame: ChartFrame, lines: Sequence[Curve]) -> Markup:
     """Return a chart of curves over a common axis."""
     finite = [[(x, y) for x, y in line.points if math.isfinite(x) and math.isfinite(y)] for line in lines]
     ups = [y for points in finite for _, y in points]

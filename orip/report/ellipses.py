@@ -72,9 +72,7 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
     rows = drawn_points(solution, MOST_ELLIPSES)
     scenes = [_scene(solution, rows, *view) for view in VIEWS]
     enlargement = min(_enlargement(scene) for scene in scenes)
-    note = (
-        f"Standard ellipses, enlarged {round(enlargement)} times. A mark whose name has no room tells it to the mouse."
-    )
+    note = f"Standard ellipses, enlarged {round(enlargement)} times. Point at a mark without a label to see its name."
     if len(rows) < count:
         note += f" {len(rows)} of {count} points are drawn: control and check points, and every so many of the others."
     found = {"photo", *(solution.point_kinds[row] for row in rows)}
@@ -244,7 +242,7 @@ def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray
         return []
     frame = Box(_LEFT, _TOP, _LEFT + plane.width, _TOP + plane.height)
     found = labels(np.concatenate([places for places, _ in few]), [name for _, names in few for name in names], frame)
-    return [text(each.x, each.y, each.name, text_anchor=each.anchor, class_="faint") for each in found]
+    return [text(label.x, label.y, label.name, text_anchor=label.anchor, class_="faint") for label in found]
 
 
 def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:

@@ -12,7 +12,7 @@ def model_grid(bundle: BundleDefinition) -> tuple[tuple[int, ...], tuple[tuple[i
 
     Rows and columns without any model are left out.
     """
-    columns = tuple(sorted({each.column for each in bundle.models}))
-    rows = tuple(sorted({each.row for each in bundle.models}))
-    at = {(each.row, each.column): each for each in bundle.models}
+    columns = tuple(sorted({model.column for model in bundle.models}))
+    rows = tuple(sorted({model.row for model in bundle.models}))
+    at = {(model.row, model.column): model for model in bundle.models}
     return columns, tuple((row, tuple(at.get((row, column)) for column in columns)) for row in rows)

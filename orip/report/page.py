@@ -91,7 +91,7 @@ def _size(solution: Solution) -> str:
 
 
 def _as_data(content: dict[str, Any]) -> Markup:
-    """Return JSON that may stand in a script element."""
+    """Return JSON that is safe inside a script element."""
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # the characters that could end the element, as JSON writes them
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))

@@ -35,7 +35,7 @@ def spreads(solution: Solution) -> tuple[Spread, ...]:
         _spread(solution.photos, axis, f"Photos, {name}", unit if axis < 3 else "°")
         for axis, name in enumerate(PHOTO_PARAMETERS)
     ]
-    return tuple(each for each in (*points, *places) if each is not None)
+    return tuple(spread for spread in (*points, *places) if spread is not None)
 
 
 def point_table(solution: Solution) -> PageTable:
@@ -68,8 +68,8 @@ def photo_table(solution: Solution) -> PageTable:
         (axis, (name, unit if axis < 3 else "°"), place if axis < 3 else turn)
         for axis, name in enumerate(PHOTO_PARAMETERS)
     ]
-    columns += [_values(photos, rows, *each) for each in settings]
-    columns += [_deviations(photos, rows, *each) for each in settings]
+    columns += [_values(photos, rows, *setting) for setting in settings]
+    columns += [_deviations(photos, rows, *setting) for setting in settings]
     about_axes = any(solution.photo_rotation_sd_about_axes)
     note = _thinned(len(rows), len(photos.names), "photo", "photos")
     if about_axes:

@@ -86,7 +86,7 @@ class VectorSheet:
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y stand in successive rows."""
     # arrays of objects: those of texts have a copy of each
-    kind, component = (np.array(each, dtype=object) for each in (residuals.kind, residuals.component))
+    kind, component = (np.array(labels, dtype=object) for labels in (residuals.kind, residuals.component))
     rows = np.flatnonzero((kind == "photo") & (component == "x"))
     pairs = np.stack([rows, rows + 1], axis=1)
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
@@ -102,7 +102,7 @@ def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
 
 def measured_reach(given: ReportInput, camera: str) -> float:
     """Return the largest distance (mm) of a camera's photo points from the fiducial centre; 0 without any."""
-    found = [np.hypot(*each.xy.T).max(initial=0.0) for each in _of_camera(given, camera)]
+    found = [np.hypot(*photo.xy.T).max(initial=0.0) for photo in _of_camera(given, camera)]
     return float(max(found, default=0.0))
 
 
@@ -110,10 +110,10 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
     """Return the mean residuals in square cells between two corners of the frame; None where points are too few."""
     from scipy.special import gammaincc
 
-    xy = np.concatenate([each.xy[each.sound] for each in vectors]) if vectors else np.empty((0, 2))
+    xy = np.concatenate([photo.xy[photo.sound] for photo in vectors]) if vectors else np.empty((0, 2))
     if len(xy) <= _FEWEST:
         return None
-    residual = np.concatenate([each.residual[each.sound] for each in vectors])
+    residual = np.concatenate([photo.residual[photo.sound] for photo in vectors])
     shape = np.maximum(np.round((high - low) / (np.max(high - low) / CELLS)).astype(np.int64), 1)
     cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
     place = cell[:, 0] * shape[1] + cell[:, 1]
@@ -142,18 +142,18 @@ def _sheet(given: ReportInput, camera: str) -> VectorSheet | None:
         return None
     low, high = _extent(given, camera, vectors)
     large = _large(vectors)
-    worst = sorted(vectors, key=lambda each: -each.rms)[:MOST_PHOTOS]
-    shown = [each for each in vectors if any(each is other for other in worst)]
+    worst = sorted(vectors, key=lambda photo: -photo.rms)[:MOST_PHOTOS]
+    shown = [photo for photo in vectors if any(photo is other for other in worst)]
     frame = _Frame(low, high, _PIXELS, large)
     means = cell_means(vectors, low, high)
     notes = []
     if len(shown) < len(vectors):
         notes.append(f"The {len(shown)} photos with the largest residuals of {len(vectors)} are drawn.")
-    if any(len(each.xy) > MOST_VECTORS for each in shown):
+    if any(len(photo.xy) > MOST_VECTORS for photo in shown):
         notes.append(
             f"At most {MOST_VECTORS} vectors a photo are drawn: every so many, and all that are down-weighted."
         )
-    drawn = tuple(_photo_drawing(each, frame) for each in shown)
+    drawn = tuple(_photo_drawing(photo, frame) for photo in shown)
     if means is None:
         return VectorSheet(camera, Markup(""), "", drawn, " ".join(notes))
     return VectorSheet(camera, _mean_drawing(camera, means, low, high), _finding(means), drawn, " ".join(notes))
@@ -164,8 +164,8 @@ def _finding(means: CellMeans) -> str:
     p = probability(means.p)
     if means.p < _ALPHA:
         pattern = "there is a systematic pattern that the camera model does not describe"
-        return f"{what} are larger than chance makes them (p {p}): {pattern}."
-    return f"{what} are what chance makes them (p {p}): no systematic pattern."
+        return f"{what} are larger than expected by chance (p {p}): {pattern}."
+    return f"{what} are as expected by chance (p {p}): no systematic pattern."
 
 
 def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
@@ -176,7 +176,7 @@ def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
 
 def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of what is drawn: the frame, and all that was measured."""
-    xy = np.concatenate([each.xy for each in vectors])
+    xy = np.concatenate([photo.xy for photo in vectors])
     low, high = xy.min(axis=0), xy.max(axis=0)
     record = given.cameras.get(record_key(camera))
     corners = frame_corners(record) if record is not None else None
@@ -188,7 +188,7 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
 
 def _large(vectors: Sequence[PhotoVectors]) -> float:
     """Return a large residual (mm) of the sound ones: 95 of 100 are smaller."""
-    lengths = np.concatenate([np.hypot(*each.residual[each.sound].T) for each in vectors])
+    lengths = np.concatenate([np.hypot(*photo.residual[photo.sound].T) for photo in vectors])
     return float(np.quantile(lengths, 0.95)) if lengths.size else 0.0
 
 

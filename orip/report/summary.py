@@ -25,10 +25,10 @@ LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
 _WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "not-converged", "no-redundancy", "blunder"}
-"""Diagnoses of what has to be mended; the others are to be looked at."""
+"""Diagnoses of what must be corrected; the others need attention only."""
 
 _MORE_THAN_CHANCE = 1.5
-"""Factor: residuals of few photo points go together."""
+"""Factor: residuals of few photo points are correlated."""
 
 _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (3, 3, frozenset()),
@@ -112,7 +112,7 @@ def _height(line: SummaryLine) -> int:
 
 def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryLine]:
     test = global_test(solution.sigma0, solution.redundancy_used)
-    level, text = headline(solution, sum(not each.passed for each in gates), test)
+    level, text = headline(solution, sum(not result.passed for result in gates), test)
     status = solution.status.replace("_", " ")
     finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
@@ -137,9 +137,9 @@ def _uncapitalised(text: str) -> str:
 
 def _gates(gates: Sequence[GateResult], most: int) -> Iterator[SummaryLine]:
     """Yield the gates, those that failed first."""
-    failed = sum(not each.passed for each in gates)
-    for each in sorted(gates, key=lambda gate: gate.passed)[:most]:
-        yield SummaryLine("gate", str(each), None if each.passed else "bad")
+    failed = sum(not result.passed for result in gates)
+    for result in sorted(gates, key=lambda gate: gate.passed)[:most]:
+        yield SummaryLine("gate", str(result), None if result.passed else "bad")
     if len(gates) > most:
         yield SummaryLine("", f"{failed} of {counted(len(gates), 'gate')} failed; 'orip check' shows each")
 
@@ -172,8 +172,8 @@ def _is_chance(solution: Solution, components: int) -> bool:
 
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
     found = solution.diagnosis
-    for each in found[:most]:
-        yield SummaryLine("note", f"{each.text}: {each.remedy}", "bad" if each.code in _WRONG else "caution")
+    for finding in found[:most]:
+        yield SummaryLine("note", f"{finding.text}: {finding.remedy}", "bad" if finding.code in _WRONG else "caution")
     if len(found) > most:
         yield SummaryLine("", f"+{len(found) - most} more in {error_listing}")
 
@@ -187,10 +187,10 @@ def _weak(solution: Solution) -> Iterator[SummaryLine]:
 
 def _precision(solution: Solution, group: str) -> Iterator[SummaryLine]:
     """Yield the standard deviations, places and angles on lines of their own."""
-    mine = [each for each in spreads(solution) if each.name.startswith(group)]
+    mine = [spread for spread in spreads(solution) if spread.name.startswith(group)]
     label, heading = group.lower(), "sd (RMS/largest) "
-    for unit in dict.fromkeys(each.unit for each in mine):
-        listed = ", ".join(_of_spread(each) for each in mine if each.unit == unit)
+    for unit in dict.fromkeys(spread.unit for spread in mine):
+        listed = ", ".join(_of_spread(spread) for spread in mine if spread.unit == unit)
         yield SummaryLine(label, f"{heading}{listed}{_KEEP}{unit}")
         label = heading = ""
 
@@ -211,13 +211,17 @@ def _camera(solution: Solution, row: int) -> str:
     """Return the parameters of a camera that were adjusted; "" where none was."""
     name, limit = solution.cameras.names[row], significance_limit(solution.redundancy)
     values, sds = solution.cameras.values[row].tolist(), solution.cameras.sd[row].tolist()
-    adjusted = [each for each in zip(CAMERA_PARAMETERS, values, sds, strict=True) if not math.isnan(each[2])]
-    adjusted += [(each.name, each.value, each.sd) for each in solution.additional if each.camera == name]
+    adjusted = [
+        (kind, value, sd) for kind, value, sd in zip(CAMERA_PARAMETERS, values, sds, strict=True) if not math.isnan(sd)
+    ]
+    adjusted += [
+        (estimate.name, estimate.value, estimate.sd) for estimate in solution.additional if estimate.camera == name
+    ]
     verdicts = {kind: significance(kind, value, sd, limit) for kind, value, sd in adjusted}
     interior = [(kind, *parameter(value, sd)) for kind, value, sd in adjusted if not verdicts[kind]]
     parts = [", ".join(_kept(f"{kind} {value} ± {sd}") for kind, value, sd in interior)] if interior else []
     for verdict, heading in (("yes", "significant"), ("no", "not significant")):
-        kinds = [kind for kind, each in verdicts.items() if each == verdict]
+        kinds = [kind for kind, found in verdicts.items() if found == verdict]
         if kinds:
             parts.append(f"{heading}: {', '.join(kinds)}")
     return f"{name} {'; '.join(parts)}" if parts else ""

@@ -34,14 +34,16 @@ def blunder_table(solution: Solution) -> PageTable | None:
     if not found:
         return None
     columns = (
-        PageColumn("No.", [str(each.order) for each in found], key="order"),
-        PageColumn("Observation", [_named(each.kind, each.photo, each.point) for each in found], words=True),
-        PageColumn("Component", [each.component for each in found], key="component", words=True),
-        PageColumn("Size", [fixed(each.size, decimals_for([each.sd])) for each in found], key="size"),
-        PageColumn("sd", [significant(each.sd, 2) for each in found], key="sd"),
-        PageColumn("Unit", [_unit_of_blunder(each, solution) for each in found], words=True),
-        PageColumn("Test", [significant(each.statistic) for each in found], key="statistic"),
-        PageColumn("Limit", [significant(each.limit) for each in found], key="limit"),
+        PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
+        PageColumn(
+            "Observation", [_named(blunder.kind, blunder.photo, blunder.point) for blunder in found], words=True
+        ),
+        PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),
+        PageColumn("Size", [fixed(blunder.size, decimals_for([blunder.sd])) for blunder in found], key="size"),
+        PageColumn("sd", [significant(blunder.sd, 2) for blunder in found], key="sd"),
+        PageColumn("Unit", [_unit_of_blunder(blunder, solution) for blunder in found], words=True),
+        PageColumn("Test", [significant(blunder.statistic) for blunder in found], key="statistic"),
+        PageColumn("Limit", [significant(blunder.limit) for blunder in found], key="limit"),
     )
     note = "Size: observed minus what all other observations predict. They have no influence on the results."
     return PageTable("blunders", "Blunders found and left out", columns, note)
@@ -98,9 +100,9 @@ def singular_table(solution: Solution) -> PageTable | None:
     if not found:
         return None
     columns = (
-        PageColumn("Record", [f"{each.group.lower()} {each.name}" for each in found], words=True),
-        PageColumn("Unknown", [each.kind for each in found], key="kind", words=True),
-        PageColumn("Lost digits", [fixed(each.lost_digits, 1) for each in found], key="lost_digits"),
+        PageColumn("Record", [f"{unknown.group.lower()} {unknown.name}" for unknown in found], words=True),
+        PageColumn("Unknown", [unknown.kind for unknown in found], key="kind", words=True),
+        PageColumn("Lost digits", [fixed(unknown.lost_digits, 1) for unknown in found], key="lost_digits"),
     )
     note = "They keep their preliminary values. The diagnosis says why, and what would determine them."
     return PageTable("singular", "Unknowns that nothing determines", columns, note)

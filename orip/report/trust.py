@@ -61,7 +61,7 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     ----------
     sigma0 : float
     redundancy : float
-        That of the observations that sigma0 stands on; need not be whole.
+        Of the observations that sigma0 is based on; not always a whole number.
     """
     from scipy.special import gammaincc, gammaincinv
 
@@ -76,16 +76,16 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
 def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
     """Return what to think of the adjustment, in a few sentences."""
     solution = given.solution
-    failed = [each for each in given.gates if not each.passed]
+    failed = [result for result in given.gates if not result.passed]
     level, text = headline(solution, len(failed), test)
     sentences = [_about_status(solution), _about_sigma0(solution, test)]
     if solution.blunders:
-        count = len({each.order for each in solution.blunders})
+        count = len({blunder.order for blunder in solution.blunders})
         were, blunders = agreeing(count, "was", "were"), agreeing(count, "a blunder", "blunders")
         sentences.append(f"{counted(count, 'observation')} {were} found to be {blunders} and left out.")
     if given.gates:
         passed = len(given.gates) - len(failed)
-        names = f": {', '.join(str(each.gate) for each in failed)} not met" if failed else ""
+        names = f": {', '.join(str(result.gate) for result in failed)} not met" if failed else ""
         sentences.append(f"{passed} of {counted(len(given.gates), 'gate')} passed{names}.")
     if solution.check_points:
         sentences.append(f"{check_point_finding(solution)}.")
@@ -98,12 +98,12 @@ def gate_table(given: ReportInput) -> PageTable | None:
     if not gates:
         return None
     columns = (
-        PageColumn("Gate", [str(each.gate) for each in gates], words=True),
-        PageColumn("Meaning", [GATE_FIGURES.get(each.gate.name, "") for each in gates], words=True),
-        PageColumn("Found", [each.reason or significant(each.value, 5) for each in gates]),
-        PageColumn("", ["passed" if each.passed else "FAILED" for each in gates], words=True),
+        PageColumn("Gate", [str(result.gate) for result in gates], words=True),
+        PageColumn("Meaning", [GATE_FIGURES.get(result.gate.name, "") for result in gates], words=True),
+        PageColumn("Found", [result.reason or significant(result.value, 5) for result in gates]),
+        PageColumn("", ["passed" if result.passed else "FAILED" for result in gates], words=True),
     )
-    failed = frozenset(row for row, each in enumerate(gates) if not each.passed)
+    failed = frozenset(row for row, result in enumerate(gates) if not result.passed)
     return PageTable("", "Gates", columns, emphasised=failed)
 
 
@@ -114,10 +114,10 @@ def check_point_table(solution: Solution) -> PageTable | None:
         return None
     place = {name: row for row, name in enumerate(solution.points.names)}
     unknown = np.full(3, np.nan)
-    sd = np.array([solution.points.sd[place[each.name]] if each.name in place else unknown for each in points])
+    sd = np.array([solution.points.sd[place[point.name]] if point.name in place else unknown for point in points])
     decimals = decimals_for(sd)
-    differences = np.array([(each.dX, each.dY, each.dZ) for each in points])
-    columns = [PageColumn("Point", [each.name for each in points], key="name", words=True)]
+    differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
+    columns = [PageColumn("Point", [point.name for point in points], key="name", words=True)]
     for axis, name in enumerate("XYZ"):
         cells = [fixed(value, decimals) for value in differences[:, axis]]
         columns.append(PageColumn(f"d{name}", cells, solution.ground_unit, f"d{name}"))
@@ -138,7 +138,7 @@ def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[
     if failed:
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if solution.blunders or solution.status == "doubtful":
-        found = counted(len({each.order for each in solution.blunders}), "blunder")
+        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
         why = f"{found} found and left out" if solution.blunders else "observations do not fit"
         return "caution", f"Converged, with doubts: {why}"
     if test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE):
@@ -191,7 +191,7 @@ def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     if sigma0 < test.lower:
         return f"below the {between}: the observations are better than their a-priori errors"
     if sigma0 > test.upper:
-        return f"above the {between}: the residuals are larger than the a-priori errors promise"
+        return f"above the {between}: the residuals are larger than the a-priori errors suggest"
     return f"within the {between}: the a-priori errors are right"
 
 

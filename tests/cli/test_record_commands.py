@@ -289,7 +289,7 @@ def test_a_value_taken_away_is_the_default_again(film: Path) -> None:
     found = values(film, "camera", "C35")
     assert "fiducials.2.x" not in found
     assert found["fiducials.3.x"] == 18.5
-    refused(film, "fiducials has none of that name; known are: 1, 3, 4", "camera", "edit", "C35", "fiducials.2=")
+    refused(film, "fiducials has no item of that name; known are: 1, 3, 4", "camera", "edit", "C35", "fiducials.2=")
     done(orip(film, "camera", "edit", "C35", "fiducials="))
     assert values(film, "camera", "C35")["fiducials"] is None
 

@@ -169,7 +169,7 @@ def test_any_word_with_a_proper_end_is_read_or_refused(data):
         (DATA.replace(b"END ", b"END  "), "the last line is not END"),
         (DATA[:-10] + DATA[-10:].upper(), None),
         (DATA.replace(b"START 10", b"START 11"), "the CRC-32 is"),
-        (DATA.replace(b"BLOCK MAIN\n", b""), "19 lines before END, which tells of 20"),
+        (DATA.replace(b"BLOCK MAIN\n", b""), "19 lines before END, which states 20"),
     ],
 )
 def test_what_is_damaged(data, text):

@@ -302,10 +302,10 @@ def test_all_faults_come_at_once_and_a_faulty_record_is_not_called_missing() -> 
 @pytest.mark.parametrize(
     ("line", "column", "words"),
     [
-        ("name = Z", 8, 'a text stands in quotation marks; write "Z"'),
+        ("name = Z", 8, 'a text needs quotation marks; write "Z"'),
         ("name = “Z”", 8, "typographic quotation marks"),
         ('name = "Z', 10, "a quotation mark is missing at the end of the text"),
-        ('name = "C:\\Users"', 13, "a backslash stands in a text; write /"),
+        ('name = "C:\\Users"', 13, "a text has a backslash; write /"),
         ('name = "Z"\nname = "Y"', 11, "this key is written twice"),
         ('name = "Z" ! a comment', 12, "'!' begins no comment here; write '#'"),
         ('name = "Z";', 11, "no ';' ends a line here"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orip.multimodel.digitising import DigitisedBlock, PhotoPair, Step, Turn, from_point
+from orip.multimodel.digitising import DigitisedBlock, DigitisingStep, PhotoPair, Turn, from_point
 
 PHOTOS = [f"{strip}0{number}" for strip in (1, 2) for number in (1, 2, 3, 4)]
 
@@ -32,45 +32,45 @@ def steps(turn, measured=()):
 
 
 def test_a_new_point_is_measured_in_both_photos_of_a_model():
-    assert steps(Turn("7", ("101", "102"), "1-1")) == [Step(("101", "102"), None, "1-1")]
+    assert steps(Turn("7", ("101", "102"), "1-1")) == [DigitisingStep(("101", "102"), None, "1-1")]
 
 
 def test_within_a_strip_the_photo_that_has_the_point_is_locked():
-    assert steps(Turn("7", ("103",), "1-2"), ["101", "102"]) == [Step(("103",), "102", "1-2")]
+    assert steps(Turn("7", ("103",), "1-2"), ["101", "102"]) == [DigitisingStep(("103",), "102", "1-2")]
 
 
 def test_from_the_strip_beside_a_point_is_transferred_in_two_steps():
     # 101 is on the upper stage with 201, so that it is seen together with 202; from there to 201
     assert steps(Turn("7", ("201", "202"), "2-1"), ["101"]) == [
-        Step(("202",), "101", "2-1"),
-        Step(("201",), "202", "2-1"),
+        DigitisingStep(("202",), "101", "2-1"),
+        DigitisingStep(("201",), "202", "2-1"),
     ]
 
 
 def test_the_nearest_photo_of_the_strip_beside_is_the_partner():
-    assert steps(Turn("7", ("201",), "2-1"), ["104", "102"]) == [Step(("201",), "102", "2-1")]
+    assert steps(Turn("7", ("201",), "2-1"), ["104", "102"]) == [DigitisingStep(("201",), "102", "2-1")]
 
 
 def test_a_photo_on_the_same_stage_is_no_partner():
-    assert steps(Turn("7", ("203",), "2-2"), ["101"]) == [Step(("203",), None, "2-2")]
+    assert steps(Turn("7", ("203",), "2-2"), ["101"]) == [DigitisingStep(("203",), None, "2-2")]
 
 
 def test_a_photo_without_a_stage_is_no_partner():
     block = DigitisedBlock(BLOCK.models, {"101": "UPPER"})
-    assert block.next_step(Turn("7", ("101",), "1-1"), ["102"]) == Step(("101",), None, "1-1")
+    assert block.next_step(Turn("7", ("101",), "1-1"), ["102"]) == DigitisingStep(("101",), None, "1-1")
 
 
 def test_measuring_again_begins_with_a_stereo_pair_and_goes_on_from_photo_to_photo():
     assert steps(Turn("7", ("101", "102", "103", "201", "202"))) == [
-        Step(("101", "102"), None, "1-1"),
-        Step(("103",), "102", "1-2"),
-        Step(("202",), "101", "2-1"),
-        Step(("201",), "202", "2-1"),
+        DigitisingStep(("101", "102"), None, "1-1"),
+        DigitisingStep(("103",), "102", "1-2"),
+        DigitisingStep(("202",), "101", "2-1"),
+        DigitisingStep(("201",), "202", "2-1"),
     ]
 
 
 def test_a_single_point_that_is_measured_again_finds_its_partner():
-    assert steps(Turn("7", ("102",)), ["101", "103"]) == [Step(("102",), "101", "1-1")]
+    assert steps(Turn("7", ("102",)), ["101", "103"]) == [DigitisingStep(("102",), "101", "1-1")]
 
 
 def test_new_points_come_model_by_model():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.report.drawing import ChartFrame, Line, line_chart, round_step, ticks
+from orip.report.drawing import ChartFrame, Curve, line_chart, round_step, ticks
 from orip.report.numbers import decimals_for, fixed, parameter, significant
 
 
@@ -22,7 +22,7 @@ def curve(chart: str) -> np.ndarray:
 
 def test_a_curve_is_an_affine_image_of_its_numbers() -> None:
     points = [(1.0, -0.43), (2.0, -0.62), (3.0, 0.59), (4.0, 4.92)]
-    pixels = curve(line_chart("ENP", ChartFrame("iteration", "ENP"), [Line(points, "ENP", "first")]))
+    pixels = curve(line_chart("ENP", ChartFrame("iteration", "ENP"), [Curve(points, "ENP", "first")]))
     for axis in (0, 1):
         numbers = np.array(points)[:, axis]
         slope, shift = np.polyfit(numbers, pixels[:, axis], 1)
@@ -34,7 +34,7 @@ def test_a_curve_is_an_affine_image_of_its_numbers() -> None:
 def test_a_logarithmic_curve_is_one_of_logarithms() -> None:
     points = [(1.0, 400.0), (2.0, 20.0), (3.0, 1.0)]
     pixels = curve(
-        line_chart("sigma0", ChartFrame("iteration", "sigma0", logarithmic=True), [Line(points, "", "first")])
+        line_chart("sigma0", ChartFrame("iteration", "sigma0", logarithmic=True), [Curve(points, "", "first")])
     )
     logarithms = np.log10([400.0, 20.0, 1.0])
     slope, shift = np.polyfit(logarithms, pixels[:, 1], 1)
@@ -42,7 +42,7 @@ def test_a_logarithmic_curve_is_one_of_logarithms() -> None:
 
 
 def test_nothing_to_draw_is_no_drawing() -> None:
-    assert line_chart("", ChartFrame("", ""), [Line([(1.0, float("nan"))], "", "")]) == ""
+    assert line_chart("", ChartFrame("", ""), [Curve([(1.0, float("nan"))], "", "")]) == ""
 
 
 @given(st.floats(-1e7, 1e7), st.floats(1e-6, 1e7))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import InputError
-from orip.files.text.lines import Field, TextLine, decode_lines, read_bytes, split_line
+from orip.files.text.lines import TextField, TextLine, decode_lines, read_bytes, split_line
 from orip.files.text.parsed import Parsed
 
 _LINE_ENDS = "\r\n"
@@ -75,7 +75,7 @@ class ControlLines:
         lines = list(self.lines)
         if index > 0 and lines[index - 1] == lines[index - 1].rstrip(_LINE_ENDS):
             lines[index - 1] += self.line_end
-        pattern = [each for each in self.records() if each.number <= index][-1:] or list(self.records())[:1]
+        pattern = [record for record in self.records() if record.number <= index][-1:] or list(self.records())[:1]
         lines.insert(index, _aligned(fields, pattern[0] if pattern else None, names) + self.line_end)
         return replace(self, lines=tuple(lines))
 
@@ -129,7 +129,7 @@ def _with_field(line: str, index: int, text: str) -> str:
     return before + " " * room + text + line[end:]
 
 
-def _end(field: Field) -> int:
+def _end(field: TextField) -> int:
     """Return how much of the line stands up to the end of a field."""
     return field.column - 1 + len(field.text)
 

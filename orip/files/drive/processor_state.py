@@ -19,7 +19,7 @@ Position = tuple[FiniteFloat, FiniteFloat]
 
 
 @dataclass(frozen=True, slots=True)
-class ProcessorState:
+class SavedProcessorState:
     """The state of a plate processor.
 
     Parameters
@@ -44,7 +44,7 @@ class ProcessorState:
     condition: Literal["IN", "OUTSIDE", "LIMIT"]
 
 
-def write_processor_state(path: Path, state: ProcessorState) -> None:
+def write_processor_state(path: Path, state: SavedProcessorState) -> None:
     """Write a state; the file is whole at any instant.
 
     Raises
@@ -55,7 +55,7 @@ def write_processor_state(path: Path, state: ProcessorState) -> None:
     replace_text(path, json.dumps({"schema": SCHEMA, **asdict(state)}, indent=1, allow_nan=False) + "\n")
 
 
-def read_processor_state(path: Path, shown: str) -> ProcessorState | None:
+def read_processor_state(path: Path, shown: str) -> SavedProcessorState | None:
     """Read a state; None if there is no such file yet.
 
     Raises
@@ -72,7 +72,7 @@ def read_processor_state(path: Path, shown: str) -> ProcessorState | None:
         document = json.loads(data)
         if not isinstance(document, dict) or document.pop("schema", None) != SCHEMA:
             raise_no_state(shown, f"it does not begin with the schema {SCHEMA}")
-        return TypeAdapter(ProcessorState).validate_json(json.dumps(document), strict=True)
+        return TypeAdapter(SavedProcessorState).validate_json(json.dumps(document), strict=True)
     except ValidationError as fault:
         first = fault.errors()[0]
         raise_no_state(shown, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")

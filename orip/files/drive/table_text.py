@@ -91,12 +91,12 @@ def _damage(data: bytes) -> DriveFault | None:
     end = _END.fullmatch(data, start)
     if end is None:
         return DriveFault(DriveCode.TABLE_DAMAGED, "the last line is not END with the number of lines and the CRC-32")
-    found, told = data.count(b"\n", 0, start), int(end.group(1))
-    if found != told:
-        return DriveFault(DriveCode.TABLE_DAMAGED, f"{found} lines before END, which tells of {told}")
+    found, stated = data.count(b"\n", 0, start), int(end.group(1))
+    if found != stated:
+        return DriveFault(DriveCode.TABLE_DAMAGED, f"{found} lines before END, which states {stated}")
     crc = b"%08x" % zlib.crc32(data[:start])
     if crc != end.group(2):
-        text = f"the CRC-32 is {crc.decode()}, END tells {end.group(2).decode()}; the text is damaged or was edited"
+        text = f"the CRC-32 is {crc.decode()}, END states {end.group(2).decode()}; the text is damaged or was edited"
         return DriveFault(DriveCode.TABLE_DAMAGED, text)
     return None
 

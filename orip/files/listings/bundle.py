@@ -37,7 +37,7 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     yield from bundle_title(TITLE, solution)
     yield from section("KEY FIGURES", _key_figures(solution))
     if solution.remarks:
-        yield from section("GROUND SYSTEM", [line for each in solution.remarks for line in paragraph(each.text)])
+        yield from section("GROUND SYSTEM", [line for remark in solution.remarks for line in paragraph(remark.text)])
     yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
     yield from section("ITERATIONS", _iterations(solution))
     yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))

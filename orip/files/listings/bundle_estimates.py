@@ -25,7 +25,7 @@ def camera_lines(cameras: Estimates, additional: Sequence[AdditionalEstimate]) -
     for name, values, sd in zip(cameras.names, cameras.values, cameras.sd, strict=True):
         lines += ["", f"  Camera {name}", ""]
         lines += _one_camera(values, sd)
-        lines += _additional([each for each in additional if each.camera == name])
+        lines += _additional([parameter for parameter in additional if parameter.camera == name])
     return lines or ["  none"]
 
 
@@ -34,9 +34,9 @@ def _additional(parameters: Sequence[AdditionalEstimate]) -> list[str]:
         return []
     table = table_lines(
         [
-            Column("Additional parameter", [each.name for each in parameters], align="left"),
-            Column("Value", scientific([each.value for each in parameters]), align="point"),
-            Column("Standard deviation", deviations([each.sd for each in parameters], None), align="point"),
+            Column("Additional parameter", [parameter.name for parameter in parameters], align="left"),
+            Column("Value", scientific([parameter.value for parameter in parameters]), align="point"),
+            Column("Standard deviation", deviations([parameter.sd for parameter in parameters], None), align="point"),
         ],
         indent=4,
     )

@@ -144,9 +144,11 @@ def photo_residual_lines(solution: Solution, reliability: Reliability, measured:
 def _photo_rows(solution: Solution) -> PhotoRows:
     residuals = solution.residuals
     chosen = np.flatnonzero(np.array(residuals.kind, dtype=object) == "photo")
-    names = [np.array(each, dtype=object)[chosen] for each in (residuals.photo, residuals.point, residuals.component)]
+    names = [
+        np.array(labels, dtype=object)[chosen] for labels in (residuals.photo, residuals.point, residuals.component)
+    ]
     parts = _pairs(*names)
-    photo, point = (each[parts.max(axis=1, initial=0)] for each in names[:2])
+    photo, point = (labels[parts.max(axis=1, initial=0)] for labels in names[:2])
     place = {name: number for number, name in enumerate(dict.fromkeys([*solution.photos.names, *photo]))}
     number = np.fromiter(map(place.__getitem__, photo), np.int64, len(photo))
     order = np.argsort(number, kind="stable")

@@ -66,7 +66,7 @@ def preliminary_listing_lines(
     """Yield the lines of PRELIM_RESULT.OUT, without newlines."""
     yield from title_block(TITLE, run, facts)
     if values.findings:
-        yield from section("FINDINGS", [line for each in values.findings for line in paragraph(each, hanging=2)])
+        yield from section("FINDINGS", [line for finding in values.findings for line in paragraph(finding, hanging=2)])
     yield from section("HOW EACH PHOTO WAS ORIENTED", _how(values))
     if values.failures:
         yield from section("WHAT COULD NOT BE ORIENTED", failure_lines(values.failures))
@@ -113,12 +113,12 @@ def _how(values: PreliminaryValues) -> list[str]:
 
 def _cameras(cameras: Sequence[CameraStart]) -> list[str]:
     """Return what preliminary values contain of unknown cameras."""
-    parameters = np.array([each.parameters for each in cameras])
+    parameters = np.array([camera.parameters for camera in cameras])
     return table_lines(
         [
-            Column("Camera", [each.name for each in cameras], align="left"),
+            Column("Camera", [camera.name for camera in cameras], align="left"),
             *(Column(kind, fixed(parameters[:, CAMERA_PARAMETERS.index(kind)], 3), "mm") for kind in ("C", "DX", "DY")),
-            Column("A3", [f"{each:.3e}" for each in parameters[:, CAMERA_PARAMETERS.index("A3")]], "1/mm²"),
+            Column("A3", [f"{value:.3e}" for value in parameters[:, CAMERA_PARAMETERS.index("A3")]], "1/mm²"),
         ]
     )
 
@@ -134,19 +134,19 @@ def _photos(
     decimals = [_decimals(points)] * 3 + [4] * 3
     return table_lines(
         [
-            Column("Photo", [each.name for each in values.photos], align="left"),
+            Column("Photo", [photo.name for photo in values.photos], align="left"),
             *(Column(kind, fixed(table[:, k], decimals[k]), units[k]) for k, kind in enumerate(PHOTO_PARAMETERS)),
         ]
     )
 
 
 def _points(points: Sequence[PreliminaryPoint], ground_unit: str) -> list[str]:
-    xyz = np.array([each.coordinates for each in points], dtype=np.float64).reshape(-1, 3)
+    xyz = np.array([point.coordinates for point in points], dtype=np.float64).reshape(-1, 3)
     sd = _deviations(points)
     decimals = _decimals(points)
     return table_lines(
         [
-            Column("Point", [each.name for each in points], align="left"),
+            Column("Point", [point.name for point in points], align="left"),
             *(Column(axis, fixed(xyz[:, k], decimals), ground_unit) for k, axis in enumerate("XYZ")),
             *(Column(f"s{axis}", fixed(sd[:, k], decimals), ground_unit) for k, axis in enumerate("XYZ")),
         ]
@@ -155,7 +155,7 @@ def _points(points: Sequence[PreliminaryPoint], ground_unit: str) -> list[str]:
 
 def _deviations(points: Sequence[PreliminaryPoint]) -> NDArray[np.float64]:
     unknown = (np.nan,) * 3
-    return np.array([each.deviations or unknown for each in points], dtype=np.float64).reshape(-1, 3)
+    return np.array([point.deviations or unknown for point in points], dtype=np.float64).reshape(-1, 3)
 
 
 def _decimals(points: Sequence[PreliminaryPoint]) -> int:

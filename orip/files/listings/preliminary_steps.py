@@ -38,21 +38,21 @@ def relative_overview(models: Sequence[RelativeOrientation]) -> list[str]:
     """Return one line a model."""
     return table_lines(
         [
-            Column("Model", [each.model for each in models], align="left"),
-            Column("Left", [each.left for each in models], align="left"),
-            Column("Right", [each.right for each in models], align="left"),
-            Column("npts", [str(len(each.points)) for each in models]),
-            Column("its", [str(each.iterations) for each in models]),
-            Column("seuw", fixed([each.seuw for each in models], 3)),
-            Column("mres", fixed([each.max_residual for each in models], 4), "mm"),
-            Column("", [_down_weighted(each) for each in models], align="left"),
+            Column("Model", [model.model for model in models], align="left"),
+            Column("Left", [model.left for model in models], align="left"),
+            Column("Right", [model.right for model in models], align="left"),
+            Column("npts", [str(len(model.points)) for model in models]),
+            Column("its", [str(model.iterations) for model in models]),
+            Column("seuw", fixed([model.seuw for model in models], 3)),
+            Column("mres", fixed([model.max_residual for model in models], 4), "mm"),
+            Column("", [_down_weighted(model) for model in models], align="left"),
         ]
     )
 
 
 def relative_remarks(models: Sequence[RelativeOrientation]) -> list[str]:
     """Return what there is to say of some models, a paragraph each."""
-    return _remarks([f"model {each.model}: {remark}" for each in models for remark in each.remarks], INDENT)
+    return _remarks([f"model {model.model}: {remark}" for model in models for remark in model.remarks], INDENT)
 
 
 def relative_orientation_lines(model: RelativeOrientation) -> list[str]:
@@ -104,24 +104,24 @@ def _relative_parameters(model: RelativeOrientation) -> list[str]:
 
 def similarity_overview(steps: Sequence[SimilarityStep]) -> list[str]:
     """Return one line a bridging or connection."""
-    largest = [each.max_residual * _MM for each in steps]
+    largest = [step.max_residual * _MM for step in steps]
     return table_lines(
         [
-            Column("From", [each.source for each in steps], align="left"),
-            Column("To", [each.target for each in steps], align="left"),
-            Column("Photo in both", [each.common_photo or "-" for each in steps], align="left"),
-            Column("npts", [str(len(each.points)) for each in steps]),
-            Column("its", [str(each.iterations) for each in steps]),
-            Column("seuw", fixed([each.s0 for each in steps], 3)),
+            Column("From", [step.source for step in steps], align="left"),
+            Column("To", [step.target for step in steps], align="left"),
+            Column("Photo in both", [step.common_photo or "-" for step in steps], align="left"),
+            Column("npts", [str(len(step.points)) for step in steps]),
+            Column("its", [str(step.iterations) for step in steps]),
+            Column("seuw", fixed([step.s0 for step in steps], 3)),
             Column("mres", fixed(largest, decimals_for(np.array(largest) / 10.0, at_least=4)), "mm"),
-            Column("", [_down_weighted(each) for each in steps], align="left"),
+            Column("", [_down_weighted(step) for step in steps], align="left"),
         ]
     )
 
 
 def similarity_remarks(steps: Sequence[SimilarityStep]) -> list[str]:
     """Return what there is to say of some bridgings or connections, a paragraph each."""
-    return _remarks([f"{each.source} to {each.target}: {text}" for each in steps for text in each.remarks], INDENT)
+    return _remarks([f"{step.source} to {step.target}: {text}" for step in steps for text in step.remarks], INDENT)
 
 
 def similarity_lines(step: SimilarityStep, ground_unit: str) -> list[str]:
@@ -211,8 +211,10 @@ def failure_lines(failures: Sequence[NotOriented]) -> list[str]:
     """Return one paragraph for each model or joint that failed."""
     return [
         line
-        for each in failures
-        for line in paragraph(f"{each.name}{f' and {each.other}' if each.other else ''}: {each.reason}", hanging=INDENT)
+        for failure in failures
+        for line in paragraph(
+            f"{failure.name}{f' and {failure.other}' if failure.other else ''}: {failure.reason}", hanging=INDENT
+        )
     ]
 
 

@@ -1,4 +1,4 @@
-"""The title block that all listings begin with, and the run id that stands in it."""
+"""The title block that all listings begin with, and the run id in it."""
 
 from __future__ import annotations
 

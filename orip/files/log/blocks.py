@@ -26,7 +26,7 @@ LINE_FORMS: Mapping[BlockKind, str] = {
 
 
 @dataclass
-class Block:
+class MeasurementBlock:
     """The measurements of one block as they come in.
 
     Parameters
@@ -51,7 +51,7 @@ class Block:
     kind: BlockKind
     title: str
     line: int
-    build: Callable[[Block], LogRecord] | None
+    build: Callable[[MeasurementBlock], LogRecord] | None
     name_lines: dict[str, int] = field(default_factory=dict)
     measured: list[float] = field(default_factory=list)
     own_errors: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class Block:
         )
 
 
-def read_measurement(reader: FieldReader, block: Block) -> None:
+def read_measurement(reader: FieldReader, block: MeasurementBlock) -> None:
     """Take one line of any form into its block; what is wrong stays with the reader."""
     count = reader.count
     is_disregarded = count > 3 and reader.text(count - 1) == "-"
@@ -124,7 +124,7 @@ def read_measurement(reader: FieldReader, block: Block) -> None:
         block.disregarded.append(index)
 
 
-def _has_form(reader: FieldReader, block: Block, body: int, *, is_disregarded: bool) -> bool:
+def _has_form(reader: FieldReader, block: MeasurementBlock, body: int, *, is_disregarded: bool) -> bool:
     """Check how many fields there are and that the kind of block has such lines."""
     form = LINE_FORMS[block.kind]
     has_given = body == 6 and reader.text(3) == "="

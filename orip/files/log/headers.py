@@ -7,7 +7,7 @@ from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
-from orip.files.log.blocks import Block, BlockKind
+from orip.files.log.blocks import BlockKind, MeasurementBlock
 from orip.files.text.field_reader import FieldReader
 from orip.records.measurement import (
     EditRecord,
@@ -51,7 +51,7 @@ _EDIT_FORMS: Mapping[Edited, tuple[int, str]] = {
 }
 
 
-def read_header(reader: FieldReader, shown: str) -> Block:
+def read_header(reader: FieldReader, shown: str) -> MeasurementBlock:
     """Begin the block that a keyword line opens; after a faulty line its block can still be checked, not built."""
     kind = _keyword(reader, BLOCK_KINDS)
     counts, form = _HEADER_FORMS[kind]
@@ -60,7 +60,7 @@ def read_header(reader: FieldReader, shown: str) -> Block:
     build = None
     if reader.has_fields(counts, form):
         build = _BUILDERS[kind](reader, Place(shown, reader.number))
-    return Block(kind, title, reader.number, None if reader.complaints else build)
+    return MeasurementBlock(kind, title, reader.number, None if reader.complaints else build)
 
 
 def read_edit(reader: FieldReader, shown: str) -> EditRecord | None:
@@ -87,7 +87,7 @@ def _keyword(reader: FieldReader, allowed: tuple[Word, ...]) -> Word:
     return next(word for word in allowed if word == written)
 
 
-Builder = Callable[[Block], LogRecord]
+Builder = Callable[[MeasurementBlock], LogRecord]
 
 
 def _template_builder(reader: FieldReader, place: Place) -> Builder | None:

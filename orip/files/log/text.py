@@ -15,7 +15,7 @@ from math import isfinite
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.files.log.blocks import Block, read_measurement
+from orip.files.log.blocks import MeasurementBlock, read_measurement
 from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, read_header
 from orip.files.text.decimal_numbers import is_number
 from orip.files.text.field_reader import FieldReader
@@ -39,7 +39,7 @@ def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
     ----------
     path : Path
     shown : str
-        The file as the user would name it; it also stands in each record's place.
+        The file as the user would name it; it is also in each record's place.
     """
     text = read_lines(path, shown)
     log = _Log(shown)
@@ -54,7 +54,7 @@ class _Log:
         self.shown = shown
         self.records: list[LogRecord] = []
         self.complaints: list[Complaint] = []
-        self.block: Block | None = None
+        self.block: MeasurementBlock | None = None
         self.skips = False
 
     def read(self, lines: Sequence[str]) -> None:
@@ -122,7 +122,7 @@ class _Log:
             self.complaints.append(Complaint(message, self.shown, block.line))
 
 
-def _take_plain(block: Block, fields: list[str], line: str, number: int) -> bool:
+def _take_plain(block: MeasurementBlock, fields: list[str], line: str, number: int) -> bool:
     """Take a line of a name and two ordinary numbers into the block; False if it needs a closer look.
 
     Nearly all lines of a large log are such lines: this saves them the fields with columns that messages need.

@@ -5,7 +5,7 @@
       1002   ! predicted 1.2 3.4
       1003   35.2310  -12.0040
 
-What stands behind a name does not count. Blocks of templates and photos, and edits, are passed over.
+What follows a name is ignored, as are blocks of templates and photos, and edits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
 """orip.toml: its text to a checked project definition, and the definition back to its text.
 
-Every fault of the text is kept with its line, and told with what is allowed.
+Every fault of the text is kept with its line, and reported with what is allowed.
 """

@@ -63,15 +63,16 @@ def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: 
 
 
 def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
-    """Assign to an element of a list of tables, which is told by its name; a new name is a new element."""
+    """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
     name, *inner = rest
     if form is CheckedTable:
         return f"the items of {key} have no names; write all of them in one list"
     elements: list[TomlTable] = table.setdefault(key, [])
-    known = next((each for each in elements if each["name"] == name), None)
+    known = next((element for element in elements if element["name"] == name), None)
     if not text and not inner:
         if known is None:
-            return f"{key} has none of that name; known are: {', '.join(each['name'] for each in elements) or 'none'}"
+            names = ", ".join(element["name"] for element in elements)
+            return f"{key} has no item of that name; known are: {names or 'none'}"
         elements.remove(known)
         return None
     if known is None:

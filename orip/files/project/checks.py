@@ -131,7 +131,7 @@ def _disagreement(
 
 
 def check_photos(source: ProjectSource, references: References, line_of: LineOf) -> Iterator[Fault]:
-    """Check camera and template of photos, and that stage and scan are told once."""
+    """Check camera and template of photos, and that stage and scan are given once."""
     for photo in source.photos:
         where = f"photo '{photo.record.name}'"
         for message in references.check("camera", photo.record.camera, where):

@@ -58,7 +58,9 @@ def _merged(text: str, old: ProjectDefinition, new: ProjectDefinition) -> str:
     blocks, before, document = _blocks(text), project_document(old), project_document(new)
     parts = [f"{blocks[place].above}{blocks[place].own}" for place in (("project",), ("check",)) if place in blocks]
     found = list(dict.fromkeys(place[0] for place in blocks))
-    for section in sorted(RECORD_SECTIONS, key=lambda each: found.index(each) if each in found else len(found)):
+    for section in sorted(
+        RECORD_SECTIONS, key=lambda section: found.index(section) if section in found else len(found)
+    ):
         known = {record_key(table["name"]): index for index, table in enumerate(before[section])}
         for table in document[section]:
             index = known.get(record_key(table["name"]), -1)

@@ -26,7 +26,7 @@ from orip.records.stages import plan_stages
 
 @dataclass(frozen=True, slots=True)
 class ProjectText:
-    """A project definition and where its records stand in the text.
+    """A project definition and where its records are in the text.
 
     Parameters
     ----------

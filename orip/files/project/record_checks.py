@@ -48,7 +48,7 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
             continue
         if given is None:
             message = (
-                f"the project's name '{shown_token(table.name)}' {fault}, so files cannot be called so; "
+                f"the project's name '{shown_token(table.name)}' {fault}, so it cannot be used in file names; "
                 f'set {key} to a base name without blanks, for example {key} = "{_fit_name(table.name)}"'
             )
             yield ("project", "name"), message
@@ -152,7 +152,7 @@ def check_bundles(source: ProjectSource) -> Iterator[Fault]:
         table, where = bundle.record, f"bundle '{shown_token(bundle.record.name)}'"
         fault = None if name_fault(table.name) else file_name_fault(table.name)
         if fault is not None:
-            yield (*bundle.place, "name"), f"{where} {fault}; its name is also that of its files, choose another"
+            yield (*bundle.place, "name"), f"{where} {fault}; its files have the same name, choose another"
         if len(source.bundles) > 1 and record_key(table.name) in _LISTING_BASES:
             message = f"{where} would have the listing {record_key(table.name)}_RESULT.OUT of another step; rename it"
             yield (*bundle.place, "name"), message

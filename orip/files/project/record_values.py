@@ -19,11 +19,13 @@ T = TypeVar("T")
 def record_of(record: type[T], table: CheckedTable) -> T:
     """Return the record that a table says; a key that is missing has the record's default."""
     given, kind = {}, cast(type, record)
-    for each in fields_of(kind):
-        if each.field.parts:
-            given[each.name] = tuple(value for part in each.field.parts for value in _elements(part, table))
-        elif each.key in table.model_fields_set:
-            given[each.name] = _value(each, getattr(table, each.key))
+    for record_field in fields_of(kind):
+        if record_field.field.parts:
+            given[record_field.name] = tuple(
+                value for part in record_field.field.parts for value in _elements(part, table)
+            )
+        elif record_field.key in table.model_fields_set:
+            given[record_field.name] = _value(record_field, getattr(table, record_field.key))
     return record(**given)
 
 
@@ -36,10 +38,10 @@ def _elements(part: Part, table: CheckedTable) -> Sequence[Any]:
     return (value,)
 
 
-def _value(each: RecordField, value: Any) -> Any:
-    if each.field.names:
-        return tuple(getattr(value, name) for name in each.field.names)
-    return _converted(each.item or each.type, value)
+def _value(record_field: RecordField, value: Any) -> Any:
+    if record_field.field.names:
+        return tuple(getattr(value, name) for name in record_field.field.names)
+    return _converted(record_field.item or record_field.type, value)
 
 
 def _converted(kind: Any, value: Any) -> Any:
@@ -55,18 +57,18 @@ def toml_of(record: Any) -> TomlTable:
     """Return a record as a table of orip.toml; what is None or an empty list has no key."""
     return {
         key: value
-        for each in fields_by_key(type(record))
-        for key, value in _keys_of(each, getattr(record, each.name))
+        for record_field in fields_by_key(type(record))
+        for key, value in _keys_of(record_field, getattr(record, record_field.name))
         if value is not None and value not in ([], {})
     }
 
 
-def _keys_of(each: RecordField, value: Any) -> Iterator[tuple[str, Any]]:
-    if not each.field.parts:
-        named = each.field.names and value is not None
-        yield each.key, dict(zip(each.field.names, value, strict=True)) if named else _plain(value)
+def _keys_of(record_field: RecordField, value: Any) -> Iterator[tuple[str, Any]]:
+    if not record_field.field.parts:
+        named = record_field.field.names and value is not None
+        yield record_field.key, dict(zip(record_field.field.names, value, strict=True)) if named else _plain(value)
     first = 0
-    for part in each.field.parts:
+    for part in record_field.field.parts:
         elements = value[first : first + part.size]
         first += part.size
         if part.names:

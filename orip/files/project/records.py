@@ -36,7 +36,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         crs=project.crs,
         cameras=tuple(camera.record for camera in source.cameras),
         temticks=tuple(temtick.record for temtick in source.temticks),
-        templates=tuple(_with_photos(each.record, photo_names, photos_of) for each in source.templates),
+        templates=tuple(_with_photos(template.record, photo_names, photos_of) for template in source.templates),
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
         gates=tuple(source.check.gates),
@@ -50,4 +50,4 @@ def _with_photos(template: Template, photo_names: dict[str, str], photos_of: dic
 
 
 def _with_models(bundle: Located[BundleDefinition], models: list[Located[StereoModel]]) -> BundleDefinition:
-    return replace(bundle.record, models=tuple(each.record for each in models if each.place[:2] == bundle.place))
+    return replace(bundle.record, models=tuple(model.record for model in models if model.place[:2] == bundle.place))

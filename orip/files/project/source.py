@@ -59,7 +59,7 @@ class ProjectSource:
 
 
 def project_source(document: Mapping[str, Any]) -> ProjectSource:
-    """Validate each table of a TOML document by itself; the faults stand in the result."""
+    """Validate each table of a TOML document by itself; the faults are in the result."""
     source = ProjectSource()
     for key in document:
         if key not in SECTIONS:

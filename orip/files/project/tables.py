@@ -103,12 +103,18 @@ def table_of(record: type) -> type[CheckedTable]:
     A key that may be missing is None without it; its default is that of the record.
     """
     keys: dict[str, Any] = {}
-    for each in fields_by_key(record):
-        if each.field.parts:
-            element = without_none(get_args(each.type)[0])
-            keys |= {part.key: _key(_part(element, part), part, required=part.required) for part in each.field.parts}
-        elif not each.field.own_records:
-            keys[each.key] = _key(_read_by(each) or _value(each.type, each.field), each.field, required=each.required)
+    for record_field in fields_by_key(record):
+        if record_field.field.parts:
+            element = without_none(get_args(record_field.type)[0])
+            keys |= {
+                part.key: _key(_part(element, part), part, required=part.required) for part in record_field.field.parts
+            }
+        elif not record_field.field.own_records:
+            keys[record_field.key] = _key(
+                _read_by(record_field) or _value(record_field.type, record_field.field),
+                record_field.field,
+                required=record_field.required,
+            )
     return create_model(f"{record.__name__}Table", __base__=CheckedTable, **keys)
 
 
@@ -117,11 +123,11 @@ def _key(annotation: Any, field: Field | Part, *, required: bool) -> Any:
     return Annotated[annotation, Limits(examples=examples)], ... if required else None
 
 
-def _read_by(each: RecordField) -> Any:
+def _read_by(record_field: RecordField) -> Any:
     """Return the type of a value that may be written in several ways; None for all others."""
-    if each.type is Precision:
+    if record_field.type is Precision:
         return Annotated[Any, PlainValidator(_precision)]
-    return Annotated[Any, PlainValidator(_one_for_both)] if each.field.one_for_all else None
+    return Annotated[Any, PlainValidator(_one_for_both)] if record_field.field.one_for_all else None
 
 
 def _part(element: Any, part: Part) -> Any:

@@ -16,7 +16,7 @@ RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "bundle")
 def project_document(definition: ProjectDefinition) -> TomlTable:
     """Return a definition as the document that orip.toml would be.
 
-    A distortion stands in the form that it was given in. Templates list their photos, and photos name their template.
+    A distortion keeps the form that it was given in. Templates list their photos, and photos name their template.
     """
     project = {
         "name": definition.name,
@@ -32,11 +32,11 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
     return {
         "project": {key: value for key, value in project.items() if value is not None},
         "check": {"gates": list(definition.gates)} if definition.gates else {},
-        "camera": [camera_table(each) for each in definition.cameras],
-        "temtick": [toml_of(each) for each in definition.temticks],
-        "template": [toml_of(each) for each in definition.templates],
-        "photo": [toml_of(each) for each in definition.photos],
-        "bundle": [toml_of(each) for each in definition.bundles],
+        "camera": [camera_table(camera) for camera in definition.cameras],
+        "temtick": [toml_of(temtick) for temtick in definition.temticks],
+        "template": [toml_of(template) for template in definition.templates],
+        "photo": [toml_of(photo) for photo in definition.photos],
+        "bundle": [toml_of(bundle) for bundle in definition.bundles],
     }
 
 
@@ -60,7 +60,7 @@ def record_text(section: str, table: Mapping[str, Any]) -> str:
 
 
 def camera_table(camera: Camera) -> TomlTable:
-    """Return a camera as a table of orip.toml; its distortion stands in the form that it was given in."""
+    """Return a camera as a table of orip.toml; its distortion is written in the form that it was given in."""
     table = toml_of(camera)
     forms = [form for form in ("distortion_isp", "distortion_curve", "distortion") if form in table]
     return {key: value for key, value in table.items() if key not in forms[1:]}

@@ -1,4 +1,4 @@
-"""A wrong value or key of orip.toml told in a sentence: what was found, what is allowed, what to write."""
+"""A wrong value or key of orip.toml described in a sentence: what was found, what is allowed, what to write."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class TomlLines:
         self._lines: dict[KeyPath, int] = _Scan(text).lines
 
     def line_of(self, path: Sequence[str | int]) -> int:
-        """Return the line of a value, or of the nearest thing around it that stands in the text; 1 at least."""
+        """Return the line of a value, or of the nearest table around it in the text; 1 at least."""
         for length in range(len(path), 0, -1):
             line = self._lines.get(tuple(path[:length]))
             if line is not None:

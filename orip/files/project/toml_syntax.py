@@ -13,7 +13,7 @@ _MEANT_BY_REASON = (
     (re.compile("Cannot overwrite a value"), "this key is written twice; keep one of the two lines"),
     (re.compile("Cannot declare .* twice"), "this table is written twice; join the two (or write [[...]] for a list)"),
     (re.compile(r"Illegal character '\\n'"), "a quotation mark is missing at the end of the text"),
-    (re.compile("Invalid hex value|Unescaped"), "a backslash stands in a text; write / in its place"),
+    (re.compile("Invalid hex value|Unescaped"), "a text has a backslash; write / instead"),
 )
 """What the parser says, and what was probably done."""
 
@@ -25,7 +25,7 @@ _MEANT_BY_TEXT = (
     (re.compile(r"\.[0-9]"), "a number begins with a digit; write for example 0.5"),
     (re.compile("true|false", re.IGNORECASE), "write true or false, in small letters"),
 )
-"""What stands in the place, and what was probably meant."""
+"""What is at the place of the fault, and what was probably meant."""
 
 _DECIMAL_COMMA = re.compile(r"[0-9],[0-9]")
 _WORD = re.compile(r"[^\W\d][^\s,\]}#]*")
@@ -56,5 +56,5 @@ def _meant(reason: str, here: str) -> str | None:
     found = next(by_reason, None) or next(by_text, None)
     word = _WORD.match(here)
     if found is None and word and reason == "Invalid value":
-        return f'a text stands in quotation marks; write "{word.group()}"'
+        return f'a text needs quotation marks; write "{word.group()}"'
     return found

@@ -27,7 +27,7 @@ def toml_value(value: Any) -> str:
 
 
 def toml_table(header: str, table: Mapping[str, Any]) -> str:
-    """Return a table with its header, which stands in its brackets, and a line for each key."""
+    """Return a table with its header (brackets included) and a line for each key."""
     return "\n".join([header, *(toml_assignment(key, value) for key, value in table.items())]) + "\n"
 
 

@@ -143,8 +143,8 @@ def _estimates(estimates: Estimates, parameters: Sequence[str]) -> dict[str, dic
 
 def _cameras(solution: Solution) -> dict[str, dict[str, object]]:
     cameras = _estimates(solution.cameras, CAMERA_PARAMETERS)
-    for each in solution.additional:
-        cameras[each.camera][each.name] = _estimate(each.value, each.sd)
+    for parameter in solution.additional:
+        cameras[parameter.camera][parameter.name] = _estimate(parameter.value, parameter.sd)
     return cameras
 
 

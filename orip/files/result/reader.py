@@ -123,7 +123,7 @@ def _object(value: Any, where: str) -> dict[str, Any]:
 def _objects(value: Any, where: str) -> list[dict[str, Any]]:
     if not isinstance(value, list):
         raise _MalformedError(_not_so(where, "a list"))
-    return [_object(each, where) for each in value]
+    return [_object(element, where) for element in value]
 
 
 def _text(value: Any, where: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, record_list
+from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.files.stores.table import list_table, real, text
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark
@@ -15,7 +15,7 @@ UNKNOWN = list_table("unknown_parameter", "camera", (text("parameter", CAMERA_PA
 CURVE = list_table("distortion_point", "camera", (real("radius"), real("distortion")))
 TABLES = (CAMERA, FIDUCIAL, UNKNOWN, CURVE)
 
-_CAMERAS = Definitions(Camera, CAMERA, {"fiducials": FIDUCIAL, "unknown": UNKNOWN, "distortion_curve": CURVE})
+_CAMERAS = DefinitionTables(Camera, CAMERA, {"fiducials": FIDUCIAL, "unknown": UNKNOWN, "distortion_curve": CURVE})
 
 
 def read(store: Store) -> tuple[StoredRecord[Camera], ...]:

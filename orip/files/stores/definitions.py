@@ -15,7 +15,7 @@ from orip.records.fields import fields_of
 from orip.records.names import case_twins, record_key
 
 
-class Named(Protocol):
+class NamedRecord(Protocol):
     """A record of the model: all have a name."""
 
     @property
@@ -23,8 +23,8 @@ class Named(Protocol):
         """Return the record's name; case does not count."""
 
 
-T = TypeVar("T", bound=Named)
-T_co = TypeVar("T_co", bound=Named, covariant=True)
+T = TypeVar("T", bound=NamedRecord)
+T_co = TypeVar("T_co", bound=NamedRecord, covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class StoredRecord(Generic[T_co]):
 
 
 @dataclass(frozen=True, slots=True)
-class Definitions(Generic[T]):
+class DefinitionTables(Generic[T]):
     """How one kind of definition lies in its tables.
 
     Parameters
@@ -65,11 +65,13 @@ class Definitions(Generic[T]):
 
     def read(self, store: Store) -> tuple[StoredRecord[T], ...]:
         """Return all records in the order they were written; none if the store is absent."""
-        fields = [each for each in fields_of(cast(type, self.kind)) if each.name in self.lists]
-        lists = [(each, store.lists(self.lists[each.name])) for each in fields]
+        fields = [record_field for record_field in fields_of(cast(type, self.kind)) if record_field.name in self.lists]
+        lists = [(record_field, store.lists(self.lists[record_field.name])) for record_field in fields]
         stored = []
         for name, _position, digest, origin, *row in store.rows(self.table):
-            values = {each.name: list_of(each, rows.get(record_key(name), [])) for each, rows in lists}
+            values = {
+                record_field.name: list_of(record_field, rows.get(record_key(name), [])) for record_field, rows in lists
+            }
             record = self.kind(**values_of(self.kind, (name, *row)), **values)
             stored.append(StoredRecord(record, digest, origin))
         return tuple(stored)

@@ -45,7 +45,7 @@ def dump(path: Path) -> Iterator[str]:
 
 
 def dumped_tables(kind: str) -> tuple[StoreTable, ...]:
-    """Return the tables of a dump in their order; what `meta` says stands in the header."""
+    """Return the tables of a dump in their order; the contents of `meta` are in the header."""
     return tuple(table for table in TABLES_OF_KIND[kind] if table is not META)
 
 

@@ -118,7 +118,7 @@ class _Reader:
         table = self.due.pop(0) if self.due else None
         expected = {"table": table.name, "columns": list(table.column_names)} if table else {"end": self.store.kind}
         if value != expected:
-            self.complaints.stop(line, f"here is due {json.dumps(expected)}, found {_short(value)}")
+            self.complaints.stop(line, f"expected {json.dumps(expected)}, found {_short(value)}")
         self.table, self.names = table, {}
 
     def _expect_nothing_more(self, values: Iterator[tuple[int, Any]]) -> None:

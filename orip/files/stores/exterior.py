@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, record_list
+from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.files.stores.table import list_table, text
 from orip.records.project import BundleDefinition, StereoModel
@@ -14,7 +14,7 @@ DATUM_POINT = list_table("datum_point", "bundle", (text("point"),))
 MODEL = record_list("model", "bundle", StereoModel)
 TABLES = (BUNDLE, DATUM_POINT, MODEL)
 
-_BUNDLES = Definitions(BundleDefinition, BUNDLE, {"datum_points": DATUM_POINT, "models": MODEL})
+_BUNDLES = DefinitionTables(BundleDefinition, BUNDLE, {"datum_points": DATUM_POINT, "models": MODEL})
 
 
 def read(store: Store) -> tuple[StoredRecord[BundleDefinition], ...]:

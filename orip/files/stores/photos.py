@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, record_name, text
@@ -19,7 +19,7 @@ ORIENTATION = StoreTable("photo_orientation", (record_name("photo"), TRANSFORMAT
 MARK = measured_marks_table("photo_mark", "photo", parent="photo_orientation")
 TABLES = (PHOTO, CONSTANT, ORIENTATION, MARK)
 
-_PHOTOS = Definitions(Photo, PHOTO, {"constant": CONSTANT})
+_PHOTOS = DefinitionTables(Photo, PHOTO, {"constant": CONSTANT})
 
 
 def read(store: Store) -> tuple[StoredRecord[Photo], ...]:

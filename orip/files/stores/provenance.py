@@ -1,4 +1,4 @@
-"""What a store says of itself: its kind, the run that wrote it, the text files it was made from."""
+"""What a store records about itself: its kind, the run that wrote it, the text files it was made from."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def read_meta(store: Store) -> dict[str, str]:
 
 
 def run_of(store: Store) -> str | None:
-    """Return the id of the run that wrote the store last, None if it is absent or never told."""
+    """Return the id of the run that wrote the store last, None if the store is absent or has none."""
     return read_meta(store).get("run")
 
 

@@ -112,7 +112,7 @@ class Store:
         try:
             self.connection.executemany(table.insert(self.schema), rows)
         except UnicodeEncodeError as error:
-            message = f"the text {error.object!a} has characters that no file of text can hold; spell it otherwise"
+            message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
             raise InputError.single(message, str(self.path)) from error
 
     def _checked(self, table: StoreTable, rows: Iterable[Row]) -> Iterator[Row]:

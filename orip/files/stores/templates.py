@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import get_args
 
-from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, refuse_case_twins
 from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, record_name, text
@@ -24,7 +24,7 @@ ORIENTATION = StoreTable(
 MARK = measured_marks_table("template_mark", "template", parent="template_orientation")
 TABLES = (TEMPLATE, TEMPLATE_PHOTO, ORIENTATION, MARK)
 
-_TEMPLATES = Definitions(Template, TEMPLATE, {"photos": TEMPLATE_PHOTO})
+_TEMPLATES = DefinitionTables(Template, TEMPLATE, {"photos": TEMPLATE_PHOTO})
 
 
 def read(store: Store) -> tuple[StoredRecord[Template], ...]:

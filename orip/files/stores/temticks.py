@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import Definitions, StoredRecord, definition_table, record_list
+from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.records.camera import Mark
 from orip.records.photo import Temtick
@@ -13,7 +13,7 @@ TEMTICK = definition_table("temtick", Temtick)
 TICK = record_list("tick", "temtick", Mark)
 TABLES = (TEMTICK, TICK)
 
-_TEMTICKS = Definitions(Temtick, TEMTICK, {"ticks": TICK})
+_TEMTICKS = DefinitionTables(Temtick, TEMTICK, {"ticks": TICK})
 
 
 def read(store: Store) -> tuple[StoredRecord[Temtick], ...]:

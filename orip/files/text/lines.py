@@ -19,7 +19,7 @@ _DOS_END = b"\x1a"
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class TextField:
     """One field of a line and the column it starts in, counted from 1."""
 
     text: str
@@ -31,7 +31,7 @@ class TextLine:
     """A line that has fields: its number, counted from 1, and its fields without the comment."""
 
     number: int
-    fields: tuple[Field, ...]
+    fields: tuple[TextField, ...]
 
     @property
     def end_column(self) -> int:
@@ -57,7 +57,7 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
         message = (
             "this is a folder, not a file; name the file itself"
             if path.is_dir()  # what Windows says when a folder is opened
-            else "the file may not be read; give yourself the right to read it"
+            else "the file may not be read; change its permissions"
         )
     except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
         reason = getattr(fault, "strerror", None) or str(fault)
@@ -80,7 +80,7 @@ def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
         return Parsed([], (Complaint(message, shown, len(data.splitlines())),))
     raw_lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
     try:
-        # One decoding of all lines is several times faster; splitlines of bytes parts at \n, \r and \r\n only.
+        # One decoding of all lines is several times faster; splitlines of bytes splits at \n, \r and \r\n only.
         return Parsed(b"\n".join(raw_lines).decode("utf-8").split("\n") if raw_lines else [])
     except UnicodeDecodeError:
         return _decode_each(raw_lines, shown)
@@ -111,11 +111,11 @@ def split_line(line: str, number: int) -> TextLine | None:
 
     ``!`` or ``#`` starts a comment where a field would start; inside a field it belongs to the field.
     """
-    fields: list[Field] = []
+    fields: list[TextField] = []
     for match in _FIELD.finditer(line):
         if match.group().startswith(COMMENT_MARKS):
             break
-        fields.append(Field(match.group(), match.start() + 1))
+        fields.append(TextField(match.group(), match.start() + 1))
     return TextLine(number, tuple(fields)) if fields else None
 
 

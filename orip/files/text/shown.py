@@ -13,7 +13,7 @@ def printable(text: str) -> str:
 
 
 def shown_token(token: str) -> str:
-    """Return a word of the user's as it stands in a message."""
+    """Return a word of the user's as messages show it."""
     text = printable(token)
     return text if len(text) <= _LONGEST_TOKEN else text[: _LONGEST_TOKEN - 3] + "..."
 

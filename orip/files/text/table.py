@@ -171,7 +171,7 @@ def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -
 def xy_pair(heading: str, cells: Sequence[Sequence[str]], unit: str = "") -> list[Column]:
     """Return what `xy_columns` returns, from the cells of both columns."""
     pairs = enumerate(zip("XY", cells, strict=True))
-    return [Column(heading.format(axis), each, unit, gap=2 - k) for k, (axis, each) in pairs]
+    return [Column(heading.format(axis), column_cells, unit, gap=2 - k) for k, (axis, column_cells) in pairs]
 
 
 def section(title: str, body: Iterable[str]) -> Iterator[str]:

@@ -13,7 +13,7 @@ function sortedBy(rows, place, asNumbers, sign) {
     if (!asNumbers || (lostA && lostB)) return sign * collator.compare(a.text, b.text);
     return lostA || lostB ? lostA - lostB : sign * (a.value - b.value);  // what has no number comes last
   });
-  return keyed.map((each) => each.row);
+  return keyed.map((entry) => entry.row);
 }
 
 for (const heading of document.querySelectorAll("thead th:has(button)")) {
@@ -44,7 +44,7 @@ async function unpackPlotly() {
   document.head.append(script);
 }
 
-// The coordinates of polylines in one trace: null parts one from the next.
+// The coordinates of polylines in one trace: null separates one from the next.
 function polylines(lines, style) {
   const at = (axis) => lines.flatMap((line) => [...line.map((place) => place[axis]), null]);
   return { type: "scatter3d", mode: "lines", x: at(0), y: at(1), z: at(2), hoverinfo: "skip", ...style };
@@ -79,7 +79,7 @@ function photoTraces() {
 function pointTraces() {
   const { names, kinds, xyz } = block.points;
   return Object.entries(MARKS).flatMap(([kind, [symbol, size]]) => {
-    const rows = kinds.flatMap((each, row) => (each === kind ? [row] : []));
+    const rows = kinds.flatMap((other, row) => (other === kind ? [row] : []));
     if (!rows.length) return [];
     const style = { marker: { size, symbol, color: colour(kind) } };
     return [markers(rows.map((row) => xyz[row]), rows.map((row) => names[row]), `${kind} point`, style)];

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -36,7 +36,7 @@ UPDATED_FROM: tuple[Part, ...] = ("definitions", "observations", "heads", "solut
 
 What = Literal["cameras", "photos", "points"]
 Verdict = ChangedValue | KeptValue
-T = TypeVar("T", bound=Named)
+T = TypeVar("T", bound=NamedRecord)
 
 _SHOWN_NAMES = 12
 

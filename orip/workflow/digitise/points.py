@@ -9,7 +9,7 @@ from typing import Literal
 from orip.errors import ProjectWarning, UsageError
 from orip.files.log.writing import kill_line, measurement_line, points_header
 from orip.link.client import ProcessorFault
-from orip.multimodel.digitising import Step, Turn, from_point
+from orip.multimodel.digitising import DigitisingStep, Turn, from_point
 from orip.multimodel.state import Position, Side
 from orip.records.drive_table import DriveCode
 from orip.records.photo import Stage
@@ -126,14 +126,14 @@ class _Digitising:
             self._digitise(turn.point, step)
             left = [photo for photo in left if photo not in step.photos]
 
-    def _mono(self, turn: Turn) -> Step:
-        return Step(turn.photos[:1], None, None)
+    def _mono(self, turn: Turn) -> DigitisingStep:
+        return DigitisingStep(turn.photos[:1], None, None)
 
-    def _stereo(self, turn: Turn) -> Step:
+    def _stereo(self, turn: Turn) -> DigitisingStep:
         measured = [photo for photo, point in self._measured if point == turn.point and photo not in turn.photos]
         return self._points.block.next_step(turn, measured)
 
-    def _begin_chapter(self, model: str | None, step: Step) -> None:
+    def _begin_chapter(self, model: str | None, step: DigitisingStep) -> None:
         """Begin a chapter of the log with each model, or photo where models have no part."""
         if self._again:
             title = "orip digitise points --again"
@@ -145,7 +145,7 @@ class _Digitising:
             self._session.log.chapter(title)
             self._chapter, self._blocks = title, {}
 
-    def _digitise(self, point: str, step: Step) -> None:
+    def _digitise(self, point: str, step: DigitisingStep) -> None:
         session, stages = self._session, self._points.block.stages
         session.link.lock(None)
         self._change_model(step.model)
@@ -181,7 +181,7 @@ class _Digitising:
             if fault.code != DriveCode.NO_TABLE:
                 raise
 
-    def _prepare(self, step: Step) -> None:
+    def _prepare(self, step: DigitisingStep) -> None:
         """Guide the stages that are free, and lock that of the partner."""
         stages = self._points.block.stages
         self._session.link.guide(stages[step.photos[0]] if len(step.photos) == 1 else "BOTH")
@@ -195,7 +195,7 @@ class _Digitising:
                 return "LEFT" if self._points.block.stages.get(model.left) == stage else "RIGHT"
         return "LEFT" if stage == "UPPER" else "RIGHT"
 
-    def _decision(self, sought: tuple[Sought, ...], step: Step) -> Decision:
+    def _decision(self, sought: tuple[Sought, ...], step: DigitisingStep) -> Decision:
         """Return what the operator decides; in stereo his left foot locks and unlocks, with one eye it skips."""
         if self._viewing == "mono":
             return self._session.decision(Visit(sought, "FOOT LEFT"))

@@ -12,10 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import LinkError, OripError, UsageError
-from orip.files.drive.processor_state import ProcessorState, raise_no_state, read_processor_state, write_processor_state
+from orip.files.drive.processor_state import (
+    SavedProcessorState,
+    raise_no_state,
+    read_processor_state,
+    write_processor_state,
+)
 from orip.files.text.atomic import reporting_failure
 from orip.link.emulator import Emulator
-from orip.link.station import Mark, Station, bare_stages
+from orip.link.station import MeasuringMark, Station, bare_stages
 from orip.link.travel import Pace
 from orip.workflow.drive.table import load_drive_table
 
@@ -142,7 +147,7 @@ def _restored(path: Path) -> Station:
         if not isinstance(loaded, Station):
             raise_no_state(str(path), f"its drive table: {loaded[0].text}")
         station = loaded
-    restored = station.at(Mark(kept.model, kept.plates, kept.mark, kept.condition))
+    restored = station.at(MeasuringMark(kept.model, kept.plates, kept.mark, kept.condition))
     if restored is None:
         raise_no_state(str(path), f"model {kept.model} and its plate positions are not those of its drive table")
     return restored
@@ -152,6 +157,6 @@ def _keep(path: Path | None, station: Station) -> None:
     if path is None:
         return
     mark = station.mark
-    state = ProcessorState(station.table.decode("ascii"), mark.model, mark.plates, mark.xyz, mark.condition)
+    state = SavedProcessorState(station.table.decode("ascii"), mark.model, mark.plates, mark.xyz, mark.condition)
     with reporting_failure(path, "the plate processor's state is not kept"):
         write_processor_state(path, state)

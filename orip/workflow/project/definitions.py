@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from orip.errors import InputError
 from orip.files.stores import cameras, exterior, photos, templates, temticks
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.stores.transaction import Stores
 from orip.interior.definitions import Definitions
 from orip.records.camera import Camera
@@ -91,7 +91,7 @@ def require_initialised(project: Project, definitions: StoredDefinitions) -> Non
 
 def _not_in_stores(project: Project, definitions: StoredDefinitions) -> Iterator[str]:
     text, stored = project.definition, definitions.by_name()
-    kinds: list[tuple[str, Sequence[Named], Container[str]]] = [
+    kinds: list[tuple[str, Sequence[NamedRecord], Container[str]]] = [
         ("camera", text.cameras, stored.cameras),
         ("temtick", text.temticks, stored.temticks),
         ("template", text.templates, stored.templates),

@@ -15,7 +15,7 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
 from orip.files.project.text import project_document, project_text
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
@@ -23,7 +23,7 @@ from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import MOST_BUNDLES, Project
 from orip.workflow.records.apply_text import with_polynomial
 
-T = TypeVar("T", bound=Named)
+T = TypeVar("T", bound=NamedRecord)
 
 _LINE = re.compile(r" on line \d+")
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
 from orip.files.project.text import project_document
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.records.names import record_key
@@ -23,7 +23,7 @@ from orip.workflow.project.text_output import TextOutput
 from orip.workflow.records.apply_text import apply_text
 from orip.workflow.records.document import checked, stored_definition
 
-T = TypeVar("T", bound=Named)
+T = TypeVar("T", bound=NamedRecord)
 
 _REMEDY = "it is as it was"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orip.files.project.record_values import TomlTable
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.table import Column, table_lines
 from orip.records.fields import headings_of
@@ -116,12 +116,12 @@ def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
 
 def _row(project: Project, stored: StoredDefinitions, place: Place) -> RecordRow:
     kind, name = ("bundle", place.bundle) if place.kind == "model" else (place.kind, place.table["name"])
-    known: tuple[StoredRecord[Named], ...] = getattr(stored, f"{kind}s")
+    known: tuple[StoredRecord[NamedRecord], ...] = getattr(stored, f"{kind}s")
     record = next(candidate for candidate in known if record_key(candidate.record.name) == record_key(name))
     return RecordRow(place.bundle, place.table["name"], place.table, _source(project, kind, record))
 
 
-def _source(project: Project, kind: str, stored: StoredRecord[Named]) -> str:
+def _source(project: Project, kind: str, stored: StoredRecord[NamedRecord]) -> str:
     """Say where a record came from, and whether it or the text has changed since."""
     if stored.text_digest is None:
         return "no text"
@@ -134,7 +134,7 @@ def _source(project: Project, kind: str, stored: StoredRecord[Named]) -> str:
         place = f"{PROJECT_FILE} as it was"
     else:
         place = f"{PROJECT_FILE}:{line}"
-        records: tuple[Named, ...] = getattr(project.definition, f"{kind}s")
+        records: tuple[NamedRecord, ...] = getattr(project.definition, f"{kind}s")
         text: Any = next(record for record in records if record_key(record.name) == key)
         now = record_digest(with_polynomial(text) if kind == "camera" else text)
         changed += ["in the text"] if now != stored.text_digest else []

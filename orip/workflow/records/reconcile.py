@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Generic, Literal, TypeVar
 
-from orip.files.stores.definitions import Named, StoredRecord
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
@@ -17,7 +17,7 @@ from orip.wording import counted
 Prefer = Literal["text", "store"]
 Action = Literal["added", "changed", "removed", "detached"]
 
-T = TypeVar("T", bound=Named)
+T = TypeVar("T", bound=NamedRecord)
 
 
 @dataclass(frozen=True, slots=True)
