@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.adjustment.precision import residual_cofactor
 from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
 from orip.prelim.image_rays import ImageRays
@@ -111,6 +112,7 @@ def _result(
     place: tuple[str, int | None, int | None],
 ) -> RelativeOrientation:
     seuw, at_least_one = solution.seuw, max(solution.seuw, 1.0)
+    cofactor = residual_cofactor(solution.redundancy_number, solution.weight_factor)
     unit_weight = seuw or 1.0
     base = solution.length * solution.photos.base
     points = rays.point[rows[0]]
@@ -125,7 +127,7 @@ def _result(
         left_xy=rays.xy[rows[0]],
         right_xy=rays.xy[rows[1]],
         parallax=solution.parallax,
-        parallax_deviation=seuw * pairs.error * np.sqrt(solution.redundancy_number),
+        parallax_deviation=seuw * pairs.error * np.sqrt(cofactor),
         weight_factor=solution.weight_factor,
         in_front=solution.in_front,
         base=base,
