@@ -33,7 +33,7 @@ class OutputFiles:
 
 
 @dataclass(frozen=True, slots=True)
-class Project:
+class ProjectFolder:
     """A project folder with a sound orip.toml.
 
     Parameters
@@ -173,7 +173,7 @@ class Project:
         raise UsageError(message)
 
 
-def open_project(folder: Path) -> Project:
+def open_project(folder: Path) -> ProjectFolder:
     """Read orip.toml of a folder.
 
     Raises
@@ -203,4 +203,4 @@ def open_project(folder: Path) -> Project:
             f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
         )
         raise InputError.single(message, PROJECT_FILE)
-    return Project(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
+    return ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
