@@ -63,7 +63,7 @@ def distances(given: Distances | None) -> Records[ControlDistance]:
 
 def directions(given: Directions | None) -> Records[ControlDirection]:
     """Return theodolite directions; a zenith angle that is NaN was not observed."""
-    zeniths = ("zenith", "zenith_error")
+    zeniths: tuple[str, ...] = ("zenith", "zenith_error")
     if given is not None:
         observed = any(getattr(given, column) is not None for column in zeniths)
         given = replace(given, **{column: np.nan for column in zeniths if getattr(given, column) is None})
