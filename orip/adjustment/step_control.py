@@ -19,7 +19,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
-_FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
+_FIRST, _LEAST, _MOST = 1e-3, 1e-6, 1e4
 _STEP = 10.0
 
 _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
@@ -80,6 +80,11 @@ class StepControl:
     def is_far(self, normals: SolvedNormals) -> bool:
         """Return whether a correction is so large that points may be anywhere."""
         return self._enp(normals) < _FAR_ENP
+
+    @property
+    def can_damp_more(self) -> bool:
+        """Return whether more damping may still help."""
+        return self.damping < _MOST
 
     def refused(self) -> StepControl:
         """Return the control after an attempt was refused."""
