@@ -4,7 +4,7 @@ The weight of an observation falls at once from 1 to 0.37, so that iterations ca
 limit, and points may have followed a wrong observation. First blocks are moved to where more of their observations fit;
 then full weight is restored to the observations that would fit with it, all together and, if that does not help, the
 best of them alone. The iterations go on from there, and the robust cost decides whether the solution they lead to is
-better; see docs/decisions/014.
+better; see docs/decisions/015.
 """
 
 from __future__ import annotations

@@ -93,6 +93,8 @@ class Adjustment(Generic[StateT]):
         before the last iteration where that one changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
+    scale : float
+        Of the observations, in a-priori errors, that weights were reduced by; see `Weighing`.
     """
 
     state: StateT
@@ -101,6 +103,7 @@ class Adjustment(Generic[StateT]):
     normals: SolvedNormals
     iterations: tuple[IterationRecord, ...]
     reason: TerminationReason
+    scale: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +203,7 @@ def adjust(
     del step
     if normals is None:
         normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
-    return Adjustment(now.current.state, equations, final, normals, now.records, reason)
+    return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing.scale)
 
 
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> _IterationState[StateT]:

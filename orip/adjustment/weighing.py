@@ -1,6 +1,6 @@
 """Which weight function an iteration uses: a wide one far from the solution, then that of the Danish method.
 
-See docs/decisions/006 and 014.
+See docs/decisions/006 and 015.
 """
 
 from __future__ import annotations
