@@ -21,7 +21,7 @@ from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.bundle.methods import Method
-from orip.bundle.snooping import SnoopingSettings
+from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.solution import Solution
 
