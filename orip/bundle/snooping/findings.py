@@ -10,7 +10,7 @@ import numpy as np
 from orip.adjustment.outlier_tests import LEAST_SIGMA0
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
 from orip.records.observation_kinds import (
     CONTROL_POINT,
@@ -109,7 +109,7 @@ def blunders_of(solved: SolvedBlock, findings: Sequence[Finding]) -> tuple[Blund
     )
 
 
-def findings_told(solved: SolvedBlock, findings: Sequence[Finding], ground_unit: str) -> Iterator[Diagnosis]:
+def findings_told(solved: SolvedBlock, findings: Sequence[Finding]) -> Iterator[Diagnosis]:
     """Return a diagnosis for each finding, in the order they were found."""
     listed = _listed(solved)
     for finding in findings:
@@ -118,7 +118,7 @@ def findings_told(solved: SolvedBlock, findings: Sequence[Finding], ground_unit:
         if finding.kept:
             text += f" (test {finding.statistic:.1f}, limit {finding.limit:.1f})"
         else:
-            text += f"; it is off by {_sizes(_blunders(solved, listed, finding, 0), ground_unit)}"
+            text += f"; it is off by {_sizes(_blunders(solved, listed, finding, 0), solved.block.ground_unit)}"
         if finding.alternatives:
             others = first_names([listed.names(rows) for rows in finding.alternatives], _NAMED)
             text += f"; it cannot be told apart from {others}: one of them is wrong"
@@ -203,7 +203,7 @@ def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:
     return ", ".join(f"{', '.join(sizes)} {unit}".rstrip() for unit, sizes in by_unit.items())
 
 
-def _without_photo_points(block: Block, blunders: Sequence[Blunder]) -> PhotoPoints:
+def _without_photo_points(block: Block, blunders: Sequence[Blunder]) -> IndexedPhotoPoints:
     photos = {photo.name: place for place, photo in enumerate(block.photos)}
     place = block.point_index()
     wrong = {(photos[blunder.photo], place[blunder.point]) for blunder in blunders if blunder.kind == PHOTO_POINT.name}
@@ -227,7 +227,9 @@ def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, st
     return (DISTANCE.name, "", distance.name, distance.code) in wrong
 
 
-def _disregarded_direction(direction: ControlDirection, wrong: Collection[tuple[str, str, str, str]]) -> ControlDirection:
+def _disregarded_direction(
+    direction: ControlDirection, wrong: Collection[tuple[str, str, str, str]]
+) -> ControlDirection:
     name = (DIRECTION.name, direction.set, f"{direction.station}-{direction.target}")
     if (*name, "direction") in wrong:
         direction = replace(direction, direction_error=-abs(direction.direction_error))

@@ -21,7 +21,10 @@ Sigma0 = Annotated[
 Alpha = Annotated[
     float | None,
     typer.Option(
-        "--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default: 0.05 of all together)."
+        "--alpha",
+        min=1e-9,
+        max=0.5,
+        help="With --snoop: error probability of one test (default: 0.05 of all together).",
     ),
 ]
 Prune = Annotated[

@@ -7,6 +7,7 @@ from orip.files.stores.explain import opened
 from orip.files.stores.provenance import META
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES_OF_KIND
 from orip.files.stores.store import Store, damage
+from orip.files.stores.table import StoreTable
 
 
 def is_present(store: Store) -> bool:
@@ -35,8 +36,8 @@ def is_present(store: Store) -> bool:
         raise InputError.single(message, str(store.path))
     if missing and META.name in tables and 0 < version < SCHEMA_VERSION:
         message = (
-            f"this store was written by an older orip (schema {version}; this one writes {SCHEMA_VERSION}), whose tables "
-            f"{', '.join(missing)} are not there or have fewer columns; move it away, then 'orip run' creates a new one"
+            f"this store was written by an older orip (schema {version}; this one writes {SCHEMA_VERSION}) and has no "
+            f"{', '.join(missing)} as they are now; move it away, then 'orip run' creates a new one"
         )
         raise InputError.single(message, str(store.path))
     if missing or kind is None or version < 1:
