@@ -12,17 +12,19 @@ from typing import Literal
 
 import numpy as np
 
-from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.iteration import IterationRecord, IterationSettings
 from orip.adjustment.joint_effects import joint_effects
 from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
+from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.snooping.findings import Finding, blunders_of
 from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, freed_unknowns
 from orip.bundle.snooping.hypotheses import hypotheses_of
 from orip.bundle.snooping.screening import Screening
 from orip.bundle.snooping.selection import Candidates, Choice, to_leave_out, to_take_back
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.solution import Blunder
@@ -118,11 +120,11 @@ class _Search:
         self.out: set[int] = set()
         self.kept: set[int] = set()
         self.returned: set[int] = set()
-        self.solved = solve_problem(problem, starting_state(block), self.iterations, on_iteration, stop_asked)
+        self.solved = self._solved(problem, starting_state(block), self.iterations)
         self.screening = Screening(self.hypotheses, len(self.solved.equations.residual))
         if not self.solved.converged and not stop_asked():
             robust = replace(self.iterations, start_down_weight=2)
-            self.solved = solve_problem(problem, starting_state(block), robust, on_iteration, stop_asked)
+            self.solved = self._solved(problem, starting_state(block), robust)
             self._leave_out_down_weighted()
 
     @property
@@ -136,7 +138,13 @@ class _Search:
         for index in self.out:
             excluded[list(self.hypotheses.rows[index])] = True
         problem = replace(self.solved.problem, excluded=excluded)
-        self.solved = solve_problem(problem, self.solved.state, self.iterations, self.on_iteration, self.stop_asked)
+        self.solved = self._solved(problem, self.solved.state, self.iterations)
+
+    def _solved(self, problem: BlockProblem, start: BlockState, iterations: IterationSettings) -> SolvedBlock:
+        """Return an adjustment whose design matrix is stored: rows of it are asked for again and again."""
+        solved = solve_problem(problem, start, iterations, self.on_iteration, self.stop_asked)
+        equations = solved.equations
+        return replace(solved, equations=replace(equations, rows=SparseRows(equations.design)))
 
     def leave_out(self) -> bool:
         """Leave out what fails; return whether there was something."""
