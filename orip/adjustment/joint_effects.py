@@ -93,8 +93,28 @@ class JointEffects:
         return np.asarray(np.eye(groups.shape[1]) + sign[:, None, None] * own)
 
 
-def joint_effects(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> JointEffects:
-    """Return how observations act on each other.
+@dataclass(frozen=True, slots=True)
+class FactoredRows:
+    """Rows W of observations with cofactors W W^T, from the factor of the normal equations.
+
+    Parameters
+    ----------
+    of_reduced : array (m', c)
+        L^-1 of the rows freed of their points, with the factor L of the reduced system.
+    of_points : sparse array (c, 3 p)
+        For the p points that the rows touch.
+    """
+
+    of_reduced: FloatArray
+    of_points: csr_array
+
+    def cofactor(self) -> FloatArray:
+        """Return the cofactors (c, c) of the adjusted observations with each other."""
+        return np.asarray((self.of_points @ self.of_points.T).toarray() + self.of_reduced.T @ self.of_reduced)
+
+
+def factored_rows(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> FactoredRows:
+    """Return W of observations.
 
     Parameters
     ----------
@@ -106,11 +126,12 @@ def joint_effects(equations: Equations, normals: SolvedNormals, layout: Layout, 
         Their numbers among all rows.
     """
     freed, of_points = _freed_of_points(equations, normals, layout, rows)
-    cofactor = (of_points @ of_points.T).toarray()
-    if len(rows):
-        # with the factor L of the reduced system, freed rows F have the cofactors (L^-1 F^T)^T L^-1 F^T
-        half = normals.factor.reduce(freed.toarray().T / normals.scale[:, None])
-        cofactor += half.T @ half
+    return FactoredRows(normals.factor.reduce(freed.toarray().T / normals.scale[:, None]), of_points)
+
+
+def joint_effects(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> JointEffects:
+    """Return how observations act on each other; see `factored_rows`."""
+    cofactor = factored_rows(equations, normals, layout, rows).cofactor()
     return JointEffects(equations.residual[rows], cofactor, equations.active[rows])
 
 

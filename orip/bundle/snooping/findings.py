@@ -174,8 +174,7 @@ def _blunders(solved: SolvedBlock, listed: _Listed, finding: Finding, order: int
     residual, leverage = solved.equations.residual, solved.cofactors.leverage
     sigma0 = max(solved.deviation_scale, LEAST_SIGMA0)
     rows = finding.rows
-    undetermined = {column for row in rows for column in solved.equations.design[[row]].indices}
-    known = not solved.normals.removed[list(undetermined)].any()
+    known = not solved.normals.removed[solved.equations.design[list(rows)].indices].any()
     if listed.kind[rows[0]] == PHOTO_POINT.name:
         rows = (max(rows, key=lambda row: abs(residual[row])),)
     return [

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.adjustment.joint_effects import TESTABLE, joint_effects
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.adjustment.joint_effects import TESTABLE, FactoredRows
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 
 _MOVES = 0.05
-"""An unknown moves if it moves by this part of its standard deviation when the free movement is as large as its own."""
+"""An unknown is free if it moves by this part of its standard deviation with a free movement of unit length."""
 
 _OWN_GROUPS = ("POINT", "THEODOLITE")
 
@@ -35,46 +35,56 @@ class FreedUnknowns:
 NOTHING_FREED = FreedUnknowns((), True)
 
 
-def freed_unknowns(solved: SolvedBlock, out: IntArray, more: tuple[int, ...]) -> FreedUnknowns:
+def freed_unknowns(
+    solved: SolvedBlock, rows: IntArray, factored: FactoredRows, out: IntArray, more: IntArray
+) -> FreedUnknowns:
     """Return what is no longer determined when more observations are left out.
 
-    Where the residuals of observations left out, with cofactors I - H, have a combination e that no other observation
-    checks, all others are met for any size of the movement Q A^T e of the unknowns.
+    Where the residuals of observations left out, with cofactors I - W W^T, have a combination e that no other
+    observation checks, all others are met for any size of the movement Q A^T e of the unknowns. It moves nothing but
+    eliminated points where the part of W^T e in the reduced system is zero.
 
     Parameters
     ----------
     solved : SolvedBlock
-        An adjustment in which `more` and perhaps some of `out` are in use.
-    out : array of int
-        Observations left out before.
-    more : tuple of int
+        An adjustment in which these observations are in use; its design matrix is stored.
+    rows : array (c,) of int
+        Observations among all of the block.
+    factored : FactoredRows
+        W of these rows.
+    out, more : arrays of int
+        Places in `rows` of what is left out already, and of what is to be left out.
     """
-    equations = solved.equations
-    design = equations.design
-    own = np.array(more, dtype=np.int64)
-    used = out[equations.active[out]]
-    touching = np.isin(design[used].tocoo().col, design[own].indices)
-    near = used[np.unique(design[used].tocoo().row[touching])] if len(used) else used
-    for others in (near, used):
-        rows = np.concatenate([own, others])
-        effects = joint_effects(equations, solved.normals, solved.problem.layout, rows)
-        values, vectors = np.linalg.eigh(np.eye(len(rows)) - effects.cofactor)
+    of_points = factored.of_points
+    columns = of_points[more].indices
+    near = np.unique(of_points[out][:, columns].tocoo().row) if len(out) and len(columns) else np.empty(0, np.int64)
+    for others in (out[near], out):
+        places = np.concatenate([more, others]).astype(np.int64)
+        half, in_points = factored.of_reduced[:, places], of_points[places]
+        cofactor = half.T @ half + (in_points @ in_points.T).toarray()
+        values, vectors = np.linalg.eigh(np.eye(len(places)) - cofactor)
         free = vectors[:, values <= TESTABLE]
         if free.shape[1]:
-            moving = _moving(solved, np.asarray(design[rows].T @ free))
-            return _named(solved, moving, np.unique(design[rows].indices))
+            local = bool((np.linalg.norm(half @ free, axis=0) <= _MOVES).all())
+            return _own_points(solved, rows[more]) if local else _moving(solved, rows[places], free)
     return NOTHING_FREED
 
 
-def _moving(solved: SolvedBlock, right: FloatArray) -> BoolArray:
-    cofactors = solved.cofactors
+def _own_points(solved: SolvedBlock, rows: IntArray) -> FreedUnknowns:
+    columns = np.unique(solved.equations.design[rows].indices)
+    return _named(solved, columns[columns >= solved.problem.layout.reduced], columns)
+
+
+def _moving(solved: SolvedBlock, rows: IntArray, free: FloatArray) -> FreedUnknowns:
+    design, cofactors = solved.equations.design[rows], solved.cofactors
     variance = np.concatenate([cofactors.reduced.diagonal(), np.einsum("bii->bi", cofactors.blocks).ravel()])
     scale = np.where(variance > 0.0, np.sqrt(np.where(variance > 0.0, variance, 1.0)), np.inf)
-    return np.asarray((np.abs(solved.normals.solve(right)) / scale[:, None]).max(axis=1) > _MOVES)
+    movement = np.abs(solved.normals.solve(np.asarray(design.T @ free))) / scale[:, None]
+    return _named(solved, np.flatnonzero(movement.max(axis=1) > _MOVES), np.unique(design.indices))
 
 
-def _named(solved: SolvedBlock, moving: BoolArray, touched: IntArray) -> FreedUnknowns:
-    unknowns = [(column, name) for column in np.flatnonzero(moving) if (name := solved.problem.unknowns.names[column])]
+def _named(solved: SolvedBlock, columns: IntArray, touched: IntArray) -> FreedUnknowns:
+    unknowns = [(column, name) for column in columns.tolist() if (name := solved.problem.unknowns.names[column])]
     own = set(touched.tolist())
     names = dict.fromkeys((name.group, name.name) for _, name in unknowns)
     return FreedUnknowns(

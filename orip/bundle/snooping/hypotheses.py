@@ -51,36 +51,41 @@ class Hypotheses:
 def hypotheses_of(observations: Iterable[Observations]) -> Hypotheses:
     """Return what may be wrong in all observations of a block that are used."""
     rows: list[tuple[int, ...]] = []
-    known: set[tuple[int, ...]] = set()
-    by_component: list[bool] = []
-    in_one_place: list[bool] = []
+    of_kind: list[tuple[int, Observations]] = []
     first = 0
     for kind in observations:
-        for group in _groups(kind):
-            used = tuple(first + row for row in group if kind.rows.used[row])
-            if used and used not in known:
-                known.add(used)
-                rows.append(used)
-                by_component.append(isinstance(kind, PhotoPointObservations))
-                in_one_place.append(isinstance(kind, (ControlPointObservations, ElementObservations)))
+        found = _used(_groups(kind), kind.rows.used, first)
+        rows += found
+        of_kind.append((len(found), kind))
         first += len(kind.rows.photo)
-    return Hypotheses(tuple(rows), np.array(by_component, dtype=bool), np.array(in_one_place, dtype=bool))
+    counts = [count for count, _ in of_kind]
+    photo_points = [isinstance(kind, PhotoPointObservations) for _, kind in of_kind]
+    local = [isinstance(kind, (ControlPointObservations, ElementObservations)) for _, kind in of_kind]
+    return Hypotheses(tuple(rows), np.repeat(np.array(photo_points), counts), np.repeat(np.array(local), counts))
 
 
-def _groups(kind: Observations) -> Iterator[tuple[int, ...]]:
+def _used(groups: Iterable[tuple[int, ...]], used: BoolArray, first: int) -> list[tuple[int, ...]]:
+    """Return the groups without observations that are not used, each once, in numbers among all of the block."""
+    if used.all():
+        found = [tuple(first + row for row in group) for group in groups]
+    else:
+        found = [tuple(first + row for row in group if used[row]) for group in groups]
+    return list(dict.fromkeys(group for group in found if group))
+
+
+def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
     """Return the groups of rows of a kind; a group follows the single rows that it consists of."""
     if kind.exact:
-        return
+        return ()
     if isinstance(kind, PhotoPointObservations):
-        yield from ((row, row + 1) for row in range(0, len(kind.rows.photo), 2))
-    elif isinstance(kind, ControlPointObservations):
-        yield from _together(range(len(kind.point)), kind.point)
-    elif isinstance(kind, DistanceObservations):
-        yield from ((row,) for row in range(len(kind.start)))
-    elif isinstance(kind, ElementObservations):
-        yield from _element_groups(kind)
-    elif isinstance(kind, DirectionObservations):
-        yield from _direction_groups(kind)
+        return ((row, row + 1) for row in range(0, len(kind.rows.photo), 2))
+    if isinstance(kind, ControlPointObservations):
+        return _together(range(len(kind.point)), kind.point)
+    if isinstance(kind, DistanceObservations):
+        return ((row,) for row in range(len(kind.start)))
+    if isinstance(kind, ElementObservations):
+        return _element_groups(kind)
+    return _direction_groups(kind) if isinstance(kind, DirectionObservations) else ()
 
 
 def _element_groups(kind: ElementObservations) -> Iterator[tuple[int, ...]]:

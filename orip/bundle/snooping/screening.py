@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from orip.adjustment.joint_effects import TESTABLE, JointEffects, joint_effects
 from orip.adjustment.outlier_tests import OutlierTest
@@ -29,9 +31,10 @@ class Screening:
         sizes = np.array([len(rows) for rows in hypotheses.rows], dtype=np.int64)
         self._by_rows = hypotheses.by_component | (sizes == 1)
         self._groups = np.flatnonzero(~self._by_rows).tolist()
+        of_rows = np.flatnonzero(self._by_rows)
+        members = [row for index in of_rows.tolist() for row in hypotheses.rows[index]]
         self.of_row = np.full(observations, -1)
-        for index in np.flatnonzero(self._by_rows).tolist():
-            self.of_row[list(hypotheses.rows[index])] = index
+        self.of_row[members] = np.repeat(of_rows, sizes[of_rows])
         self._among = np.where(hypotheses.by_component, sizes, 1)
 
     def failing(self, solved: SolvedBlock, test: OutlierTest) -> Failing:
@@ -41,6 +44,14 @@ class Screening:
             found[index] = max(ratio, found.get(index, 0.0))
         worst = sorted(found, key=lambda index: -found[index])
         return Failing(np.array(worst, dtype=np.int64), np.array([found[index] for index in worst]))
+
+    def may_fit(self, solved: SolvedBlock, test: OutlierTest, left_out: Iterable[int]) -> list[int]:
+        """Return those of the hypotheses left out that may be taken back: photo points that fit, and all others."""
+        deviation = test.sigma0 * np.sqrt(1.0 + solved.cofactors.leverage)
+        w = np.abs(solved.equations.residual) / deviation
+        limit = test.limit_of_left_out(2)
+        by_component, rows = self.hypotheses.by_component, self.hypotheses.rows
+        return [index for index in left_out if not by_component[index] or (w[list(rows[index])] <= limit).all()]
 
     def _failing_rows(self, solved: SolvedBlock, test: OutlierTest) -> Iterator[tuple[int, float]]:
         redundancy = 1.0 - solved.cofactors.leverage
@@ -73,7 +84,7 @@ def _effects_in_one_place(
     rows = [list(hypotheses.rows[index]) for index in groups]
     if not rows:
         return
-    design = solved.equations.design[np.concatenate(rows)].tocsr()
+    design = _rows_on_the_ground(solved, np.concatenate(rows))
     first = 0
     for index, own in zip(groups, rows, strict=True):
         part = design[first : first + len(own)]
@@ -82,6 +93,13 @@ def _effects_in_one_place(
         partials = part[:, columns].toarray()
         cofactor = partials @ solved.cofactors_of(columns) @ partials.T
         yield index, JointEffects(solved.equations.residual[own], cofactor, np.ones(len(own), dtype=bool))
+
+
+def _rows_on_the_ground(solved: SolvedBlock, rows: IntArray) -> csr_array:
+    """Return rows of the design matrix that are not of photo points, which come first."""
+    photo_points, *others = solved.problem.observations
+    problem = replace(solved.problem, observations=tuple(others), streamed=None, excluded=None)
+    return problem.design(solved.state)[rows - len(photo_points.rows.photo)]
 
 
 def _effects_of_directions(

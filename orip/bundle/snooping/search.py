@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 
 from orip.adjustment.iteration import IterationRecord, IterationSettings
-from orip.adjustment.joint_effects import joint_effects
+from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
 from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.snooping.findings import Finding, blunders_of
-from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, freed_unknowns
+from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, FreedUnknowns, freed_unknowns
 from orip.bundle.snooping.hypotheses import hypotheses_of
 from orip.bundle.snooping.screening import Screening
 from orip.bundle.snooping.selection import Candidates, Choice, to_leave_out, to_take_back
@@ -96,7 +96,8 @@ def snoop(
         search = _Search(block, settings, on_iteration, stop_asked)
         while search.goes_on and (search.leave_out() or search.take_back()):
             search.adjust_again()
-    return Snooped(search.solved, search.findings())
+        findings = search.findings()
+    return Snooped(search.solved, findings)
 
 
 class _Search:
@@ -141,10 +142,14 @@ class _Search:
         self.solved = self._solved(problem, self.solved.state, self.iterations)
 
     def _solved(self, problem: BlockProblem, start: BlockState, iterations: IterationSettings) -> SolvedBlock:
-        """Return an adjustment whose design matrix is stored: rows of it are asked for again and again."""
-        solved = solve_problem(problem, start, iterations, self.on_iteration, self.stop_asked)
-        equations = solved.equations
-        return replace(solved, equations=replace(equations, rows=SparseRows(equations.design)))
+        return solve_problem(problem, start, iterations, self.on_iteration, self.stop_asked)
+
+    def _with_stored_design(self) -> SolvedBlock:
+        """Return the last adjustment with its design matrix, of which rows are asked for again and again."""
+        equations = self.solved.equations
+        if not isinstance(equations.rows, SparseRows):
+            self.solved = replace(self.solved, equations=replace(equations, rows=SparseRows(equations.design)))
+        return self.solved
 
     def leave_out(self) -> bool:
         """Leave out what fails; return whether there was something."""
@@ -157,22 +162,27 @@ class _Search:
         kept = list(self.kept)
         numbers = kept + [index for index in failing.numbers[:_MOST_AT_ONCE].tolist() if index not in self.kept]
         rows, candidates = self._candidates(numbers)
-        effects = joint_effects(self.solved.equations, self.solved.normals, self.solved.problem.layout, rows)
+        solved = self._with_stored_design()
+        factored = factored_rows(solved.equations, solved.normals, solved.problem.layout, rows)
+        effects = JointEffects(solved.equations.residual[rows], factored.cofactor(), solved.equations.active[rows])
         for place in range(len(kept)):
             effects = effects.changed(candidates.places[place])
-        before = len(self.out)
+        out: list[int] = []
         for choice, now in to_leave_out(effects, candidates, test, lambda ratio: max(_NEAR_THE_WORST * ratio, rest)):
-            self._leave_out_one(choice, numbers, unchecked=now.unchecked(candidates.places[choice.candidate]))
-        return len(self.out) > before
+            own, freed = candidates.places[choice.candidate], NOTHING_FREED
+            if now.unchecked(own):
+                freed = freed_unknowns(solved, rows, factored, np.array(out, dtype=np.int64), own)
+            if freed.are_own:
+                out += own.tolist()
+            self._note(choice, numbers, freed)
+        return bool(out)
 
-    def _leave_out_one(self, choice: Choice, numbers: Sequence[int], *, unchecked: bool) -> None:
-        """Leave out a hypothesis, unless unknowns beside those of its own points would no longer be determined."""
+    def _note(self, choice: Choice, numbers: Sequence[int], freed: FreedUnknowns) -> None:
+        """Note that a hypothesis is left out, or kept since more than its own points would be undetermined."""
         index = numbers[choice.candidate]
-        own = self.hypotheses.rows[index]
-        freed = freed_unknowns(self.solved, self._rows_out(), own) if unchecked else NOTHING_FREED
         (self.out if freed.are_own else self.kept).add(index)
         self.found[index] = Finding(
-            own,
+            self.hypotheses.rows[index],
             choice.statistic,
             choice.limit,
             alternatives=tuple(self.hypotheses.rows[numbers[other]] for other in choice.alternatives),
@@ -182,11 +192,13 @@ class _Search:
 
     def take_back(self) -> bool:
         """Use again what fits, each hypothesis at most once; return whether there was something."""
-        waiting = [index for index in self.found if index in self.out and index not in self.returned]
+        left_out = [index for index in self.found if index in self.out and index not in self.returned]
+        waiting = self.screening.may_fit(self.solved, self._test(), left_out)
         if not waiting:
             return False
         rows, candidates = self._candidates(waiting)
-        effects = joint_effects(self.solved.equations, self.solved.normals, self.solved.problem.layout, rows)
+        solved = self._with_stored_design()
+        effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
         back = [waiting[choice.candidate] for choice in to_take_back(effects, candidates, self._test())]
         self.returned.update(back)
         self.out.difference_update(back)
@@ -194,6 +206,8 @@ class _Search:
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what is left out, or kept though it fails, in the order in which it was found."""
+        if self.found:
+            self._with_stored_design()
         return tuple(finding for index, finding in self.found.items() if index in self.out or index in self.kept)
 
     def _leave_out_down_weighted(self) -> None:
@@ -206,7 +220,7 @@ class _Search:
         self.adjust_again()
         # without these something is no longer determined: they cannot be judged, and are used again
         removed = self.solved.normals.removed
-        design = self.solved.equations.design
+        design = self._with_stored_design().equations.design
         needed = {index for index in self.out if removed[design[list(self.hypotheses.rows[index])].indices].any()}
         if needed and self.goes_on:
             self.out -= needed
@@ -218,9 +232,6 @@ class _Search:
         rows = np.unique(np.concatenate(groups))
         places = [np.searchsorted(rows, group) for group in groups]
         return rows, Candidates(places, self.hypotheses.by_component[list(numbers)])
-
-    def _rows_out(self) -> IntArray:
-        return np.array([row for index in self.out for row in self.hypotheses.rows[index]], dtype=np.int64)
 
     def _test(self) -> OutlierTest:
         variance = self.solved.variance
