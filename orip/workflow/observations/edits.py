@@ -126,7 +126,7 @@ def edit_observations(
 
 
 def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[AddedEdits]:
-    """Append a measurement file to EDITS.MEA, so that it counts after all edits that are there already.
+    """Append a measurement file to EDITS.MEA, so that it counts after all edits that already exist.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def _applied(
 
 
 def _edited_text(edits: EditsText, lines: Sequence[str]) -> EditedText:
-    remedy = "it is as it was, and so are the stores"
+    remedy = "it is unchanged, and so are the stores"
     return EditedText(edits.path, edits.digest, edits.text_with(lines), remedy)
 
 

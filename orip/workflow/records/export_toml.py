@@ -25,7 +25,7 @@ from orip.workflow.records.document import checked, stored_definition
 
 T = TypeVar("T", bound=NamedRecord)
 
-_REMEDY = "it is as it was"
+_REMEDY = "the file is unchanged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
         return Change(state, ExportedToml(project, text, path, changed=False, backup=None, warnings=warnings))
     if there is not None and not force:
         shown = project.shown(path)
-        message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
+        message = f"{shown} already exists with another text; write over it with --force (it is kept as .bak)"
         raise UsageError(message)
     backup = None if there is None else _free_name(path)
     outcome = ExportedToml(project, text, path, changed=True, backup=backup, warnings=warnings)
@@ -101,7 +101,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
 
 
 def _own(project: ProjectFolder, stored: StoredDefinitions) -> StoredDefinitions:
-    """Return the records of this project alone."""
+    """Return only the records of this project."""
     cameras = {record_key(photo.record.camera) for photo in stored.photos}
     temticks = {record_key(template.record.temtick) for template in stored.templates}
 

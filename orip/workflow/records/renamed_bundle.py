@@ -51,7 +51,7 @@ def _renamed_inputs(
 
 
 def require_free_file(project: ProjectFolder, renaming: Renaming) -> None:
-    """Refuse a name that would take preliminary coordinates which are there already.
+    """Refuse a name that would take preliminary coordinates which already exist.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def require_free_file(project: ProjectFolder, renaming: Renaming) -> None:
     if record_key(renaming.old) == record_key(renaming.new) or not new.is_file():
         return
     if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
-        message = f"{project.shown(new)} is there already; move it away, or choose another name"
+        message = f"{project.shown(new)} already exists; move it away, or choose another name"
         raise InputError.single(message)
 
 
