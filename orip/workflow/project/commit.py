@@ -147,10 +147,7 @@ def commit(change: Change[T]) -> Committed[T]:
             if change.further is not None:
                 change.further(stores)
     elif change.edited_texts:
-        with (
-            reporting_failure(PROJECT_FILE, "nothing was written"),
-            locked(project.folder / PROJECT_FILE, PROJECT_FILE),
-        ):
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
             _write_edited_texts(project, change.edited_texts)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
