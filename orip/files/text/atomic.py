@@ -53,9 +53,9 @@ def replace_text(path: Path, text: str) -> None:
     NoRegularFileError
         If a folder, a device or a pipe has the name, or a link leads to one.
     OSError
-        If the folder or the disk refuses; the old file is then as it was, and no temporary file is left behind.
+        If the folder or the disk refuses; the old file is then unchanged, and no temporary file is left behind.
     UnicodeEncodeError
-        If the text has half a surrogate pair; the old file is then as it was too.
+        If the text has half a surrogate pair; the old file is then unchanged too.
     """
     replace_text_in_pieces(path, [text])
 
