@@ -133,7 +133,7 @@ def _read_by(record_field: RecordField) -> Any:
 def _part(element: Any, part: Part) -> Any:
     if part.names:
         return _elements_table(part.names)
-    value = _limited(element, part.above, None)
+    value = _limited(element, above=part.above)
     return value if part.size == 1 else _list_of(value, part.size)
 
 
@@ -148,7 +148,7 @@ def _value(kind: Any, field: Field) -> Any:
         return _list_of(_value(items[0], field), None)
     if items:
         return _list_of(_value(items[0], field), len(items))
-    return _limited(kind, field.above, field.least)
+    return _limited(kind, above=field.above, least=field.least, most=field.most)
 
 
 def _elements_table(names: Sequence[str]) -> type[CheckedTable]:
@@ -160,10 +160,10 @@ def _list_of(item: Any, length: int | None) -> Any:
     return list[item] if length is None else Annotated[list[item], Limits(min_length=length, max_length=length)]
 
 
-def _limited(kind: Any, above: float | None, least: float | None) -> Any:
-    if above is None and least is None:
+def _limited(kind: Any, above: float | None = None, least: float | None = None, most: float | None = None) -> Any:
+    if above is None and least is None and most is None:
         return kind
-    return Annotated[kind, Limits(gt=above) if least is None else Limits(ge=least)]
+    return Annotated[kind, Limits(gt=above, ge=least, le=most)]
 
 
 TABLE_OF_KIND: Mapping[str, type[CheckedTable]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}
