@@ -45,7 +45,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         project="",
         user="",
         bundle=block.definition.name,
-        ground_unit="",
+        ground_unit=block.ground_unit,
         run="",
         status=_status(solved),
         sigma0=variance.sigma0,

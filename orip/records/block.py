@@ -8,8 +8,9 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.errors import ProjectWarning
 from orip.records.camera import Camera
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition
@@ -80,6 +81,14 @@ class Block:
         From local coordinates to the project's.
     constant_elements : tuple of ControlElement
         Elements of photos and points that are constant in the project, but depend on unknowns in the local frame.
+    preliminary : tuple of PreliminaryPoint
+        Given preliminary coordinates of points, in the project's system.
+    ground_unit : str
+        The project's.
+    defined_cameras : tuple of Camera
+        All that a photo may have been taken with, also those of no photo.
+    warnings : tuple of ProjectWarning
+        What is doubtful in what was measured and given.
     """
 
     definition: BundleDefinition
@@ -99,6 +108,10 @@ class Block:
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
+    preliminary: tuple[PreliminaryPoint, ...] = ()
+    ground_unit: str = "m"
+    defined_cameras: tuple[Camera, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()
 
     @property
     def is_free_network(self) -> bool:

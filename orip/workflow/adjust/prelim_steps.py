@@ -29,8 +29,9 @@ from orip.records.preliminary import (
     Stage,
 )
 from orip.records.project import StereoModel
+from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import explained_preliminary_values, not_oriented
-from orip.workflow.adjust.gathering import gathered_block
+from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import Project
 
@@ -41,7 +42,11 @@ class PrelimInput:
 
     of: BundleState
     block: Block
-    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def warnings(self) -> tuple[ProjectWarning, ...]:
+        """Return what is doubtful in what was measured and given."""
+        return self.block.warnings
 
     @property
     def project(self) -> Project:
@@ -115,8 +120,7 @@ def prelim_input(bundle: BundleState) -> PrelimInput:
     ------
     InputError
     """
-    gathered = gathered_block(bundle)
-    return PrelimInput(bundle, gathered.block, gathered.warnings)
+    return PrelimInput(bundle, gather_bundle(block_input(bundle)))
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
