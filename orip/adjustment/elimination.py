@@ -1,7 +1,7 @@
 """Point blocks of three unknowns, eliminated from the normal equations together.
 
 Each block is factored with diagonal pivoting, so that a coordinate that nothing determines (the depth of a point with
-one ray) is found by the digits its pivot loses, and is removed alone. It is scaled by the diagonal that it would have if
+one ray) is found by the digits its pivot loses, and is removed alone. It is scaled by the diagonal it would have if
 every ray were square to all axes: a diagonal of its own would be scaled to 1 even where it is nothing but rounding, as
 along the base of two photos for a point on that line.
 """

@@ -106,7 +106,8 @@ def _full_diagonals(block_design: csr_array) -> FloatArray:
     """Return (b, 3) of each coordinate the squares of the rows of D in which it stands; see `factorise_blocks`."""
     coordinates = block_design.tocoo()
     squares = np.bincount(coordinates.row, coordinates.data**2, block_design.shape[0])
-    return np.bincount(coordinates.col, squares[coordinates.row], block_design.shape[1]).reshape(-1, 3)
+    sums = np.bincount(coordinates.col, squares[coordinates.row], block_design.shape[1])
+    return np.asarray(sums.reshape(-1, 3), dtype=np.float64)
 
 
 def _blocks_of_rows(block_design: csr_array) -> NDArray[np.int64]:
