@@ -19,7 +19,7 @@ from orip.adjustment.elimination import (
     factorise_blocks,
 )
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000
 """Numbers gathered at a time: bounds the memory of the blockwise products."""
@@ -34,6 +34,10 @@ class SparseRows:
     def matrix(self) -> csr_array:
         """Return the design matrix."""
         return self.stored
+
+    def some(self, chosen: IntArray) -> csr_array:
+        """Return some rows of the design matrix."""
+        return self.stored[chosen]
 
     def eliminated(
         self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float

@@ -148,7 +148,7 @@ def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
 
 def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:
     """Return the adjusted block with the precision of all unknowns."""
-    equations, normals = found.equations, found.normals
+    equations, normals = found.equations, found.normals.with_constraints(found.equations)
     if not np.isfinite(found.iterations[-1].enp) or not np.isfinite(equations.residual).all():
         message = (
             "the adjustment diverged to numbers that are not finite; check the preliminary values, the control and "

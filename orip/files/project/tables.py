@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, create_model
 from pydantic import Field as Limits
 
 from orip.files.text.decimal_numbers import parse_photo_error
+from orip.records.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.fields import Field, Part, RecordField, fields_by_key, without_none
 from orip.records.project import RECORD_TYPES, Precision
 
@@ -84,6 +85,9 @@ def _precision(value: object) -> Precision:
     if number <= 0:
         message = "a precision is above 0"
         raise ValueError(message)
+    fault = (PIXEL_ERRORS if unit == "px" else PHOTO_ERRORS).fault(number)
+    if fault is not None:
+        raise ValueError(fault)
     return Precision(number, "px" if unit == "px" else "mm")
 
 
