@@ -14,7 +14,7 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.records.block import Block, PhotoPoints, TheodoliteSet
+from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.measurement import Measured, PhotoObservations
@@ -283,7 +283,7 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
     return tuple(sets)
 
 
-def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> PhotoPoints:
+def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> IndexedPhotoPoints:
     observations = inputs.observations
     key_place = {key: place for place, key in enumerate(keys)}
     photo_place = {name: key_place[record_key(name)] for name in dict.fromkeys(observations.photos)}
@@ -301,4 +301,4 @@ def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: Block
     own = ~np.isnan(observations.errors)
     error = np.where(own, np.abs(observations.errors), default)
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
-    return PhotoPoints(photo, point, xy, error, used)
+    return IndexedPhotoPoints(photo, point, xy, error, used)

@@ -17,7 +17,7 @@ from orip.records.project import BundleDefinition
 
 
 @dataclass(frozen=True, slots=True)
-class PhotoPoints:
+class IndexedPhotoPoints:
     """n measured photo points.
 
     Parameters
@@ -67,7 +67,7 @@ class Block:
     point_names : tuple of str
     point_start : array (number of points, 3)
         Starting coordinates, ground unit, local.
-    photo_points : PhotoPoints
+    photo_points : IndexedPhotoPoints
     control_points : tuple of ControlPoint
         Those of measured points alone, rejected ones included.
     constant_points : array (number of points, 3) of bool
@@ -98,7 +98,7 @@ class Block:
     photo_orientation: FloatArray
     point_names: tuple[str, ...]
     point_start: FloatArray
-    photo_points: PhotoPoints
+    photo_points: IndexedPhotoPoints
     constant_points: BoolArray
     control_points: tuple[ControlPoint, ...] = ()
     elements: tuple[ControlElement, ...] = ()

@@ -13,7 +13,7 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_project, points_in_project
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import Control
 from orip.records.preliminary import PreliminaryValues
 from orip.records.project import StereoModel
@@ -123,7 +123,7 @@ def test_a_control_point_whose_two_rays_miss_each_other_serves_where_none_is_to_
     xy = points.xy.copy()
     # across and along, so that it cannot be taken for a change of depth alone
     xy[last[0]] += 0.06
-    few = PhotoPoints(points.photo[kept], points.point[kept], xy[kept], points.error[kept], points.used[kept])
+    few = IndexedPhotoPoints(points.photo[kept], points.point[kept], xy[kept], points.error[kept], points.used[kept])
     block = replace(made.block, photo_points=few, control_points=(control[0], control[1], control[-1]))
     values = preliminary_values(from_nothing(block))
     assert len(oriented(values)) == len(block.photos)

@@ -11,7 +11,7 @@ from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
-from orip.prelim.relative.solution import Solution, solve
+from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
@@ -89,7 +89,7 @@ def orient_pair(
     return _result(rays, (left, right), rows, solution, pairs, (model, row, column))
 
 
-def _fault(solution: Solution, pairs: Pairs) -> str | None:
+def _fault(solution: PairSolution, pairs: Pairs) -> str | None:
     """Return why an orientation cannot be used, or None."""
     count = len(pairs.error)
     typical = solution.seuw * float(pairs.error.sum()) / count
@@ -107,7 +107,7 @@ def _result(
     rays: ImageRays,
     photos: tuple[int, int],
     rows: tuple[IntArray, IntArray],
-    solution: Solution,
+    solution: PairSolution,
     pairs: Pairs,
     place: tuple[str, int | None, int | None],
 ) -> RelativeOrientation:
@@ -152,7 +152,7 @@ def _result(
     )
 
 
-def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> PartialBlock:
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: PairSolution) -> PartialBlock:
     rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
     rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
     centres[1] = solution.length * solution.photos.base
@@ -167,7 +167,7 @@ def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solut
     )
 
 
-def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
+def _exchanged(solution: PairSolution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
     """Return pairs of rows whose points do not fit, but would if they were exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:

@@ -20,7 +20,7 @@ from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs
 from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
 from orip.workflow.project.run_id import run_id
@@ -37,7 +37,7 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 class SolveOutcome:
     """A solution, the block as it was solved, what its gates say, and the files that are written of the solution."""
 
-    project: Project
+    project: ProjectFolder
     solution: Solution
     solved: SolvedBlock
     gates: tuple[GateResult, ...]
