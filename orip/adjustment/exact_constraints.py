@@ -52,5 +52,6 @@ class ExactConstraints:
 def exact_constraints(design: FloatArray, spread: FloatArray) -> ExactConstraints:
     """Return constraints from their rows C (k, m + 3 b) of the design matrix and S (m + 3 b, k)."""
     cofactor = design @ spread
-    inverse = np.linalg.pinv((cofactor + cofactor.T) / 2.0, rcond=_DEPENDENT, hermitian=True)
+    symmetric = (cofactor + cofactor.T) / 2.0
+    inverse = np.asarray(np.linalg.pinv(symmetric, rcond=_DEPENDENT, hermitian=True), dtype=np.float64)
     return ExactConstraints(spread, inverse, np.einsum("ij,ji->i", inverse, cofactor))

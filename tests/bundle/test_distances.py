@@ -11,6 +11,7 @@ from bundle.solving import OFF, noisy, redefined, rows, solution
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.solve import solve_block
+from orip.errors import InputError
 from orip.records.control import ControlDistance
 
 MADE = aerial_block("distances", 6)
@@ -186,3 +187,10 @@ def test_a_distance_scales_a_free_network():
     scaled = solution(replace(free, distances=(ControlDistance("D", "101", "130", "XYZ", float(2.0 * true), 0.001),)))
     size = np.linalg.norm(scaled.points.values - scaled.points.values.mean(axis=0))
     assert size / np.linalg.norm(made.points - made.points.mean(axis=0)) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_distance_may_not_be_ten_thousand_times_as_precise_as_the_photos():
+    block = noisy(MADE, 1)
+    value = CODES["XYZ"](difference(MADE.points, block, "102", "123"))
+    with pytest.raises(InputError, match=r"distance D1 has an a-priori error of 1e-07.*or 0 for a distance"):
+        solution(with_distance(block, "XYZ", value, 1e-7))

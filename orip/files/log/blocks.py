@@ -149,7 +149,7 @@ def _own_error(reader: FieldReader, position: int) -> tuple[float, bool]:
         return float("nan"), False
     if value == 0:
         reader.complain("an own a-priori error of 0 is not allowed; write one above 0, or below to disregard", position)
-    fault = (PIXEL_ERRORS if in_pixels else PHOTO_ERRORS).fault(value)
-    if fault is not None:
-        reader.complain(fault, position)
+    impossible = (PIXEL_ERRORS if in_pixels else PHOTO_ERRORS).fault(value)
+    if impossible is not None:
+        reader.complain(impossible, position)
     return value, in_pixels
