@@ -187,7 +187,7 @@ def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tm
         (
             read_points,
             "P 1 2 3 0.1 1e-300 0.1",
-            "Z:1:14: ",
+            "Z:1:13: ",
             "1e-300 is smaller than any that makes sense",
         ),
         (read_points, "P 1 2 3 0.1 0.1 1e12", "Z:1:17: ", "or a negative one to disregard"),
