@@ -9,12 +9,13 @@ import pytest
 from files.hand_built_solutions import awkward
 from scipy.stats import chi2
 
+from orip.bundle.verdict import global_test
 from orip.files.text.gate import parse_gate
 from orip.records.gate import GateResult
 from orip.records.project import BundleDefinition
 from orip.records.solution import Blunder, Solution
 from orip.report.report_input import ReportInput
-from orip.report.trust import global_test, verdict
+from orip.report.trust import verdict
 
 QUIET = replace(
     awkward(), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,
