@@ -8,12 +8,12 @@ import.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammaincc, log_ndtr
+from scipy.special import gammaincc, gammaln, log_ndtr
 
 from orip.arrays import FloatArray
 
 _SMALL = 1e-280
-"""Below it a probability of the chi-square distribution is taken from the normal approximation."""
+"""Below it a probability of the chi-square distribution underflows soon, or has."""
 
 
 def two_sided_normal(statistic: FloatArray | float) -> FloatArray:
@@ -24,13 +24,14 @@ def two_sided_normal(statistic: FloatArray | float) -> FloatArray:
 def chi_square_tail(statistic: float, freedom: float) -> float:
     """Return the logarithm of the probability that a chi-square variable is as large or larger.
 
-    Far out it is that of the cube root, which is nearly normal (Wilson and Hilferty 1931).
+    Far out it comes from the first convergent of Legendre's continued fraction for the incomplete gamma function
+    (Abramowitz and Stegun 1964, 6.5.31).
     """
-    tail = float(gammaincc(freedom / 2.0, max(statistic, 0.0) / 2.0))
+    a, x = freedom / 2.0, max(statistic, 0.0) / 2.0
+    tail = float(gammaincc(a, x))
     if tail > _SMALL:
         return float(np.log(tail))
-    spread = 2.0 / (9.0 * freedom)
-    return float(log_ndtr(-(np.cbrt(statistic / freedom) - 1.0 + spread) / np.sqrt(spread)))
+    return float(a * np.log(x) - x - gammaln(a) - np.log(x + 1.0 - a))
 
 
 def square_sum_tail(square_sum: float, covariance: FloatArray) -> float:

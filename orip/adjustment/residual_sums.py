@@ -24,7 +24,7 @@ _AT_ONCE = 60
 
 
 @dataclass(frozen=True, slots=True)
-class TestedRows:
+class RowsUnderTest:
     """k observation equations at the solution, divided by their a-priori errors.
 
     Parameters
@@ -53,14 +53,14 @@ class ResidualSums:
 
     Parameters
     ----------
-    rows : TestedRows
+    rows : RowsUnderTest
     factors : array (k, j)
         C.
     smoothed : array (k, j)
         H C.
     """
 
-    rows: TestedRows
+    rows: RowsUnderTest
     factors: FloatArray
     smoothed: FloatArray
 
@@ -84,7 +84,7 @@ class ResidualSums:
         return np.asarray(self.factors.T @ error - self.smoothed.T @ (self.rows.weight * error))
 
 
-def residual_sums(rows: TestedRows, factors: FloatArray) -> ResidualSums:
+def residual_sums(rows: RowsUnderTest, factors: FloatArray) -> ResidualSums:
     """Return sums of residuals: the columns of `factors` (k, j)."""
     count = factors.shape[1]
     parts = [_smoothed(rows, factors[:, at : at + _AT_ONCE]) for at in range(0, count, _AT_ONCE)]
@@ -111,5 +111,5 @@ def with_checks_used(sums: ResidualSums, checks: BoolArray, smoothed_checks: Flo
     return ResidualSums(rows, sums.factors, sums.smoothed - gain @ sums.smoothed[checks])
 
 
-def _smoothed(rows: TestedRows, factors: FloatArray) -> FloatArray:
+def _smoothed(rows: RowsUnderTest, factors: FloatArray) -> FloatArray:
     return np.asarray(rows.design @ rows.solve(np.asarray(rows.design.T @ factors)))

@@ -22,7 +22,7 @@ from orip.adjustment.group_tests import (
     square_sum_tail,
     two_sided_normal,
 )
-from orip.adjustment.residual_sums import ResidualSums, TestedRows, residual_sums, with_checks_used
+from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.observation_groups import ObservationGroup
 from orip.bundle.problem import BlockProblem
@@ -45,7 +45,7 @@ _SHARE = 0.05
 """Part of the observations that may be down-weighted; more make an adjustment doubtful."""
 
 
-class TestedGroup(NamedTuple):
+class JudgedGroup(NamedTuple):
     """A group's figures, the logarithms of the probabilities of its tests, and its median a-priori error."""
 
     test: GroupTest
@@ -94,7 +94,7 @@ class GroupFigures:
         )
 
 
-def photo_test(group: ObservationGroup, figures: GroupFigures) -> TestedGroup:
+def photo_test(group: ObservationGroup, figures: GroupFigures) -> JudgedGroup:
     """Return figures and tests of photo points.
 
     Their residuals vary no more than independent ones with their redundancy, which bounds both tests from above.
@@ -155,7 +155,7 @@ class GroundGroups:
         checks[_thinned(np.flatnonzero(is_check), _MOST_CHECKS)] = True
         errors[is_check & ~checks] = 0.0
         weight = figures.weight[rows]
-        tested = TestedRows(
+        tested = RowsUnderTest(
             _design(solved, rows), figures.residual[rows], weight, _inverse_of(solved), figures.photo_variance
         )
         factors = np.where(is_check, 1.0, weight)[:, None] * errors
@@ -174,7 +174,7 @@ class GroundGroups:
         return with_checks_used(self.sums, self.checks, self.unit_sums(np.flatnonzero(self.checks)).smoothed)
 
 
-def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[TestedGroup]:
+def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGroup]:
     """Return figures and tests of the groups on the ground."""
     if not ground.groups:
         return []
@@ -211,7 +211,7 @@ def is_testable(most: FloatArray, variance: FloatArray) -> BoolArray:
     return np.asarray((variance > TESTABLE * most) & (most > 0.0))
 
 
-def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> TestedGroup:
+def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
     """Return a group with the test of the square sum of its residuals with full weight."""
     weight = figures.weight[group.rows]
     full = weight >= 1.0
@@ -230,7 +230,7 @@ def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures:
     return _tested(group, figures, redundancy, _root(square_sum, redundancy), log_p, worst=only)
 
 
-def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> TestedGroup:
+def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
     """Return check coordinates with the tests of all their differences together, and of the largest of them."""
     mine = ground.places[place]
     together = mine[ground.checks[mine]]
@@ -255,7 +255,7 @@ def _tested(
     group: ObservationGroup, figures: GroupFigures, redundancy: float, sigma0: float,
     log_p: Mapping[TestName, float], *, mean: float = np.nan, mean_sd: float = np.nan, worst: str = "",
     worst_size: float = np.nan,
-) -> TestedGroup:  # fmt: skip
+) -> JudgedGroup:  # fmt: skip
     weight = figures.weight[group.rows]
     test = GroupTest(
         kind=group.kind,
@@ -276,7 +276,7 @@ def _tested(
         p_worst=_probability(log_p, "point"),
         doubted=False,
     )
-    return TestedGroup(test, log_p, float(np.median(figures.error[group.rows])))
+    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows])))
 
 
 def _design(solved: SolvedBlock, rows: IntArray) -> csr_array:

@@ -19,7 +19,7 @@ from orip.adjustment.residual_sums import ResidualSums
 from orip.bundle.group_figures import (
     GroundGroups,
     GroupFigures,
-    TestedGroup,
+    JudgedGroup,
     TestName,
     ground_tests,
     is_testable,
@@ -100,7 +100,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
     return GroupVerdict(tuple(results), contradictions)
 
 
-def _doubts(group: TestedGroup, limit: float, sigma0: float) -> list[TestName]:
+def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     """Return the tests that a group fails by more than what is immaterial."""
     test = group.test
     failed = [name for name, log_p in group.log_p.items() if log_p < limit]
@@ -135,7 +135,7 @@ def _shifts(sums: ResidualSums, limit: float) -> Iterator[_Candidate]:
         possible &= ~alike & is_testable(most, np.diag(covariance))
 
 
-def _others(tested: Sequence[TestedGroup], limit: float, sigma0: float) -> Iterator[_Candidate]:
+def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float) -> Iterator[_Candidate]:
     """Yield all other failed tests; the means on the ground are in `_shifts`."""
     for place, group in enumerate(tested):
         for name in _doubts(group, limit, sigma0):
@@ -143,7 +143,7 @@ def _others(tested: Sequence[TestedGroup], limit: float, sigma0: float) -> Itera
                 yield _Candidate(group.log_p[name], _KIND_OF_TEST[name], (place,))
 
 
-def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[TestedGroup]) -> list[_Candidate]:
+def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[JudgedGroup]) -> list[_Candidate]:
     """Return the gravest contradiction, and of the others those that it does not explain.
 
     A shift makes groups scatter, and one wrong check point moves the mean of all; but further shifts were found after

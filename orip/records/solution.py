@@ -212,12 +212,12 @@ class Solution:
     blunders: tuple[Blunder, ...] = ()
     diagnosis: tuple[Diagnosis, ...] = ()
     check_points: tuple[CheckPoint, ...] = ()
-    groups: tuple[GroupTest, ...] = ()
     interior: tuple[InteriorSummary, ...] = ()
     inputs: tuple[tuple[str, str], ...] = ()
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
     verdict: str = ""
+    groups: tuple[GroupTest, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -73,7 +73,7 @@ def test_the_gravest_comes_first() -> None:
 
 
 def test_sigma0_is_put_in_words() -> None:
-    for sigma0, words in ((1.0, "the a-priori errors are right"), (0.8, "better than"), (1.2, "larger than")):
+    for sigma0, words in ((1.0, "do not contradict the a-priori errors, p = 0.49"), (0.8, "better than"), (1.2, "larger than")):
         solution = replace(QUIET, sigma0=sigma0)
         test = global_test(sigma0, solution.redundancy_used)
         said = verdict(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}), test).sentences[1]
