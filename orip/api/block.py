@@ -137,7 +137,7 @@ class Block:
         Parameters
         ----------
         snoop : bool
-            Search blunders and leave them out, instead of reducing weights.
+            Search for blunders and leave them out, instead of reducing weights.
         sigma0 : {"apriori", "posteriori"}, optional
             With `snoop`: sigma0 is 1 (the default), or estimated.
         alpha : float, optional
