@@ -62,6 +62,16 @@ def generalised_square_tail(residuals: FloatArray, covariance: FloatArray) -> tu
     return quantity, chi_square_tail(quantity, float(len(residuals)))
 
 
+def against_others(residuals: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return how far each residual (k,) is from what the others predict of it, in standard deviations of that.
+
+    With the inverse P of the covariance it is |P v| over the roots of the diagonal of P: the largest is the most
+    powerful test against one wrong observation.
+    """
+    inverse = np.linalg.inv(covariance)
+    return np.asarray(np.abs(inverse @ residuals) / np.sqrt(np.diag(inverse)))
+
+
 def largest_of(log_probability: float, count: int) -> float:
     """Return the logarithm of a bound of the probability that the most unlikely of several tests is so unlikely."""
     return min(log_probability + float(np.log(count)), 0.0)

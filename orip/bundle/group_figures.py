@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from scipy.special import bdtrc
 
 from orip.adjustment.group_tests import (
+    against_others,
     chi_square_tail,
     generalised_square_tail,
     largest_of,
@@ -231,19 +232,23 @@ def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures:
 
 
 def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
-    """Return check coordinates with the tests of all their differences together, and of the largest of them."""
+    """Return check coordinates with the tests of all their differences together, and of the largest of them.
+
+    A difference is held against its own standard deviation, and against what those of the others predict of it.
+    """
     mine = ground.places[place]
-    together = mine[ground.checks[mine]]
-    quantity, tail = generalised_square_tail(
-        ground.sums.rows.residual[together], ground.unit_sums(together).covariance()
-    )
+    chosen = np.flatnonzero(ground.checks[mine])
+    together = mine[chosen]
+    differences, covariance = ground.sums.rows.residual[together], ground.unit_sums(together).covariance()
+    quantity, tail = generalised_square_tail(differences, covariance)
     deviation = np.sqrt(1.0 + figures.photo_variance * figures.leverage[group.rows])
     statistic = np.abs(figures.residual[group.rows]) / deviation
+    statistic[chosen] = np.maximum(statistic[chosen], against_others(differences, covariance))
     worst = int(np.argmax(statistic))
     row = group.rows[worst]
     log_p: dict[TestName, float] = {
         "scatter": tail,
-        "point": largest_of(float(two_sided_normal(statistic[worst])), len(group.rows)),
+        "point": largest_of(float(two_sided_normal(statistic[worst])), 2 * len(group.rows)),
     }
     return _tested(
         group, figures, float(len(group.rows)), _root(quantity, float(len(together))), log_p, worst=group.names[worst],

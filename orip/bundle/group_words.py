@@ -85,7 +85,7 @@ def _text(found: Contradiction, ground_unit: str) -> str:
     name, unit = group_name(group), unit_of_group(group, ground_unit)
     match found.what:
         case "point":
-            size = f"{group.worst_size:+.3g} {unit}"
+            size = f"{group.worst_size:+.4g} {unit}"
             text = f"check point {group.worst} differs by {size} in {group.component}, more than its standard deviation"
         case "scatter" if group.kind == "check":
             text = f"the {name} differ {group.sigma0:.1f} times more than their standard deviations"

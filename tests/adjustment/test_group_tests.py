@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from orip.adjustment.group_tests import (
+    against_others,
     chi_square_tail,
     generalised_square_tail,
     largest_of,
@@ -60,6 +61,14 @@ def test_correlated_differences_together():
     # by hand: the determinant is 0.56, and the inverse [[1, -1.2], [-1.2, 2]] over it
     assert quantity == pytest.approx((1.0 + 2.0 * 1.2 + 2.0) / 0.56)
     assert tail == pytest.approx(stats.chi2.logsf(quantity, 2))
+
+
+def test_a_residual_against_what_the_others_predict():
+    covariance = np.array([[2.0, 1.2], [1.2, 1.0]])
+    found = against_others(np.array([1.0, -1.0]), covariance)
+    # the regression of the first on the second is 1.2, what is left of its variance 2 - 1.44
+    assert found[0] == pytest.approx((1.0 + 1.2) / np.sqrt(0.56))
+    assert found[1] == pytest.approx((1.0 + 0.6) / np.sqrt(1.0 - 1.44 / 2.0))
 
 
 def test_the_largest_of_many_is_no_surprise():
