@@ -101,5 +101,5 @@ def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     if sigma0 > test.upper:
         return f"above the {between}: the residuals are larger than the a-priori errors suggest"
     if test.freedom < _HANDFUL:
-        return f"within the {between}, but redundancy {test.freedom:.1f} is too little to test the a-priori errors"
+        return f"within the {between}, but redundancy {test.freedom:.2g} is too little to test the a-priori errors"
     return f"within the {between}: the residuals do not contradict the a-priori errors, p = {test.p:.2f}"

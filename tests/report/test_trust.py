@@ -86,7 +86,7 @@ def test_a_handful_of_redundancy_is_no_test_of_the_a_priori_errors() -> None:
     test = global_test(1.0, 5.0)
     assert test is not None
     said = sigma0_finding(1.0, test)
-    assert said.endswith("but redundancy 5.0 is too little to test the a-priori errors")
+    assert said.endswith("but redundancy 5 is too little to test the a-priori errors")
 
 
 def test_a_group_that_contradicts_the_others_comes_first() -> None:
