@@ -194,7 +194,7 @@ def not_utf8(path):
         (foreign_database, "belongs to another program"),
         (other_kind, r"made as \.PHO and is no \.TIK"),
         (newer, "newer orip .*update orip"),
-        (older, "older orip .schema 1.* has no tick; move it away, then 'orip run' creates a new one"),
+        (older, "older orip .schema 1.* has no tick as they are now; move it away, then 'orip run' creates a new one"),
         (without_table, "damaged .*tick.*last dump"),
         (cut_short, "damaged"),
         (cut_in_header, "damaged"),
