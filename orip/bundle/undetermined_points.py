@@ -44,7 +44,7 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
         significant = _significance(solved, cofactors[point[mine]], direction[mine]) >= _LEAST_SIGNIFICANCE
         doubtful[point[mine][significant]] = False
         found[doubtful] = unknown[doubtful]
-    return found
+    return np.asarray(found)
 
 
 def _rays(solved: SolvedBlock) -> tuple[IntArray, FloatArray]:
@@ -72,4 +72,5 @@ def _significance(solved: SolvedBlock, cofactors: FloatArray, direction: FloatAr
     squares = np.einsum("ni,ni->n", direction, direction)
     variance = np.einsum("ni,nij,nj->n", direction, cofactors, direction)
     with np.errstate(divide="ignore", invalid="ignore"):  # a point at a projection centre has no direction
-        return np.nan_to_num(squares / (solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))), nan=0.0)
+        lengths = squares / (solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
+    return np.asarray(np.nan_to_num(lengths, nan=0.0))
