@@ -10,7 +10,9 @@ from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
 SCHEMA_VERSION = 3
-"""1: solutions had no correlations of coordinates. A store of an older version is read as long as it has all tables."""
+"""1: solutions had no correlations of coordinates; 2: no groups of observations, no alternatives of a
+blunder.
+A store of an older version is read as long as it has all tables."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "CAM": (*provenance.TABLES, *cameras.TABLES),
