@@ -6,7 +6,7 @@ points, is taken, or what two routes agree on, otherwise the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +18,19 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
-from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
+from orip.prelim.routes import (
+    LEAST_RESECTION,
+    SAFE_RESECTION,
+    Route,
+    by_control,
+    by_given,
+    by_models,
+    by_pairs,
+    control_points_seen,
+)
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import PreliminaryValues
 
 _STARTING_PAIRS = 5
@@ -39,20 +49,22 @@ _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""
 
 
-def preliminary_values(block: Block) -> PreliminaryValues:
+def preliminary_values(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> PreliminaryValues:
     """Find preliminary orientations of all photos, and coordinates of all points, from nothing but measurements.
 
     Parameters
     ----------
     block : Block
         As gathered. Orientations in it that are not NaN are used only where control does not suffice.
+    preliminary : sequence of PreliminaryPoint
+        Approximate coordinates of points: they give a free network its datum.
 
     Returns
     -------
     PreliminaryValues
         In the frame of the block.
     """
-    measured = measured_block(block)
+    measured = measured_block(block, preliminary)
     found = _best_outcome(measured)
     return found_values(measured, found.best, found.by_models, name_weak_connections=not found.at_once)
 
@@ -97,7 +109,8 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
 
 def _routes(measured: MeasuredBlock) -> Iterator[Route]:
     free, with_control = measured.grower(), measured.grower(measured.full_control())
-    seeing = photos_with_control(with_control)
+    seen = control_points_seen(with_control)
+    seeing = seen >= SAFE_RESECTION
     models = measured.block.definition.models
     if models:
         yield by_models(free, models)
@@ -107,6 +120,8 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
         yield by_pairs(free, choice)
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
             yield by_control(with_control)
+    if not seeing.any() and (seen >= LEAST_RESECTION).any():
+        yield by_control(with_control)
     given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)

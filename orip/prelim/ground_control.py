@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 
 
 def known_points(block: Block) -> KnownPositions:
@@ -33,6 +36,22 @@ def known_points(block: Block) -> KnownPositions:
     rows = np.flatnonzero(np.isfinite(given).any(axis=1))
     names = tuple(block.point_names[row] for row in rows)
     return KnownPositions(names, _in_frame(block, given[rows]), errors[rows])
+
+
+def approximate_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> KnownPositions:
+    """Return the points of a free network with approximate coordinates: preliminary ones, else those of .PNT.
+
+    Returns
+    -------
+    KnownPositions
+        In the frame of the block, without a-priori errors: all count alike.
+    """
+    of_control = (point for point in block.control_points if None not in point.coordinates and not point.rejected)
+    given = {point.name: point.coordinates for point in of_control}
+    measured = block.point_index()
+    given |= {point.name: point.coordinates for point in preliminary if point.name in measured}
+    coordinates = np.array(list(given.values()), dtype=np.float64).reshape(-1, 3)
+    return KnownPositions(tuple(given), block.ground.to_local(coordinates), np.full(coordinates.shape, np.nan))
 
 
 def known_centres(block: Block) -> KnownPositions:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.ground_control import known_centres, known_points
+from orip.prelim.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing import BlockGrower
 from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.photo_index import PhotoIndex, photo_index
@@ -15,6 +16,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.prelim.thinning import thinned
 from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
@@ -29,7 +31,8 @@ class MeasuredBlock:
     ----------
     block : Block
     control, centres : KnownPositions
-        Control points and projection centres known on the ground.
+        Control points and projection centres known on the ground; in a free network, points with approximate
+        coordinates: they give it its datum, and hold nothing.
     all_rays, rays : ImageRays
         All rays, and those of as many points as suffice.
     index : PhotoIndex
@@ -57,8 +60,8 @@ class MeasuredBlock:
 
     @property
     def is_free(self) -> bool:
-        """Return whether nothing is known on the ground, and nothing has to be."""
-        return self.block.definition.datum == "free" and not (self.control.names or self.centres.names)
+        """Return whether the block is a free network, which needs nothing that is known on the ground."""
+        return self.block.is_free_network
 
     @property
     def known_coordinates(self) -> int:
@@ -68,12 +71,16 @@ class MeasuredBlock:
     def full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others.
 
+        A free network has none.
+
         Parameters
         ----------
         wanted : frozenset of str, optional
             Names of the control points that are meant; otherwise all.
         """
         held = np.full((len(self.rays.points), 3), np.nan)
+        if self.is_free:
+            return held
         for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
             if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
                 held[self.row_of[name]] = xyz
@@ -100,9 +107,9 @@ class MeasuredBlock:
         )
 
 
-def measured_block(block: Block) -> MeasuredBlock:
-    """Return the rays and the control of a block."""
-    control = known_points(block)
+def measured_block(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> MeasuredBlock:
+    """Return the rays and the control of a block; preliminary coordinates stand for control in a free network."""
+    control = approximate_points(block, preliminary) if block.is_free_network else known_points(block)
     all_rays = image_rays(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)

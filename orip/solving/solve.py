@@ -6,18 +6,21 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from orip.bundle.diagnosis import forewarnings
-from orip.bundle.methods import Method, adjust_block
+from orip.bundle.methods import AdjustedBlock, Method, adjust_block
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError, ProjectWarning
-from orip.mistakes.explanation import explain_failure, explain_misfit
+from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import PreliminaryValues
 from orip.records.solution import IterationPass, Solution
-from orip.solving.starting_values import started_block
+from orip.solving.better_minimum import doubt_about, is_better
+from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 
 PLAIN = Method()
 """All observations, weights by the Danish method as the bundle's definition says."""
@@ -31,6 +34,8 @@ class SolveWatcher:
     ----------
     oriented : callable
         Told the preliminary values, if some were missing and had to be found.
+    doubted : callable
+        Told what is wrong with the adjustment from given values before it is repeated from the chain's values.
     started : callable
         Told the block before the first iteration.
     passed : callable
@@ -41,6 +46,7 @@ class SolveWatcher:
     """
 
     oriented: Callable[[PreliminaryValues], None]
+    doubted: Callable[[str], None]
     started: Callable[[Block], None]
     passed: Callable[[IterationPass], None]
     stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
@@ -51,7 +57,7 @@ def _never_stopped() -> Iterator[Callable[[], bool]]:
     yield lambda: False
 
 
-NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, _never_stopped)
+NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, lambda _: None, _never_stopped)
 """Progress is not shown, and the adjustment is not stopped."""
 
 
@@ -90,45 +96,136 @@ class SolvedGathered:
     solved : SolvedBlock
         As it was adjusted last, with the normal equations.
     preliminary : PreliminaryValues or None
-        What was found of missing starting values; None if none were missing.
+        What the chain found; None if no starting values were missing, and the given ones were good.
+    left_out : tuple of str
+        Photos that could not be oriented, and are not in the solution.
     """
 
     solution: Solution
     solved: SolvedBlock
     preliminary: PreliminaryValues | None
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjusted:
+    """A start, what the chain had found of it (None: nothing was missing), and where the adjustment from it ended."""
+
+    start: StartedBlock
+    values: PreliminaryValues | None
+    end: AdjustedBlock
+
+
+@dataclass(slots=True)
+class _Adjuster:
+    """Adjusts a gathered block from one start or another; the chain is asked once, `values` is what it found."""
+
+    gathered: GatheredBlock
+    method: Method
+    watcher: SolveWatcher
+    values: PreliminaryValues | None = None
+
+    def from_given(self) -> _Adjusted:
+        """Adjust from the given values, and from those of the chain where some are missing."""
+        return self._from(started_block(self.gathered.block, self.gathered.preliminary, self._oriented))
+
+    def from_own(self, doubt: str) -> _Adjusted | None:
+        """Adjust from the values of the chain alone; None where it finds none, or none that lead to an adjustment."""
+        block, preliminary = self.gathered.block, self.gathered.preliminary
+        if self.values is None:
+            self.values = explained_preliminary_values(block, preliminary)
+        try:
+            start = own_start(block, self.values, preliminary)
+            self.watcher.doubted(doubt)
+            return self._from(start)
+        except NotSolvableError:
+            return None
+
+    def _oriented(self, values: PreliminaryValues) -> None:
+        self.values = values
+        self.watcher.oriented(values)
+
+    def _from(self, start: StartedBlock) -> _Adjusted:
+        self.watcher.started(start.block)
+        with self.watcher.stoppable() as stop_asked:
+            unit = self.gathered.ground_unit
+            end = adjust_block(start.block, self.method, unit, self.watcher.passed, stop_asked)
+        return _Adjusted(start, self.values, end)
 
 
 def solve_gathered(gathered: GatheredBlock, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> SolvedGathered:
     """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
+
+    Where the adjustment from given values fails or its end is suspicious, it is repeated from values that the chain
+    finds, and the better minimum is taken. Photos that cannot be oriented are left out, with a warning for each.
 
     Raises
     ------
     NotSolvableError
         With the probable causes first.
     """
-    found: list[PreliminaryValues] = []
-    readjuster = Readjuster(
-        gathered.block,
-        lambda block: started_block(block, gathered.preliminary, lambda _: None)[0],
-        gathered.cameras,
-        gathered.warnings,
-    )
-
-    def oriented(values: PreliminaryValues) -> None:
-        found.append(values)
-        watcher.oriented(values)
-
+    adjuster = _Adjuster(gathered, method, watcher)
     try:
-        block, start_warnings = started_block(gathered.block, gathered.preliminary, oriented)
-        watcher.started(block)
-        with watcher.stoppable() as stop_asked:
-            adjusted = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
+        adjusted, of_start = _best_of_starts(adjuster)
     except NotSolvableError as error:
-        missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
-        causes = explain_failure(readjuster, missing)
+        causes = explain_failure(_readjuster(gathered, gathered.block), _not_oriented(adjuster.values))
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    solution = adjusted.solution
-    explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
-    warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
+    start, solution = adjusted.start, adjusted.end.solution
+    explained: list[ProjectWarning] = []
+    if start.left_out:
+        explained += explain_failure(_readjuster(gathered, gathered.block), start.left_out)
+    if solution.status != "stopped":
+        explained += explain_misfit(solution, start.block, _readjuster(gathered, start.gathered))
+    warnings = (*of_start, *explained, *gathered.warnings, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return SolvedGathered(replace(solution, warnings=rows), adjusted.solved, found[0] if found else None)
+    return SolvedGathered(replace(solution, warnings=rows), adjusted.end.solved, adjusted.values, start.left_out)
+
+
+def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, tuple[ProjectWarning, ...]]:
+    """Adjust from the given values and, if that ends suspiciously, from the chain's own.
+
+    If those were better, say so, and what was probably mistaken in the given ones.
+    """
+    gathered = adjuster.gathered
+    if not (gathered.preliminary or np.isfinite(gathered.block.photo_orientation).any()):
+        return adjuster.from_given(), ()
+    try:
+        given = adjuster.from_given()
+    except NotSolvableError as error:
+        own = adjuster.from_own("failed")
+        if own is None:
+            raise
+        return own, (_own_start_warning(f"failed ({error})", own),)
+    doubt = doubt_about(given.end.solved)
+    if not doubt or given.end.solution.status == "stopped":
+        return given, ()
+    own = adjuster.from_own(doubt)
+    if own is None or own.start.left_out != given.start.left_out or not is_better(own.end.solved, given.end.solved):
+        return given, ()
+    readjuster = _readjuster(gathered, given.start.gathered)
+    mistaken = explain_start(given.end.solution, given.start.block, readjuster)
+    return own, (_own_start_warning(doubt, own), *mistaken)
+
+
+def _own_start_warning(doubt: str, own: _Adjusted) -> ProjectWarning:
+    text = (
+        f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
+        f"minimum with sigma0 {own.end.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
+    )
+    return ProjectWarning("given-values", "", text)
+
+
+def _readjuster(gathered: GatheredBlock, block: Block) -> Readjuster:
+    """Return what adjusts a block again, complete or not at all."""
+
+    def start(changed: Block) -> Block:
+        started = started_block(changed, gathered.preliminary, lambda _: None)
+        if started.left_out:
+            raise NotSolvableError("; ".join(started.left_out))
+        return started.block
+
+    return Readjuster(block, start, gathered.cameras, gathered.warnings)
+
+
+def _not_oriented(values: PreliminaryValues | None) -> list[str]:
+    return [] if values is None else [photo.name for photo in values.photos if photo.rotation is None]

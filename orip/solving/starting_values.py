@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.assemble import with_starting_values
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
@@ -15,13 +16,42 @@ from orip.prelim.project_coordinates import orientations_in_frame, points_in_pro
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.preliminary import CameraStart, PreliminaryValues
+from orip.solving.reduced_block import without_photos
+
+_ADVICE = (
+    "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StartedBlock:
+    """A block as its adjustment starts.
+
+    Parameters
+    ----------
+    block : Block
+        With starting values of all photos and points.
+    gathered : Block
+        The same photos and points as measured and given.
+    left_out : tuple of str
+        Photos that could not be oriented; they are not in the block.
+    warnings : tuple of ProjectWarning
+    """
+
+    block: Block
+    gathered: Block
+    left_out: tuple[str, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()
 
 
 def started_block(
     block: Block, preliminary: Sequence[PreliminaryPoint], found: Callable[[PreliminaryValues], None]
-) -> tuple[Block, list[ProjectWarning]]:
-    """Return a gathered block as its adjustment starts.
+) -> StartedBlock:
+    """Return a gathered block as its adjustment starts: at given values, and at those of the chain where some miss.
+
+    Photos that can be oriented neither way are left out, with a warning for each.
 
     Parameters
     ----------
@@ -33,29 +63,73 @@ def started_block(
     Raises
     ------
     NotSolvableError
-        With the reason for each photo that could not be oriented.
+        Where no photo, or none on the ground, could be oriented: with the reason for each.
     """
     if np.isfinite(block.photo_orientation).all():
-        return with_starting_values(block, preliminary)
-    values = explained_preliminary_values(block)
+        started, warnings = with_starting_values(block, preliminary)
+        return StartedBlock(started, block, warnings=tuple(warnings))
+    values = explained_preliminary_values(block, preliminary)
     found(values)
-    if complaint := not_oriented(values):
-        raise NotSolvableError(complaint)
-    orientation = np.where(
-        np.isnan(block.photo_orientation), orientations_in_frame(values.photos), block.photo_orientation
-    )
+    if values.has_arbitrary_datum:
+        # what is given is in another system than the block
+        return own_start(block, values, preliminary)
+    given = block.photo_orientation
+    orientation = np.where(np.isnan(given), orientations_in_frame(values.photos), given)
+    return _started_at(block, values, orientation, preliminary)
+
+
+def own_start(block: Block, values: PreliminaryValues, preliminary: Sequence[PreliminaryPoint]) -> StartedBlock:
+    """Return a gathered block that starts at what the chain found, wherever nothing is held constant.
+
+    Given orientations start the photos that the chain could not orient, and given coordinates the points that it could
+    not determine.
+
+    Raises
+    ------
+    NotSolvableError
+        Where no photo, or none on the ground, could be oriented.
+    """
+    own = orientations_in_frame(values.photos)
+    if values.has_arbitrary_datum:
+        return _started_at(block, values, own, ())
+    given = block.photo_orientation
+    constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
+    placed = set(values.points.names)
+    others = [point for point in preliminary if point.name not in placed]
+    return _started_at(block, values, np.where(constant | np.isnan(own), given, own), others)
+
+
+def _started_at(
+    block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
+) -> StartedBlock:
+    missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
+    oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
+    if missing.all() or (missing.any() and not oriented_by_chain):
+        raise NotSolvableError(not_oriented(values))
+    left_out = tuple(photo.name for photo, out in zip(block.photos, missing, strict=True) if out)
+    reduced = without_photos(block, missing) if left_out else block
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
-    cameras = cameras_as_found(block.cameras, values.cameras)
-    oriented = replace(block, photo_orientation=orientation, cameras=cameras)
+    cameras = cameras_as_found(reduced.cameras, values.cameras)
+    oriented = replace(reduced, photo_orientation=orientation[~missing], cameras=cameras)
     started, warnings = with_starting_values(oriented, [*preliminary, *points])
-    return started, [*(ProjectWarning("preliminary-values", "", finding) for finding in values.findings), *warnings]
+    findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
+    return StartedBlock(started, reduced, left_out, (*_left_out(values, left_out), *findings, *warnings))
 
 
-def explained_preliminary_values(block: Block) -> PreliminaryValues:
+def _left_out(values: PreliminaryValues, names: Sequence[str]) -> list[ProjectWarning]:
+    """Return a warning for each photo that is left out: what it lacks."""
+    reasons = {photo.name: photo.how for photo in values.photos}
+    return [
+        ProjectWarning("photo-left-out", "", f"photo {name} is left out, it could not be oriented: {reasons[name]}")
+        for name in names
+    ]
+
+
+def explained_preliminary_values(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> PreliminaryValues:
     """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
-    values = preliminary_values(block)
+    values = preliminary_values(block, preliminary)
     return replace(values, findings=(*misread_control(values.reading), *values.findings))
 
 
@@ -66,18 +140,17 @@ def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) ->
 
 
 def not_oriented(values: PreliminaryValues) -> str:
-    """Return what is wrong with the control, else why photos could not be oriented, a line each; "" if all could."""
+    """Return why photos could not be oriented, a line each, then what else was found; "" if all could.
+
+    Where the control fits in another reading only, that is why, for all photos.
+    """
     reasons = [photo.how for photo in values.photos if photo.rotation is None]
     if not reasons:
         return ""
-    if values.findings:
+    if values.reading is not None:
         return "\n".join(values.findings)
     title = f"{len(reasons)} of {len(values.photos)} photos could not be oriented"
-    advice = (
-        "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows "
-        "each step"
-    )
     different = list(dict.fromkeys(reasons))
     if len(different) == 1:
-        return f"{title}: {different[0]}; {advice}"
-    return "\n".join([f"{title}; {advice}", *different])
+        return "\n".join([f"{title}: {different[0]}; {_ADVICE}", *values.findings])
+    return "\n".join([f"{title}; {_ADVICE}", *different, *values.findings])

@@ -18,6 +18,7 @@ from orip.prelim.similarity.bridging import JoinedSystems, bridge
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect
 from orip.records.block import Block
+from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.preliminary import (
     ModelCoordinates,
@@ -41,6 +42,7 @@ class PrelimInput:
 
     of: BundleState
     block: Block
+    preliminary: tuple[PreliminaryPoint, ...]
     warnings: tuple[ProjectWarning, ...]
 
     @property
@@ -116,7 +118,7 @@ def prelim_input(bundle: BundleState) -> PrelimInput:
     InputError
     """
     gathered = gathered_block(bundle)
-    return PrelimInput(bundle, gathered.block, gathered.warnings)
+    return PrelimInput(bundle, gathered.block, gathered.preliminary, gathered.warnings)
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
@@ -171,7 +173,7 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similaritie
 
 def values_of(given: PrelimInput) -> PreliminaryValues:
     """Run the whole chain, and take its absolute orientation to the project's coordinates."""
-    return absolute_in_project(explained_preliminary_values(given.block), given.block.ground)
+    return absolute_in_project(explained_preliminary_values(given.block, given.preliminary), given.block.ground)
 
 
 def model_coordinates(given: PrelimInput, stage: Stage) -> ModelCoordinates:

@@ -35,13 +35,14 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """A solution, the block as it was solved, what its gates say, and the files that are written of the solution."""
+    """A solution, the block as it was solved, what its gates say, the files that are written, and photos left out."""
 
     project: Project
     solution: Solution
     solved: SolvedBlock
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def solve(
@@ -79,7 +80,7 @@ def solve(
     files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, found.solved, check_solution(solution, gates), files),
+        SolveOutcome(project, solution, found.solved, check_solution(solution, gates), files, found.left_out),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
