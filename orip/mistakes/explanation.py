@@ -95,7 +95,7 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     """
     if not readjuster.is_worthwhile:
         return []
-    for tried in _adjusted(hypotheses_of_failure(readjuster.block, not_oriented, readjuster.cameras), readjuster):
+    for tried in _adjusted(hypotheses_of_failure(readjuster.block, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.hypothesis.warnings(tried.solved)
     return []

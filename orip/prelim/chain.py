@@ -6,7 +6,7 @@ points, is taken, or what two routes agree on, otherwise the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +30,6 @@ from orip.prelim.routes import (
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.records.block import Block
-from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import PreliminaryValues
 
 _STARTING_PAIRS = 5
@@ -49,22 +48,21 @@ _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""
 
 
-def preliminary_values(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> PreliminaryValues:
+def preliminary_values(block: Block) -> PreliminaryValues:
     """Find preliminary orientations of all photos, and coordinates of all points, from nothing but measurements.
 
     Parameters
     ----------
     block : Block
-        As gathered. Orientations in it that are not NaN are used only where control does not suffice.
-    preliminary : sequence of PreliminaryPoint
-        Approximate coordinates of points: they give a free network its datum.
+        As gathered. Orientations in it that are not NaN are used only where control does not suffice, preliminary
+        coordinates of points for the datum of a free network.
 
     Returns
     -------
     PreliminaryValues
         In the frame of the block.
     """
-    measured = measured_block(block, preliminary)
+    measured = measured_block(block)
     found = _best_outcome(measured)
     return found_values(measured, found.best, found.by_models, name_weak_connections=not found.at_once)
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
-from orip.records.control import PreliminaryPoint
 
 
 def known_points(block: Block) -> KnownPositions:
@@ -38,7 +35,7 @@ def known_points(block: Block) -> KnownPositions:
     return KnownPositions(names, _in_frame(block, given[rows]), errors[rows])
 
 
-def approximate_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> KnownPositions:
+def approximate_points(block: Block) -> KnownPositions:
     """Return the points of a free network with approximate coordinates: preliminary ones, else those of .PNT.
 
     Returns
@@ -49,7 +46,7 @@ def approximate_points(block: Block, preliminary: Sequence[PreliminaryPoint]) ->
     of_control = (point for point in block.control_points if None not in point.coordinates and not point.rejected)
     given = {point.name: point.coordinates for point in of_control}
     measured = block.point_index()
-    given |= {point.name: point.coordinates for point in preliminary if point.name in measured}
+    given |= {point.name: point.coordinates for point in block.preliminary if point.name in measured}
     coordinates = np.array(list(given.values()), dtype=np.float64).reshape(-1, 3)
     return KnownPositions(tuple(given), block.ground.to_local(coordinates), np.full(coordinates.shape, np.nan))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +15,6 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.prelim.thinning import thinned
 from orip.records.block import Block
-from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
@@ -107,9 +105,9 @@ class MeasuredBlock:
         )
 
 
-def measured_block(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> MeasuredBlock:
+def measured_block(block: Block) -> MeasuredBlock:
     """Return the rays and the control of a block; preliminary coordinates stand for control in a free network."""
-    control = approximate_points(block, preliminary) if block.is_free_network else known_points(block)
+    control = approximate_points(block) if block.is_free_network else known_points(block)
     all_rays = image_rays(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)

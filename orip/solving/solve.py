@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
-from orip.bundle.methods import AdjustedBlock, Method, adjust_block
+from orip.bundle.methods import Method, adjust_block
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.camera import Camera
-from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import PreliminaryValues
 from orip.records.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
+from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 
 PLAIN = Method()
@@ -35,7 +35,8 @@ class SolveWatcher:
     oriented : callable
         Told the preliminary values, if some were missing and had to be found.
     doubted : callable
-        Told what is wrong with the adjustment from given values before it is repeated from the chain's values.
+        Told what is wrong with the adjustment from given values, and the values of the chain, from which it is
+        repeated.
     started : callable
         Told the block before the first iteration.
     passed : callable
@@ -46,7 +47,7 @@ class SolveWatcher:
     """
 
     oriented: Callable[[PreliminaryValues], None]
-    doubted: Callable[[str], None]
+    doubted: Callable[[str, PreliminaryValues], None]
     started: Callable[[Block], None]
     passed: Callable[[IterationPass], None]
     stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
@@ -57,86 +58,98 @@ def _never_stopped() -> Iterator[Callable[[], bool]]:
     yield lambda: False
 
 
-NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, lambda _: None, _never_stopped)
+NOBODY = SolveWatcher(lambda _: None, lambda _doubt, _values: None, lambda _: None, lambda _: None, _never_stopped)
 """Progress is not shown, and the adjustment is not stopped."""
 
 
-@dataclass(frozen=True, slots=True)
-class GatheredBlock:
-    """A block as measured and given, before its starting values are known.
+def solve_bundle(
+    inputs: BlockInput, method: Method = PLAIN, watcher: SolveWatcher = NOBODY
+) -> tuple[Solution, SolvedBlock]:
+    """Gather the block of a bundle and solve it; see `gather_bundle` and `solve`."""
+    return solve(gather_bundle(inputs), method, watcher)
+
+
+def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> tuple[Solution, SolvedBlock]:
+    """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
+
+    Where the adjustment from given values fails or its end is suspicious, it is repeated from values that the chain
+    finds, and the better minimum is taken. Photos that cannot be oriented are left out, with a warning for each.
 
     Parameters
     ----------
-    block : Block
-        Elements of photos that are not known are NaN, and so are all starting coordinates of points.
-    preliminary : tuple of PreliminaryPoint
-        Given preliminary coordinates of points.
-    cameras : tuple of Camera
-        All that a photo may have been taken with.
-    ground_unit : str
-    warnings : tuple of ProjectWarning
-        What is doubtful in what was measured and given.
-    """
+    gathered : Block
+        See `gather_bundle`.
+    method : Method
+    watcher : SolveWatcher
 
-    block: Block
-    preliminary: tuple[PreliminaryPoint, ...]
-    cameras: tuple[Camera, ...]
-    ground_unit: str
-    warnings: tuple[ProjectWarning, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class SolvedGathered:
-    """What came out of a gathered block.
-
-    Parameters
-    ----------
+    Returns
+    -------
     solution : Solution
         Diagnosed, with all warnings; name of the project, inputs, interior orientation and run are empty.
     solved : SolvedBlock
         As it was adjusted last, with the normal equations.
-    preliminary : PreliminaryValues or None
-        What the chain found; None if no starting values were missing, and the given ones were good.
-    left_out : tuple of str
-        Photos that could not be oriented, and are not in the solution.
-    """
 
-    solution: Solution
-    solved: SolvedBlock
-    preliminary: PreliminaryValues | None
-    left_out: tuple[str, ...] = ()
+    Raises
+    ------
+    NotSolvableError
+        With the probable causes first.
+    """
+    adjuster = _Adjuster(gathered, method, watcher)
+    try:
+        adjusted, of_start = _best_of_starts(adjuster)
+    except NotSolvableError as error:
+        causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
+        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
+    start, solution = adjusted.start, adjusted.solution
+    explained: list[ProjectWarning] = []
+    if start.left_out:
+        explained += explain_failure(_readjuster(gathered), start.left_out)
+    if solution.status != "stopped":
+        explained += explain_misfit(solution, start.block, _readjuster(start.gathered))
+    warnings = (*of_start, *explained, *gathered.warnings, *start.warnings, *forewarnings(start.block))
+    rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
+    return replace(solution, warnings=rows), adjusted.solved
 
 
 @dataclass(frozen=True, slots=True)
 class _Adjusted:
-    """A start, what the chain had found of it (None: nothing was missing), and where the adjustment from it ended."""
+    """A start, and where the adjustment from it ended."""
 
     start: StartedBlock
-    values: PreliminaryValues | None
-    end: AdjustedBlock
+    solution: Solution
+    solved: SolvedBlock
 
 
 @dataclass(slots=True)
 class _Adjuster:
     """Adjusts a gathered block from one start or another; the chain is asked once, `values` is what it found."""
 
-    gathered: GatheredBlock
+    gathered: Block
     method: Method
     watcher: SolveWatcher
     values: PreliminaryValues | None = None
 
+    @property
+    def not_oriented(self) -> list[str]:
+        """Return the photos that the chain could not orient."""
+        return [] if self.values is None else [photo.name for photo in self.values.photos if photo.rotation is None]
+
+    @property
+    def is_misread(self) -> bool:
+        """Return whether the control fits in another reading only: nothing else has to be looked for."""
+        return self.values is not None and self.values.reading is not None
+
     def from_given(self) -> _Adjusted:
         """Adjust from the given values, and from those of the chain where some are missing."""
-        return self._from(started_block(self.gathered.block, self.gathered.preliminary, self._oriented))
+        return self._from(started_block(self.gathered, self._oriented))
 
     def from_own(self, doubt: str) -> _Adjusted | None:
         """Adjust from the values of the chain alone; None where it finds none, or none that lead to an adjustment."""
-        block, preliminary = self.gathered.block, self.gathered.preliminary
         if self.values is None:
-            self.values = explained_preliminary_values(block, preliminary)
+            self.values = explained_preliminary_values(self.gathered)
         try:
-            start = own_start(block, self.values, preliminary)
-            self.watcher.doubted(doubt)
+            start = own_start(self.gathered, self.values)
+            self.watcher.doubted(doubt, self.values)
             return self._from(start)
         except NotSolvableError:
             return None
@@ -148,37 +161,7 @@ class _Adjuster:
     def _from(self, start: StartedBlock) -> _Adjusted:
         self.watcher.started(start.block)
         with self.watcher.stoppable() as stop_asked:
-            unit = self.gathered.ground_unit
-            end = adjust_block(start.block, self.method, unit, self.watcher.passed, stop_asked)
-        return _Adjusted(start, self.values, end)
-
-
-def solve_gathered(gathered: GatheredBlock, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> SolvedGathered:
-    """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
-
-    Where the adjustment from given values fails or its end is suspicious, it is repeated from values that the chain
-    finds, and the better minimum is taken. Photos that cannot be oriented are left out, with a warning for each.
-
-    Raises
-    ------
-    NotSolvableError
-        With the probable causes first.
-    """
-    adjuster = _Adjuster(gathered, method, watcher)
-    try:
-        adjusted, of_start = _best_of_starts(adjuster)
-    except NotSolvableError as error:
-        causes = explain_failure(_readjuster(gathered, gathered.block), _not_oriented(adjuster.values))
-        raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    start, solution = adjusted.start, adjusted.end.solution
-    explained: list[ProjectWarning] = []
-    if start.left_out:
-        explained += explain_failure(_readjuster(gathered, gathered.block), start.left_out)
-    if solution.status != "stopped":
-        explained += explain_misfit(solution, start.block, _readjuster(gathered, start.gathered))
-    warnings = (*of_start, *explained, *gathered.warnings, *start.warnings, *forewarnings(start.block))
-    rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return SolvedGathered(replace(solution, warnings=rows), adjusted.end.solved, adjusted.values, start.left_out)
+            return _Adjusted(start, *adjust_block(start.block, self.method, self.watcher.passed, stop_asked))
 
 
 def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, tuple[ProjectWarning, ...]]:
@@ -187,7 +170,7 @@ def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, tuple[ProjectWarnin
     If those were better, say so, and what was probably mistaken in the given ones.
     """
     gathered = adjuster.gathered
-    if not (gathered.preliminary or np.isfinite(gathered.block.photo_orientation).any()):
+    if not (gathered.preliminary or np.isfinite(gathered.photo_orientation).any()):
         return adjuster.from_given(), ()
     try:
         given = adjuster.from_given()
@@ -196,36 +179,32 @@ def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, tuple[ProjectWarnin
         if own is None:
             raise
         return own, (_own_start_warning(f"failed ({error})", own),)
-    doubt = doubt_about(given.end.solved)
-    if not doubt or given.end.solution.status == "stopped":
+    doubt = doubt_about(given.solved)
+    if not doubt or given.solution.status == "stopped":
         return given, ()
     own = adjuster.from_own(doubt)
-    if own is None or own.start.left_out != given.start.left_out or not is_better(own.end.solved, given.end.solved):
+    if own is None or own.start.left_out != given.start.left_out or not is_better(own.solved, given.solved):
         return given, ()
-    readjuster = _readjuster(gathered, given.start.gathered)
-    mistaken = explain_start(given.end.solution, given.start.block, readjuster)
+    readjuster = _readjuster(given.start.gathered)
+    mistaken = explain_start(given.solution, given.start.block, readjuster)
     return own, (_own_start_warning(doubt, own), *mistaken)
 
 
 def _own_start_warning(doubt: str, own: _Adjusted) -> ProjectWarning:
     text = (
         f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
-        f"minimum with sigma0 {own.end.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
+        f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
     )
     return ProjectWarning("given-values", "", text)
 
 
-def _readjuster(gathered: GatheredBlock, block: Block) -> Readjuster:
+def _readjuster(gathered: Block) -> Readjuster:
     """Return what adjusts a block again, complete or not at all."""
 
     def start(changed: Block) -> Block:
-        started = started_block(changed, gathered.preliminary, lambda _: None)
+        started = started_block(changed, lambda _: None)
         if started.left_out:
             raise NotSolvableError("; ".join(started.left_out))
         return started.block
 
-    return Readjuster(block, start, gathered.cameras, gathered.warnings)
-
-
-def _not_oriented(values: PreliminaryValues | None) -> list[str]:
-    return [] if values is None else [photo.name for photo in values.photos if photo.rotation is None]
+    return Readjuster(gathered, start)

@@ -46,9 +46,7 @@ class StartedBlock:
     warnings: tuple[ProjectWarning, ...] = ()
 
 
-def started_block(
-    block: Block, preliminary: Sequence[PreliminaryPoint], found: Callable[[PreliminaryValues], None]
-) -> StartedBlock:
+def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
     """Return a gathered block as its adjustment starts: at given values, and at those of the chain where some miss.
 
     Photos that can be oriented neither way are left out, with a warning for each.
@@ -56,7 +54,6 @@ def started_block(
     Parameters
     ----------
     block : Block
-    preliminary : sequence of PreliminaryPoint
     found : callable
         Told what the chain found, if it had to be asked.
 
@@ -66,19 +63,19 @@ def started_block(
         Where no photo, or none on the ground, could be oriented: with the reason for each.
     """
     if np.isfinite(block.photo_orientation).all():
-        started, warnings = with_starting_values(block, preliminary)
+        started, warnings = with_starting_values(block)
         return StartedBlock(started, block, warnings=tuple(warnings))
-    values = explained_preliminary_values(block, preliminary)
+    values = explained_preliminary_values(block)
     found(values)
     if values.has_arbitrary_datum:
         # what is given is in another system than the block
-        return own_start(block, values, preliminary)
+        return own_start(block, values)
     given = block.photo_orientation
     orientation = np.where(np.isnan(given), orientations_in_frame(values.photos), given)
-    return _started_at(block, values, orientation, preliminary)
+    return _started_at(block, values, orientation, block.preliminary)
 
 
-def own_start(block: Block, values: PreliminaryValues, preliminary: Sequence[PreliminaryPoint]) -> StartedBlock:
+def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
     """Return a gathered block that starts at what the chain found, wherever nothing is held constant.
 
     Given orientations start the photos that the chain could not orient, and given coordinates the points that it could
@@ -95,7 +92,7 @@ def own_start(block: Block, values: PreliminaryValues, preliminary: Sequence[Pre
     given = block.photo_orientation
     constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
     placed = set(values.points.names)
-    others = [point for point in preliminary if point.name not in placed]
+    others = [point for point in block.preliminary if point.name not in placed]
     return _started_at(block, values, np.where(constant | np.isnan(own), given, own), others)
 
 
@@ -112,8 +109,9 @@ def _started_at(
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
     cameras = cameras_as_found(reduced.cameras, values.cameras)
-    oriented = replace(reduced, photo_orientation=orientation[~missing], cameras=cameras)
-    started, warnings = with_starting_values(oriented, [*preliminary, *points])
+    started, warnings = with_starting_values(
+        replace(reduced, photo_orientation=orientation[~missing], cameras=cameras, preliminary=(*preliminary, *points))
+    )
     findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
     return StartedBlock(started, reduced, left_out, (*_left_out(values, left_out), *findings, *warnings))
 
@@ -127,9 +125,9 @@ def _left_out(values: PreliminaryValues, names: Sequence[str]) -> list[ProjectWa
     ]
 
 
-def explained_preliminary_values(block: Block, preliminary: Sequence[PreliminaryPoint] = ()) -> PreliminaryValues:
+def explained_preliminary_values(block: Block) -> PreliminaryValues:
     """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
-    values = preliminary_values(block, preliminary)
+    values = preliminary_values(block)
     return replace(values, findings=(*misread_control(values.reading), *values.findings))
 
 

@@ -22,7 +22,7 @@ from orip.cli.options import BundleOption, Invocation, command, without_command
 from orip.errors import NotSolvableError, UsageError
 
 if TYPE_CHECKING:
-    from orip.workflow.adjust.prelim_steps import PrelimInput, Similarities
+    from orip.workflow.adjust.prelim_steps import PrelimInput, SimilaritySteps
     from orip.workflow.project.bundle_state import BundleState
 
 Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="This one alone, point by point; none: all.")]
@@ -183,7 +183,7 @@ def _chain(invocation: Invocation, bundle: str | None) -> None:
         raise NotSolvableError(complaint)
 
 
-def _show_similarities(invocation: Invocation, found: Similarities, *, alone: bool, nothing: str) -> None:
+def _show_similarities(invocation: Invocation, found: SimilaritySteps, *, alone: bool, nothing: str) -> None:
     from orip.files.listings.preliminary_steps import similarity_lines, similarity_overview, similarity_remarks
 
     if invocation.terminal.json:

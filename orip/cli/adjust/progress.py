@@ -89,7 +89,7 @@ def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> No
         terminal.detail(f"         camera {camera.name}: starts with C {camera.parameters[0]:.3f}")
 
 
-def tell_doubt(terminal: Terminal, doubt: str) -> None:
+def tell_doubt(terminal: Terminal, doubt: str, _values: PreliminaryValues) -> None:
     """Say that the adjustment from given values is repeated from others, and why."""
     terminal.say(f"prelim   from the given values the adjustment {doubt}; now from orip's own preliminary values")
 

@@ -25,7 +25,6 @@ from orip.mistakes.hypotheses.principal_distance import other_principal_distance
 from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.camera import Camera
 from orip.records.solution import Solution
 
 _MOST_DIRECTIONS = 0.5
@@ -57,17 +56,17 @@ def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjus
             yield from angle_units(block)
             yield from control_axes(block)
             yield from control_units(block)
-        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS], readjuster.cameras)
+        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
         yield from _of_cameras(oriented)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
         yield from mirrored_control(block)
     if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
         yield from direction_units(oriented)
     if not fits:
-        yield from released_control(block, _worst_constant_control(block, given), solution.ground_unit)
+        yield from released_control(block, _worst_constant_control(block, given))
 
 
-def hypotheses_of_failure(block: Block, not_oriented: Sequence[str], cameras: Sequence[Camera]) -> Iterator[Hypothesis]:
+def hypotheses_of_failure(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block cannot be adjusted at all.
 
     Parameters
@@ -75,12 +74,10 @@ def hypotheses_of_failure(block: Block, not_oriented: Sequence[str], cameras: Se
     block : Block
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
-    cameras : sequence of Camera
-        All of the project.
     """
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
-    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else (), cameras)
+    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
 
 
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:

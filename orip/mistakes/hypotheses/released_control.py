@@ -14,7 +14,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.records.block import Block
 
 
-def released_control(block: Block, names: Sequence[str], ground_unit: str) -> Iterator[Hypothesis]:
+def released_control(block: Block, names: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield control points, one at a time, as tie points.
 
     Parameters
@@ -22,7 +22,6 @@ def released_control(block: Block, names: Sequence[str], ground_unit: str) -> It
     block : Block
     names : sequence of str
         Control points that are doubted, the worst first.
-    ground_unit : str
     """
     place = block.point_index()
     for name in names:
@@ -30,13 +29,13 @@ def released_control(block: Block, names: Sequence[str], ground_unit: str) -> It
         constant[place[name]] = False
         points = tuple(point for point in block.control_points if point.name != name)
         changed = replace(block, control_points=points, constant_points=constant)
-        text = partial(_text, block=block, name=name, ground_unit=ground_unit)
+        text = partial(_text, block=block, name=name)
         yield Hypothesis("contradicting-control", f"control point {name}", changed, text)
 
 
-def _text(solved: SolvedBlock, block: Block, name: str, ground_unit: str) -> str:
+def _text(solved: SolvedBlock, block: Block, name: str) -> str:
     """Return how the coordinates as given differ from those found; "" if they do not."""
     row = block.point_index()[name]
     sd = solved.deviation_scale * np.sqrt(np.diag(solved.cofactors_of(solved.problem.unknowns.points[row])))
     found = block.ground.to_project(solved.state.points[[row]])[0]
-    return "".join(warning.text for warning in control_warnings(block, {name: (found, sd)}, ground_unit))
+    return "".join(warning.text for warning in control_warnings(block, {name: (found, sd)}))

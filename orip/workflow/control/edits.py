@@ -17,7 +17,7 @@ from orip.files.text.shown import shown_token
 from orip.wording import listed_names
 from orip.workflow.control.names import unknown_name_warnings
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText, digest_of_text
 from orip.workflow.records.measurements import is_written
@@ -39,7 +39,7 @@ class LineChange:
 class ControlOutcome:
     """What a command did to a control text, or would do (`dry_run`); no changes: it was so already."""
 
-    project: Project
+    project: ProjectFolder
     shown: str
     changes: tuple[LineChange, ...]
     warnings: tuple[ProjectWarning, ...]
@@ -79,7 +79,7 @@ class _File:
     bundle: str | None
 
     @property
-    def project(self) -> Project:
+    def project(self) -> ProjectFolder:
         return self.state.project
 
     @property

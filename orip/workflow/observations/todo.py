@@ -17,7 +17,7 @@ from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.workflow.observations.listed import listed_observations, outdated_warnings, require_observations
 from orip.workflow.observations.names import without_kills
-from orip.workflow.observations.places import NOWHERE, Place, Places
+from orip.workflow.observations.places import NOWHERE, Places, PredictedPlace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.text_output import TextOutput
@@ -123,7 +123,7 @@ def _of_observation(bundle: BundleState, row: ListedObservation, places: Places)
 
 
 def _predicted(places: Places, photo: str, point: str) -> Pair:
-    return places.predicted(photo).get(point, Place(NOWHERE, NOWHERE)).log_xy
+    return places.predicted(photo).get(point, PredictedPlace(NOWHERE, NOWHERE)).log_xy
 
 
 def _killed(bundle: BundleState, places: Places) -> list[PointToMeasure]:

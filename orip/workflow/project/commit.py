@@ -18,7 +18,7 @@ from orip.files.text.atomic import reporting_failure
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
@@ -188,7 +188,7 @@ def _require_unchanged(state: ProjectState, stores: Stores) -> None:
         raise ChangedMeanwhileError(_STORES)
 
 
-def _write_edited_texts(project: Project, texts: tuple[EditedText, ...]) -> None:
+def _write_edited_texts(project: ProjectFolder, texts: tuple[EditedText, ...]) -> None:
     for text in texts:
         if digest_of_text(text.path) != text.before:
             raise ChangedMeanwhileError(project.shown(text.path))
@@ -196,7 +196,7 @@ def _write_edited_texts(project: Project, texts: tuple[EditedText, ...]) -> None
         write_output(project, text.output())
 
 
-def _write_stores(project: Project, stores: Stores, change: Change[T]) -> bool:
+def _write_stores(project: ProjectFolder, stores: Stores, change: Change[T]) -> bool:
     """Write what differs; tell whether anything does."""
     before, after = change.state.stored, change.stored
     changed = False
@@ -216,7 +216,7 @@ def _write_stores(project: Project, stores: Stores, change: Change[T]) -> bool:
     return changed
 
 
-def _write_replay(project: Project, stores: Stores, replay: ReplayRecord) -> None:
+def _write_replay(project: ProjectFolder, stores: Stores, replay: ReplayRecord) -> None:
     for path, run in zip(measured_stores(project), replay.runs, strict=True):
         set_run(stores[path], run)
     write_inputs(stores[project.photos], "measure", replay.inputs)

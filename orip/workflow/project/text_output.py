@@ -9,7 +9,7 @@ from pathlib import Path
 
 from orip.files.text.atomic import replace_text_in_pieces, reporting_failure
 from orip.files.text.digest import file_digest
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class EditedText:
         return TextOutput(self.path, lambda: [self.text], self.remedy)
 
 
-def write_output(project: Project, output: TextOutput) -> None:
+def write_output(project: ProjectFolder, output: TextOutput) -> None:
     """Write a text file.
 
     Raises
