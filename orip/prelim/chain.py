@@ -16,6 +16,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.found_values import found_values
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
+from orip.prelim.joint_route import LOOKING_DOWN, UPRIGHT, by_parts
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
 from orip.prelim.routes import (
@@ -121,6 +122,9 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
     if not seeing.any() and (seen >= LEAST_RESECTION).any():
         yield by_control(with_control)
     given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
+    if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
+        for axis in (LOOKING_DOWN, UPRIGHT):
+            yield by_parts(free, with_control, measured.partial_control(), axis)
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)

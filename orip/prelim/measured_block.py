@@ -84,6 +84,15 @@ class MeasuredBlock:
                 held[self.row_of[name]] = xyz
         return held
 
+    def partial_control(self) -> FloatArray:
+        """Return all known coordinates (number of points, 3) of control points; NaN where not known."""
+        known = np.full((len(self.rays.points), 3), np.nan)
+        rows = [self.row_of[name] for name in self.control.names if name in self.row_of]
+        known[rows] = [
+            xyz for name, xyz in zip(self.control.names, self.control.coordinates, strict=True) if name in self.row_of
+        ]
+        return known
+
     def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
         """Return the control as `full_control`, without points that the absolute orientation weighted down."""
         if absolute is None:

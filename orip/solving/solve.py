@@ -35,8 +35,9 @@ class SolveWatcher:
     oriented : callable
         Told the preliminary values, if some were missing and had to be found.
     doubted : callable
-        Told what is wrong with the adjustment from given values, and the values of the chain, from which it is
-        repeated.
+        Told what is wrong with the adjustment from given values, before it is repeated from the chain's.
+    replaced : callable
+        Told the values of the chain if the adjustment from them was better.
     started : callable
         Told the block before the first iteration.
     passed : callable
@@ -47,7 +48,8 @@ class SolveWatcher:
     """
 
     oriented: Callable[[PreliminaryValues], None]
-    doubted: Callable[[str, PreliminaryValues], None]
+    doubted: Callable[[str], None]
+    replaced: Callable[[PreliminaryValues], None]
     started: Callable[[Block], None]
     passed: Callable[[IterationPass], None]
     stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
@@ -58,7 +60,7 @@ def _never_stopped() -> Iterator[Callable[[], bool]]:
     yield lambda: False
 
 
-NOBODY = SolveWatcher(lambda _: None, lambda _doubt, _values: None, lambda _: None, lambda _: None, _never_stopped)
+NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, lambda _: None, lambda _: None, _never_stopped)
 """Progress is not shown, and the adjustment is not stopped."""
 
 
@@ -96,17 +98,17 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
     """
     adjuster = _Adjuster(gathered, method, watcher)
     try:
-        adjusted, of_start = _best_of_starts(adjuster)
+        adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
         causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
-    explained: list[ProjectWarning] = []
     if start.left_out:
-        explained += explain_failure(_readjuster(gathered), start.left_out)
+        mistaken += explain_failure(_readjuster(gathered), adjuster.not_oriented)
+    mistaken += start.left_out
     if solution.status != "stopped":
-        explained += explain_misfit(solution, start.block, _readjuster(start.gathered))
-    warnings = (*of_start, *explained, *gathered.warnings, *start.warnings, *forewarnings(start.block))
+        mistaken += explain_misfit(solution, start.block, _readjuster(start.gathered))
+    warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), adjusted.solved
 
@@ -149,10 +151,20 @@ class _Adjuster:
             self.values = explained_preliminary_values(self.gathered)
         try:
             start = own_start(self.gathered, self.values)
-            self.watcher.doubted(doubt, self.values)
+            self.watcher.doubted(doubt)
             return self._from(start)
         except NotSolvableError:
             return None
+
+    def replaced_by(self, own: _Adjusted, doubt: str) -> ProjectWarning:
+        """Say that the adjustment from the chain's values is the result."""
+        assert self.values is not None, "they are what it started from"
+        self.watcher.replaced(self.values)
+        text = (
+            f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
+            f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
+        )
+        return ProjectWarning("given-values", "", text)
 
     def _oriented(self, values: PreliminaryValues) -> None:
         self.values = values
@@ -164,38 +176,29 @@ class _Adjuster:
             return _Adjusted(start, *adjust_block(start.block, self.method, self.watcher.passed, stop_asked))
 
 
-def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, tuple[ProjectWarning, ...]]:
+def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
     """Adjust from the given values and, if that ends suspiciously, from the chain's own.
 
-    If those were better, say so, and what was probably mistaken in the given ones.
+    If those were better: also what was probably mistaken in the given ones, and a sentence that they were taken.
     """
     gathered = adjuster.gathered
     if not (gathered.preliminary or np.isfinite(gathered.photo_orientation).any()):
-        return adjuster.from_given(), ()
+        return adjuster.from_given(), [], []
     try:
         given = adjuster.from_given()
     except NotSolvableError as error:
         own = adjuster.from_own("failed")
         if own is None:
             raise
-        return own, (_own_start_warning(f"failed ({error})", own),)
+        return own, [], [adjuster.replaced_by(own, f"failed ({error})")]
     doubt = doubt_about(given.solved)
     if not doubt or given.solution.status == "stopped":
-        return given, ()
+        return given, [], []
     own = adjuster.from_own(doubt)
     if own is None or own.start.left_out != given.start.left_out or not is_better(own.solved, given.solved):
-        return given, ()
-    readjuster = _readjuster(given.start.gathered)
-    mistaken = explain_start(given.solution, given.start.block, readjuster)
-    return own, (_own_start_warning(doubt, own), *mistaken)
-
-
-def _own_start_warning(doubt: str, own: _Adjusted) -> ProjectWarning:
-    text = (
-        f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
-        f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
-    )
-    return ProjectWarning("given-values", "", text)
+        return given, [], []
+    mistaken = explain_start(given.solution, given.start.block, _readjuster(given.start.gathered))
+    return own, mistaken, [adjuster.replaced_by(own, doubt)]
 
 
 def _readjuster(gathered: Block) -> Readjuster:
@@ -204,7 +207,7 @@ def _readjuster(gathered: Block) -> Readjuster:
     def start(changed: Block) -> Block:
         started = started_block(changed, lambda _: None)
         if started.left_out:
-            raise NotSolvableError("; ".join(started.left_out))
+            raise NotSolvableError("\n".join(map(str, started.left_out)))
         return started.block
 
     return Readjuster(gathered, start)

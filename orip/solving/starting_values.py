@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.preliminary import CameraStart, PreliminaryValues
+from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
 from orip.solving.reduced_block import without_photos
 
 _ADVICE = (
@@ -35,14 +36,15 @@ class StartedBlock:
         With starting values of all photos and points.
     gathered : Block
         The same photos and points as measured and given.
-    left_out : tuple of str
-        Photos that could not be oriented; they are not in the block.
+    left_out : tuple of ProjectWarning
+        One for each photo that could not be oriented and is not in the block: what it lacks.
     warnings : tuple of ProjectWarning
+        All others.
     """
 
     block: Block
     gathered: Block
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[ProjectWarning, ...] = ()
     warnings: tuple[ProjectWarning, ...] = ()
 
 
@@ -103,8 +105,7 @@ def _started_at(
     oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
     if missing.all() or (missing.any() and not oriented_by_chain):
         raise NotSolvableError(not_oriented(values))
-    left_out = tuple(photo.name for photo, out in zip(block.photos, missing, strict=True) if out)
-    reduced = without_photos(block, missing) if left_out else block
+    reduced = without_photos(block, missing) if missing.any() else block
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
@@ -113,16 +114,13 @@ def _started_at(
         replace(reduced, photo_orientation=orientation[~missing], cameras=cameras, preliminary=(*preliminary, *points))
     )
     findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
-    return StartedBlock(started, reduced, left_out, (*_left_out(values, left_out), *findings, *warnings))
+    left_out = tuple(_left_out(photo) for photo in compress(values.photos, missing))
+    return StartedBlock(started, reduced, left_out, (*findings, *warnings))
 
 
-def _left_out(values: PreliminaryValues, names: Sequence[str]) -> list[ProjectWarning]:
-    """Return a warning for each photo that is left out: what it lacks."""
-    reasons = {photo.name: photo.how for photo in values.photos}
-    return [
-        ProjectWarning("photo-left-out", "", f"photo {name} is left out, it could not be oriented: {reasons[name]}")
-        for name in names
-    ]
+def _left_out(photo: PhotoStart) -> ProjectWarning:
+    text = f"photo {photo.name} is left out, since it could not be oriented: {photo.how}"
+    return ProjectWarning("photo-left-out", "", text)
 
 
 def explained_preliminary_values(block: Block) -> PreliminaryValues:

@@ -42,6 +42,7 @@ def solve_watcher(terminal: Terminal) -> SolveWatcher:
     return SolveWatcher(
         oriented=partial(tell_preliminary_values, terminal),
         doubted=partial(tell_doubt, terminal),
+        replaced=lambda _values: None,
         started=partial(tell_start, terminal),
         passed=partial(tell_pass, terminal),
         stoppable=partial(stopping, terminal),
@@ -89,7 +90,7 @@ def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> No
         terminal.detail(f"         camera {camera.name}: starts with C {camera.parameters[0]:.3f}")
 
 
-def tell_doubt(terminal: Terminal, doubt: str, _values: PreliminaryValues) -> None:
+def tell_doubt(terminal: Terminal, doubt: str) -> None:
     """Say that the adjustment from given values is repeated from others, and why."""
     terminal.say(f"prelim   from the given values the adjustment {doubt}; now from orip's own preliminary values")
 

@@ -224,7 +224,13 @@ def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> Contr
 
 
 def _is_from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> bool:
-    """Return whether the cameras look up from below the control as it is given."""
+    """Return whether the cameras look up from below the control as it is given, and down in its mirror image.
+
+    The mirror image of a facade has the cameras behind it, at the same heights.
+    """
+    normal = np.linalg.svd(common.target - common.target.mean(axis=0))[2][2]
+    if abs(normal[2]) < _UPRIGHT:
+        return False
     rotations = given.similarity.rotation @ block.rotations
     heights = given.similarity.apply(block.centres)[:, 2]
     return bool(rotations[:, 2, 2].mean() <= -_UPRIGHT and heights.mean() <= common.target[:, 2].mean())

@@ -96,11 +96,11 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
         found[:] = [values]
         watcher.oriented(values)
 
-    def doubted(doubt: str, values: PreliminaryValues) -> None:
+    def replaced(values: PreliminaryValues) -> None:
         found[:] = [values]
-        watcher.doubted(doubt, values)
+        watcher.replaced(values)
 
-    return replace(watcher, oriented=oriented, doubted=doubted)
+    return replace(watcher, oriented=oriented, replaced=replaced)
 
 
 def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:
