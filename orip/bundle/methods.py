@@ -9,7 +9,8 @@ from orip.adjustment.iteration import IterationRecord
 from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import iteration_pass, solution_of
-from orip.bundle.snooping import SnoopingSettings, blunder_diagnosis, snoop, without_blunders
+from orip.bundle.snooping.findings import findings_told, without_blunders
+from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
 from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
@@ -65,8 +66,13 @@ def adjust_block(
         on_iteration(iterations[-1])
 
     advice: list[Diagnosis] = []
-    solved, blunders = _solved(block, method, numbered, stop_asked)
-    advice += blunder_diagnosis(blunders, block.ground_unit)
+    blunders: tuple[Blunder, ...] = ()
+    if method.snooping is None:
+        solved = solve_block(block, numbered, stop_asked)
+    else:
+        snooped = snoop(block, method.snooping, numbered, stop_asked)
+        solved, blunders = snooped.solved, snooped.blunders
+        advice += findings_told(solved, snooped.findings)
     if method.prune and not stop_asked():
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
@@ -82,12 +88,3 @@ def adjust_block(
         diagnosis=(*advice, *diagnose(solved)),
     )
     return solution, solved
-
-
-def _solved(
-    block: Block, method: Method, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]
-) -> tuple[SolvedBlock, tuple[Blunder, ...]]:
-    if method.snooping is None:
-        return solve_block(block, on_iteration, stop_asked), ()
-    snooped = snoop(block, method.snooping, on_iteration, stop_asked)
-    return snooped.solved, snooped.blunders

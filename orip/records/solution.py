@@ -46,7 +46,10 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True)
 class Blunder:
-    """An observation found to be wrong, in the order it was found; size and sd in the observation's unit."""
+    """An observation found to be wrong, in the order it was found; size and sd in the observation's unit.
+
+    `alternatives` names, separated by semicolons, what explains the same misfit nearly as well and was not left out.
+    """
 
     order: int
     kind: str
@@ -57,6 +60,7 @@ class Blunder:
     sd: float
     statistic: float
     limit: float
+    alternatives: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from orip.records.solution import Solution
 from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter
 from orip.report.precision import Spread, spreads
-from orip.report.trouble import SUSPICIOUS_SHARE, suspects, weak_spots
+from orip.report.trouble import suspects, weak_spots
 from orip.report.trust import Level, check_point_finding, global_test, headline, sigma0_finding
 from orip.wording import agreeing
 
@@ -24,11 +24,18 @@ USUAL_COLUMNS = 80
 LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
-_WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "not-converged", "no-redundancy", "blunder"}
+_WRONG = {
+    "datum",
+    "undetermined",
+    "same-unknown",
+    "behind",
+    "diverging",
+    "not-converged",
+    "no-redundancy",
+    "blunder",
+    "blunder-kept",
+}
 """Diagnoses of what must be corrected; the others need attention only."""
-
-_MORE_THAN_CHANCE = 1.5
-"""Factor: residuals of few photo points are correlated."""
 
 _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (3, 3, frozenset()),
@@ -148,12 +155,6 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
     found = suspects(solution)
     if not found:
         return
-    if _is_chance(solution, sum(map(len, found.values()))):
-        worst = next(iter(found))
-        yield SummaryLine(
-            "misfit", f"{counted(len(found), 'observation')}, no more than chance explains; the worst: {worst}"
-        )
-        return
     level: Level = "bad" if solution.status == "doubtful" else "caution"
     do_not_fit = f"{counted(len(found), 'observation')} {agreeing(len(found), 'does', 'do')} not fit"
     title = f"{do_not_fit}; check names, measure again, or disregard"
@@ -162,12 +163,6 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
         yield SummaryLine("", f"{name}: probably off by {', '.join(map(_kept, sizes))}")
     if len(found) > most:
         yield SummaryLine("", f"+{len(found) - most} more in {error_listing}")
-
-
-def _is_chance(solution: Solution, components: int) -> bool:
-    """Tell whether so many conspicuous components, none of them down-weighted, are to be expected of good ones."""
-    down = (solution.residuals.weight_factor < 1.0).any()
-    return not down and components <= _MORE_THAN_CHANCE * SUSPICIOUS_SHARE * solution.observations
 
 
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:

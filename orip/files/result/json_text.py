@@ -221,6 +221,7 @@ def _blunders(solution: Solution) -> list[dict[str, object]]:
             "sd": _number(row.sd),
             "statistic": _number(row.statistic),
             "limit": _number(row.limit),
+            "alternatives": row.alternatives.split("; ") if row.alternatives else [],
         }
         for row in solution.blunders
     ]

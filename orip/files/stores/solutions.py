@@ -106,6 +106,7 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
             integer("order"),
             *_texts("kind", "photo", "point", "component"),
             *_reals("size", "sd", "statistic", "limit"),
+            *_texts("alternatives"),
         ),
     ),
     "diagnosis": (Diagnosis, _list_of_solution("diagnosis", *_texts("code", "where", "text", "remedy"))),

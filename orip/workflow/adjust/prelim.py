@@ -85,10 +85,10 @@ def prelim(bundle: BundleState) -> FoundValues:
 
 
 def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome]:
-    """Take preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
+    """Write preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
 
     Of the photos the elements that are not constant take the values. Points of BUNDLE.PRE that were not computed stay,
-    and so do those without standard deviations: a user has typed them. Values that are there already are not written
+    and so do those without standard deviations: a user has typed them. Values that already exist are not written
     again.
 
     Parameters

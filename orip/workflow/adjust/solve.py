@@ -51,7 +51,7 @@ def solve(
     method: Method = PLAIN,
     expressions: Sequence[str] = (),
 ) -> Change[SolveOutcome]:
-    """Adjust one bundle and hold its gates against the solution; nothing is written.
+    """Adjust one bundle and check its gates against the solution; nothing is written.
 
     No store is locked while the iterations run. The solution names the digests of what it was computed from, so that a
     change in the meantime shows in `orip status`.

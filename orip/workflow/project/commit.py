@@ -14,11 +14,13 @@ from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
-from orip.files.text.atomic import reporting_failure
+from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_link
+from orip.files.text.lock import locked
+from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
-from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
@@ -65,7 +67,8 @@ class Change(Generic[T]):
     stored : StoredParts
         What the stores are to hold; parts that are None or not named stay as they are.
     locks : tuple of Path
-        Stores that are locked, and made where they are missing; none: the stores are not touched.
+        Stores that are locked, and made where they are missing; none: the stores are not touched, and edited texts are
+        written while orip.toml is locked.
     is_compared : bool
         The change is refused if the stores are no longer as in `state`. False for a solution, which names the digests
         of what it was computed from: a change in the meantime shows in `orip status`.
@@ -144,11 +147,12 @@ def commit(change: Change[T]) -> Committed[T]:
             changed = _write_stores(project, stores, change)
             if change.further is not None:
                 change.further(stores)
-    else:
-        _write_edited_texts(project, change.edited_texts)
+    elif change.edited_texts:
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
+            _write_edited_texts(project, change.edited_texts)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
-            backup.write_bytes(path.read_bytes())
+            replace_bytes(backup, regular_bytes(path))
     if change.outputs:
         with stage("writing the listings"):
             for output in change.outputs:
@@ -192,6 +196,8 @@ def _write_edited_texts(project: ProjectFolder, texts: tuple[EditedText, ...]) -
     for text in texts:
         if digest_of_text(text.path) != text.before:
             raise ChangedMeanwhileError(project.shown(text.path))
+        with reporting_failure(project.shown(text.path), text.remedy):
+            require_no_link(text.path)
     for text in texts:
         write_output(project, text.output())
 
