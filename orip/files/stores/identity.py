@@ -108,8 +108,8 @@ def _refuse_strangers(store: Store, application: int, version: int) -> None:
     if version < SCHEMA_VERSION:
         message = (
             f"this store was written by an older orip (schema {version}, without checksums; this one writes "
-            f"{SCHEMA_VERSION}); dump it with that orip ('orip dump'), move it away and load the dump with this one "
-            f"('orip load'), or let 'orip run' create a new one"
+            f"{SCHEMA_VERSION}); bring what was edited in it into the text with that orip ('orip export-toml'), and "
+            f"move it away: 'orip run' creates a new one"
         )
         raise InputError.single(message, str(store.path))
 

@@ -188,10 +188,7 @@ def _write_stores_and_texts(change: Change[T]) -> bool:
             if change.further is not None:
                 change.further(stores)
     elif change.edited_texts:
-        with (
-            reporting_failure(PROJECT_FILE, "nothing was written"),
-            locked(project.folder / PROJECT_FILE, PROJECT_FILE),
-        ):
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
             _write_edited_texts(project, change.edited_texts)
     return changed
 
