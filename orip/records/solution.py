@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.records.control import PointKind
+from orip.records.group_test import GroupTest
 
 Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 
@@ -183,6 +184,8 @@ def _no_correlations() -> FloatArray:
 class Solution:
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
 
+    `verdict` is the sentence that comes first where no gate failed.
+
     `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
     where a coordinate has no standard deviation; without rows they are not known.
     """
@@ -218,5 +221,7 @@ class Solution:
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    verdict: str = ""
+    groups: tuple[GroupTest, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from orip.bundle.verdict import Level, global_test, group_findings, headline, sigma0_finding
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
@@ -14,7 +15,7 @@ from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter
 from orip.report.precision import Spread, spreads
 from orip.report.trouble import suspects, weak_spots
-from orip.report.trust import Level, check_point_finding, global_test, headline, sigma0_finding
+from orip.report.trust import check_point_finding
 from orip.wording import agreeing
 
 MOST_LINES = 16
@@ -44,10 +45,10 @@ _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (2, 1, frozenset()),
     (1, 1, frozenset()),
     (1, 1, frozenset({"weak"})),
-    (1, 1, frozenset({"weak", "camera"})),
-    (1, 1, frozenset({"weak", "camera", "points", "photos"})),
+    (1, 1, frozenset({"weak", "points", "photos"})),
 )
-"""Entries of one kind, notes, and questions that only the report answers: until all fits."""
+"""Entries of one kind, notes, and questions that only the report answers: until all fits. What became of the camera is
+the purpose of a calibration, and is always told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ class SummaryLine:
 
 
 def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> tuple[SummaryLine, ...]:
-    """Return the summary of an adjustment: 16 lines of 80 columns at most.
+    """Return the summary of an adjustment: 16 lines of 80 columns at most, or longer by the lines of a camera.
 
     Parameters
     ----------
@@ -123,6 +124,8 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     status = solution.status.replace("_", " ")
     finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
+    if contradicting := group_findings(solution):
+        yield SummaryLine("", contradicting[0].remedy)
     tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else "nothing is redundant to test it"
     yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
@@ -166,7 +169,9 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
 
 
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
-    found = solution.diagnosis
+    # what comes first of all is not repeated
+    told = group_findings(solution)[:1]
+    found = [finding for finding in solution.diagnosis if finding not in told]
     for finding in found[:most]:
         yield SummaryLine("note", f"{finding.text}: {finding.remedy}", "bad" if finding.code in _WRONG else "caution")
     if len(found) > most:

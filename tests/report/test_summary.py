@@ -11,6 +11,7 @@ import pytest
 from report.sample_pages import SAMPLES, sample
 from scipy import stats
 
+from orip.bundle.group_words import CODE
 from orip.records.gate import Gate, GateResult
 from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
 from orip.report.numbers import significant
@@ -140,7 +141,10 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
         blunders=(Blunder(1, "photo", "1", "2", "x", 1.0, 0.1, 10.0, 3.3),),
     )
     lines = summary_of(wrong, *(gate(number, False) for number in range(5)))
-    assert height(lines) <= MOST_LINES
+    assert height(tuple(line for line in lines if line.label != "camera")) <= MOST_LINES
+    # what became of the camera is told, however much else there is to tell
+    assert under(lines, "camera").startswith("CAMERA0 C 35.361")
+    assert not {line.label for line in lines} & {"weak", "points", "photos"}
     assert lines[0].text == "doubtful: converged, but 1 unknown could not be determined"
     assert {"status", "sigma0", "check", "gate", "misfit", "note"} <= {line.label for line in lines}
     assert [line.level for line in lines if line.label == "note"] == ["bad"]
@@ -149,6 +153,16 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
 def test_without_redundancy_there_is_no_test() -> None:
     solution = replace(sample("dcs260_calibration").solution, redundancy=0, redundancy_used=0.0, sigma0=float("nan"))
     assert "nothing is redundant to test it" in under(summary_of(solution), "sigma0")
+
+
+def test_what_to_do_about_a_contradicting_group_follows_the_first_sentence() -> None:
+    contradicting = Diagnosis(CODE, "distances", "all distances are off by about +1.0 m", "check their unit")
+    other = Diagnosis("correlation", "", "something else", "remedy")
+    solution = replace(sample("dcs260_calibration").solution, diagnosis=(contradicting, other))
+    lines = summary_of(solution)
+    assert lines[0] == SummaryLine("status", "converged, but all distances are off by about +1.0 m", "caution")
+    assert lines[1] == SummaryLine("", "check their unit")
+    assert under(lines, "note") == "something else: remedy"
 
 
 def with_normalised_residuals(w: np.ndarray) -> Solution:
