@@ -31,6 +31,10 @@ from orip.arrays import FloatArray
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
 
+_FEW_REDUCED = 0.02
+"""Part of the weights: a few observations may be far off only because the start is, as a distance that gives the scale.
+Where no more are reduced, steps are judged by the square sum."""
+
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
 
@@ -280,7 +284,8 @@ def _lowers_cost(now: _IterationState[StateT], weights: FloatArray, normals: Sol
     """
     before, iteration = now.current.equations, len(now.records) + 1
     enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
-    if enp >= _SAME_COST_ENP or now.full_weight or not (weights < 1.0).any():
+    reduced = np.count_nonzero(weights[before.active] < 1.0)
+    if enp >= _SAME_COST_ENP or now.full_weight or reduced <= _FEW_REDUCED * np.count_nonzero(before.active):
         return True
     here = now.weighing.cost_in(before, iteration, before.residual)
     return now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here

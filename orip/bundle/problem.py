@@ -21,15 +21,15 @@ from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better
-from orip.bundle.point_moves import with_intersected_points, with_points_moved
-from orip.bundle.state import BlockState, entries_at, rotation_limit
-from orip.bundle.undetermined_points import (
+from orip.bundle.left_out_points import (
     determined_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
 )
+from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better
+from orip.bundle.point_moves import with_intersected_points, with_points_moved
+from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block

@@ -164,7 +164,7 @@ def _edited(invocation: Invocation, edit: Callable[[ProjectState], Change[Contro
 
 
 def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None:
-    """Say what became of the lines."""
+    """Print what was done to the lines."""
     verb = f"{command_name.split()[2]:<9}"
     tell_edit(terminal, verb, outcome, f"{outcome.shown} is")
     for change in outcome.changes:

@@ -55,7 +55,7 @@ class SharedOptions(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Invocation:
-    """What a command gets beside its own options: the project folder, the shared options, and how to talk."""
+    """What a command gets beside its own options: the project folder, the shared options, and how to print."""
 
     folder: Path
     options: SharedOptions

@@ -1,4 +1,4 @@
-"""What the user sees: data on stdout, talk on stderr, colour where it is wanted."""
+"""What the user sees: data on stdout, messages on stderr, colour where it is wanted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
 from orip.cli.progress_bar import ProgressBar
-from orip.errors import ProjectWarning
+from orip.errors import OripError, ProjectWarning
 from orip.progress import listening
 
 ColorChoice = Literal["auto", "always", "never"]
@@ -20,7 +20,7 @@ Style = Literal["red", "yellow", "green", "bold", "bold red", "bold yellow", "di
 
 USUAL_COLUMNS = 80
 LABEL_WIDTH = 9
-"""Columns of the word that a line of talk begins with, and of what stands below it."""
+"""Columns of the label that a line on stderr begins with; its following lines are indented by as much."""
 
 _CODES: dict[Style, str] = {
     "red": "31",
@@ -32,13 +32,13 @@ _CODES: dict[Style, str] = {
     "dim": "2",
 }
 _PLAIN = str.maketrans({"\N{NARROW NO-BREAK SPACE}": " ", "±": "+-", "−": "-", "–": "-", "°": " deg", "…": "..."})
-"""What stands for the signs that talk may have, on a terminal that knows only letters."""
+"""Replacements for the symbols in messages, on a terminal that only has ASCII."""
 _NARROWEST = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """How a command talks.
+    """How a command prints.
 
     Parameters
     ----------
@@ -58,18 +58,18 @@ class Terminal:
     _bars: list[ProgressBar] = field(default_factory=list, compare=False)
 
     def say(self, text: str, style: Style | None = None) -> None:
-        """Print a line of talk, unless quiet."""
+        """Print a line on stderr, unless quiet."""
         if not self.quiet:
             self._talk(text, style)
 
     def point(self, label: str, text: str, style: Style | None = None) -> None:
-        """Print a line of talk with its label, unless quiet; a bold style is that of the line, others of the label."""
+        """Print a line on stderr with its label, unless quiet; bold applies to the line, other styles to the label."""
         if not self.quiet:
             whole = style is None or style.startswith("bold")
             self._talk(f"{label:{LABEL_WIDTH}}{text}", style, None if whole else len(label))
 
     def detail(self, text: str) -> None:
-        """Print a line of talk if verbose."""
+        """Print a line on stderr if verbose."""
         if self.verbose:
             self.say(text, "dim")
 
@@ -87,12 +87,12 @@ class Terminal:
 
     def data(self, text: str) -> None:
         """Print data on stdout."""
-        with _reader_may_leave(sys.stdout):
+        with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
     def flush(self) -> None:
         """Hand the data on to their reader."""
-        with _reader_may_leave(sys.stdout):
+        with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.flush()
 
     def document(self, content: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Terminal:
 
     @property
     def columns(self) -> int | None:
-        """Return the width that talk has; None where it goes to no terminal, and lines are as long as they are."""
+        """Return the width of messages; None where they do not go to a terminal and lines are not broken."""
         if not sys.stderr.isatty():
             return None
         try:
@@ -147,9 +147,12 @@ class Terminal:
             lines = [self._styled(line, style, sys.stderr) for line in lines]
         else:
             lines[0] = f"{self._styled(lines[0][:styled], style, sys.stderr)}{lines[0][styled:]}"
-        with self._bars[-1].aside() if self._bars else nullcontext(), _reader_may_leave(sys.stderr):
-            sys.stderr.write("".join(f"{line}\n" for line in lines))
-            sys.stderr.flush()
+        with self._bars[-1].aside() if self._bars else nullcontext():
+            try:
+                sys.stderr.write("".join(f"{line}\n" for line in lines))
+                sys.stderr.flush()
+            except OSError:  # nobody reads it, or the disk is full: the work goes on
+                _send_nowhere(sys.stderr)
 
     def _styled(self, text: str, style: Style | None, stream: TextIO) -> str:
         if style is None or not self._has_color(stream):
@@ -168,9 +171,32 @@ def _reader_may_leave(stream: TextIO) -> Iterator[None]:
     try:
         yield
     except BrokenPipeError:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
+        _send_nowhere(stream)
+
+
+@contextmanager
+def output_taken() -> Iterator[None]:
+    """Explain that data cannot be written where stdout leads to; what still comes is not written either.
+
+    Raises
+    ------
+    OripError
+        In place of an OSError of the block.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _send_nowhere(sys.stdout)
+        message = f"the output cannot be written: {error.strerror or error}; send it to another file or disk"
+        raise OripError(message) from error
+
+
+def _send_nowhere(stream: TextIO) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def _wrapped(line: str, columns: int) -> list[str]:

@@ -75,7 +75,7 @@ def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measur
 
 
 class _Replay:
-    """The replay in hand."""
+    """A replay in progress."""
 
     def __init__(self, definitions: Definitions, start: Measured) -> None:
         self.definitions = replace(

@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
 
 Snoop = Annotated[
-    bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")
+    bool, typer.Option("--snoop", help="Search for blunders and leave them out, instead of reducing weights.")
 ]
 Sigma0 = Annotated[
     Literal["apriori", "posteriori"] | None,
@@ -20,10 +20,15 @@ Sigma0 = Annotated[
 ]
 Alpha = Annotated[
     float | None,
-    typer.Option("--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default 0.001)."),
+    typer.Option(
+        "--alpha",
+        min=1e-9,
+        max=0.5,
+        help="With --snoop: error probability of one test (default: 0.05 of all together).",
+    ),
 ]
 Prune = Annotated[
-    bool, typer.Option("--prune", help="Hold camera parameters at zero that are not significant, one after the other.")
+    bool, typer.Option("--prune", help="Hold camera parameters that are not significant at zero, one after the other.")
 ]
 Check = Annotated[
     list[str] | None,
@@ -43,16 +48,17 @@ def register(app: typer.Typer) -> None:
         alpha: Alpha = None,
         prune: Prune = False,
         check: Check = None,
+        all_photos: AllPhotos = False,
         report: Report = True,
     ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
 
-        Ctrl-C stops after the iteration in hand and keeps its result, marked as stopped.
+        Ctrl-C stops after the current iteration and keeps its result, marked as stopped.
 
         Example: orip solve --snoop --sigma0 posteriori
         """
         from orip.bundle.methods import Method
-        from orip.bundle.snooping import SnoopingSettings
+        from orip.bundle.snooping.search import SnoopingSettings
         from orip.files.result.json_text import result_text
         from orip.workflow.adjust.report import report_of
         from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
@@ -62,7 +68,7 @@ def register(app: typer.Typer) -> None:
         if not snoop and (sigma0 is not None or alpha is not None):
             message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
-        method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
+        method = Method(SnoopingSettings(sigma0 or "apriori", alpha) if snoop else None, prune)
         terminal = invocation.terminal
         with limited_threads(terminal):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
@@ -73,4 +79,4 @@ def register(app: typer.Typer) -> None:
             tell_report(terminal, commit(report_of(given.state, outcome.solution, outcome.gates)).outcome)
         if terminal.json:
             terminal.data(result_text(outcome.solution))
-        raise typer.Exit(exit_code(outcome))
+        raise typer.Exit(exit_code(outcome, all_wanted=all_photos))

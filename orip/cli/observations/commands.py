@@ -45,8 +45,8 @@ def _register_list(group: typer.Typer) -> None:
     def list_command(
         invocation: Invocation,
         bundle: BundleOption = None,
-        photo: Annotated[str | None, typer.Option("--photo", help="That photo alone.")] = None,
-        point: Annotated[str | None, typer.Option("--point", help="That point alone.")] = None,
+        photo: Annotated[str | None, typer.Option("--photo", help="Only that photo.")] = None,
+        point: Annotated[str | None, typer.Option("--point", help="Only that point.")] = None,
         every: Annotated[bool, typer.Option("--all", help="All that is measured.")] = False,
         partners: Annotated[bool, typer.Option("--partners", help="Also the photos that show these points.")] = False,
     ) -> None:

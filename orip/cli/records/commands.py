@@ -174,7 +174,7 @@ def _edited(
 
 
 def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None:
-    """Say what became of the records."""
+    """Print what was done to the records."""
     verb = f"{command_name.split()[1]:<8}"
     tell_edit(terminal, verb, outcome, "the records are")
     for change in outcome.changes:

@@ -1,4 +1,4 @@
-"""Gates: those of orip.toml and of the command line, held against a solution."""
+"""Gates: those of orip.toml and of the command line, checked against a solution."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def gates_from(expressions: Iterable[str]) -> tuple[Gate, ...]:
 
 
 def check_solution(solution: Solution, gates: Iterable[Gate | str]) -> tuple[GateResult, ...]:
-    """Hold gates against a solution; texts are those of a command line.
+    """Check gates of a command line against a solution.
 
     A gate whose figure is unknown, NaN or infinite fails.
 

@@ -82,7 +82,7 @@ class UpdateOutcome:
 
 
 def update(bundle: BundleState, what: What, names: Sequence[str] = (), *, force: bool = False) -> Change[UpdateOutcome]:
-    """Take the values of the last adjustment as preliminary values, those of its unknowns alone.
+    """Take the values of the last adjustment as preliminary values, but only those of its unknowns.
 
     Cameras and photos go into their stores, where they count as changed against orip.toml; points into BUNDLE.PRE.
 

@@ -268,7 +268,7 @@ class _Digitising:
         self._has_changed |= xy is not None or (outcome == "skipped" and self._sheet.again)
 
     def lines(self) -> list[str]:
-        """Return the lines of the log's block; none as long as all is as it was."""
+        """Return the lines of the log's block; none as long as nothing has changed."""
         if not self._has_changed:
             return []
         marks = self.marks()

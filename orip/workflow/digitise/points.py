@@ -106,7 +106,7 @@ def _nothing_to_digitise(points: BundlePoints) -> ProjectWarning:
 
 
 class _Digitising:
-    """The points of a session: what was measured before or is by now, and the blocks of the chapter in hand."""
+    """The points of a session: what was measured before or is by now, and the blocks of the current chapter."""
 
     def __init__(self, session: Session, points: BundlePoints, viewing: Viewing, *, again: bool) -> None:
         self._session, self._points, self._viewing, self._again = session, points, viewing, again

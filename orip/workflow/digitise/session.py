@@ -72,7 +72,7 @@ class Decision(NamedTuple):
 
 @dataclass
 class Session:
-    """A session in hand.
+    """A session in progress.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ class PointChoice:
     Parameters
     ----------
     photos : tuple of str
-        In these photos alone; none: in any.
+        Only in these photos; none: in any.
     model : str or None
-        In the photos of this model alone.
+        Only in the photos of this model.
     points : tuple of str
         These points; none: all that are (with `again`) measured, or by the last adjustment are to be seen and not
         measured yet.

@@ -53,14 +53,14 @@ def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite:
     Raises
     ------
     UsageError
-        If the file is there already and may not be replaced.
+        If the file already exists and may not be replaced.
     InputError
         If nothing is measured, or a measurement file is at fault.
     """
     require_observations(bundle)
     path = None if output is None else bundle.project.folder / output
     if path is not None and path.exists() and not overwrite:
-        message = f"{output} is there already; name another file, or replace it with --force"
+        message = f"{output} already exists; name another file, or replace it with --force"
         raise UsageError(message)
     points = _points_to_measure(bundle)
     text = todo_text(points, bundle.name, bundle.solution.run if bundle.solution else None)

@@ -14,11 +14,14 @@ from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
-from orip.files.text.atomic import reporting_failure
+from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_link
+from orip.files.text.lock import locked
+from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
-from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
+from orip.workflow.project.leftovers import remove_leftovers_of_kills
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
@@ -65,7 +68,8 @@ class Change(Generic[T]):
     stored : StoredParts
         What the stores are to hold; parts that are None or not named stay as they are.
     locks : tuple of Path
-        Stores that are locked, and made where they are missing; none: the stores are not touched.
+        Stores that are locked, and made where they are missing; none: the stores are not touched, and edited texts are
+        written while orip.toml is locked.
     is_compared : bool
         The change is refused if the stores are no longer as in `state`. False for a solution, which names the digests
         of what it was computed from: a change in the meantime shows in `orip status`.
@@ -80,7 +84,7 @@ class Change(Generic[T]):
     superseded : tuple of Path
         Files that are removed after the commit, as far as that is possible.
     restores_outputs : bool
-        Outputs that are not of the last commit are written again, and leftovers of killed runs are removed.
+        Outputs that are not of the last commit are written again.
     """
 
     state: ProjectState
@@ -135,20 +139,11 @@ def commit(change: Change[T]) -> Committed[T]:
     OripError
         If a file cannot be written.
     """
-    project, changed = change.state.project, False
-    if change.locks:
-        with stage("writing the stores"), writing(change.locks) as stores:
-            if change.is_compared:
-                _require_unchanged(change.state, stores)
-            _write_edited_texts(project, change.edited_texts)
-            changed = _write_stores(project, stores, change)
-            if change.further is not None:
-                change.further(stores)
-    else:
-        _write_edited_texts(project, change.edited_texts)
+    project = change.state.project
+    changed = _write_stores_and_texts(change)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
-            backup.write_bytes(path.read_bytes())
+            replace_bytes(backup, regular_bytes(path))
     if change.outputs:
         with stage("writing the listings"):
             for output in change.outputs:
@@ -158,6 +153,8 @@ def commit(change: Change[T]) -> Committed[T]:
             path.unlink(missing_ok=True)
     if change.restores_outputs:
         rewrite_stale_outputs(project)
+    if change.locks or change.edited_texts or change.outputs:
+        remove_leftovers_of_kills(project)
     return Committed(change.outcome, changed)
 
 
@@ -179,6 +176,23 @@ def carry_out(state: S, command: Callable[[S], Change[T]]) -> Committed[T]:
     return commit(command(state))
 
 
+def _write_stores_and_texts(change: Change[T]) -> bool:
+    """Write stores, and the texts that are edited with them; tell whether the stores have changed."""
+    project, changed = change.state.project, False
+    if change.locks:
+        with stage("writing the stores"), writing(change.locks) as stores:
+            if change.is_compared:
+                _require_unchanged(change.state, stores)
+            _write_edited_texts(project, change.edited_texts)
+            changed = _write_stores(project, stores, change)
+            if change.further is not None:
+                change.further(stores)
+    elif change.edited_texts:
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
+            _write_edited_texts(project, change.edited_texts)
+    return changed
+
+
 def _require_unchanged(state: ProjectState, stores: Stores) -> None:
     parts = _COMPARED & state.parts
     now = read_stored(state.project, stores, parts, state.bundles)
@@ -192,6 +206,8 @@ def _write_edited_texts(project: ProjectFolder, texts: tuple[EditedText, ...]) -
     for text in texts:
         if digest_of_text(text.path) != text.before:
             raise ChangedMeanwhileError(project.shown(text.path))
+        with reporting_failure(project.shown(text.path), text.remedy):
+            require_no_link(text.path)
     for text in texts:
         write_output(project, text.output())
 

@@ -15,7 +15,7 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.text_output import EditedText, TextOutput, digest_of_text
 from orip.workflow.project.texts import raise_complaints
 
-_REMEDY = "it is as it was"
+_REMEDY = "the file is unchanged"
 
 
 @dataclass(frozen=True, slots=True)

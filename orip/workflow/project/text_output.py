@@ -61,7 +61,7 @@ def write_output(project: ProjectFolder, output: TextOutput) -> None:
     Raises
     ------
     OripError
-        If it cannot be written; it is then as it was.
+        If it cannot be written; it is unchanged then.
     """
     with reporting_failure(project.shown(output.path), output.remedy):
         replace_text_in_pieces(output.path, output.pieces())

@@ -93,7 +93,7 @@ def bound(
 ) -> StoredDefinitions:
     """Return the records of an edited document as the stores should hold them.
 
-    A record whose table is as it was stays what it is; an edited one stays bound to the text that it came from, so that
+    A record whose table is unchanged stays what it is; an edited one stays bound to the text that it came from, so that
     `orip init` knows it as changed in the store. One of a new name has no text.
     """
 

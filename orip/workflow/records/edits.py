@@ -34,7 +34,7 @@ class EditedDocument:
     document : document of orip.toml
     renaming : Renaming or None
     known : str
-        Not empty: the record was there already, and this is to be said if it is not the very same.
+        Not empty: the record already existed; what to say if the two differ.
     faults : tuple of str
         What was wrong with the words that values were given in.
     """
@@ -162,13 +162,13 @@ def bundle_of_models(document: Mapping[str, Any], name: str | None) -> TomlTable
 
 
 def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str | None) -> EditedDocument:
-    """Put a record into its list; one of that name that is there already is replaced, for comparison."""
+    """Put a record into its list; one of that name that already exists is replaced, for comparison."""
     bundle = bundle_of_models(document, record.bundle) if record.kind == "model" else None
     tables: list[TomlTable] = bundle.setdefault("model", []) if bundle is not None else document[record.kind]
     for known in tables:
         if record_key(known["name"]) == record_key(record.name):
             message = (
-                f"{record.kind} {known['name']} is there already, with other values; change it with "
+                f"{record.kind} {known['name']} already exists with other values; change it with "
                 f"'orip {record.kind} edit', or choose another name"
             )
             kept = {key: known[key] for key in ("model",) if key in known and key not in table}
@@ -213,5 +213,5 @@ def _refuse_known(document: TomlTable, record: RecordName, name: str) -> None:
         place = find(document, RecordName(record.kind, name, record.bundle))
     except UsageError:
         return
-    message = f"{record.kind} {place.table['name']} is there already; choose another name, or delete it first"
+    message = f"{record.kind} {place.table['name']} already exists; choose another name, or delete it first"
     raise InputError.single(message)

@@ -13,6 +13,7 @@ from orip.files.project.text import project_document
 from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.commit import Change
@@ -25,7 +26,7 @@ from orip.workflow.records.document import checked, stored_definition
 
 T = TypeVar("T", bound=NamedRecord)
 
-_REMEDY = "it is as it was"
+_REMEDY = "the file is unchanged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
         return Change(state, ExportedToml(project, text, path, changed=False, backup=None, warnings=warnings))
     if there is not None and not force:
         shown = project.shown(path)
-        message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
+        message = f"{shown} already exists with another text; write over it with --force (it is kept as .bak)"
         raise UsageError(message)
     backup = None if there is None else _free_name(path)
     outcome = ExportedToml(project, text, path, changed=True, backup=backup, warnings=warnings)
@@ -101,7 +102,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
 
 
 def _own(project: ProjectFolder, stored: StoredDefinitions) -> StoredDefinitions:
-    """Return the records of this project alone."""
+    """Return only the records of this project."""
     cameras = {record_key(photo.record.camera) for photo in stored.photos}
     temticks = {record_key(template.record.temtick) for template in stored.templates}
 
@@ -161,10 +162,10 @@ def _not_applied(project: ProjectFolder, stored: StoredDefinitions) -> Iterator[
 def _bytes_of(project: ProjectFolder, path: Path) -> bytes | None:
     """Return what is in a file; None if there is none."""
     with reporting_failure(project.shown(path), _REMEDY):
-        return path.read_bytes() if path.exists() else None
+        return regular_bytes(path) if path.exists() else None
 
 
 def _free_name(path: Path) -> Path:
     """Return a name for what is in the way: FILE.bak, FILE.bak2, ..."""
     names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in range(1, 10_000))
-    return next(name for name in names if not name.exists())
+    return next(name for name in names if not (name.exists() or name.is_symlink()))
