@@ -199,7 +199,9 @@ def test_distances_and_directions(project: Path) -> None:
     said = done(project, "distances add D from=1 to=Q code=xy distance=120.5 a=0.01", "--json")
     assert [each["text"] for each in said.document["warnings"]] == ["point 'Q' is not measured in any photo"]
     said = orip(project, "control", "distances", "kill", "D 1 Q")
-    assert said.code == 0
+    assert said.code == 2
+    assert "Kill D 1 Q of distances? Say so with --yes" in said.err
+    assert orip(project, "control", "distances", "kill", "D 1 Q", "--yes").code == 0
     done(project, "distances disregard D")
     done(project, "directions add S station=1 target=2 direction=12.5 a=0.001 zenith=90 azenith=0.002")
     done(project, "directions disregard S")
