@@ -25,7 +25,9 @@ PreferOption = Annotated[
 SampleOption = Annotated[
     bool, typer.Option("--sample", help="Write the sample project NAME into DIR; without a name, list them.")
 ]
-SampleName = Annotated[str | None, typer.Argument(metavar="NAME", help="Make a project of that name; with --sample: which one.")]
+SampleName = Annotated[
+    str | None, typer.Argument(metavar="NAME", help="Make a project of that name; with --sample: which one.")
+]
 SampleFolder = Annotated[
     Path | None, typer.Argument(metavar="DIR", help="The folder of the project that is made; default ./NAME.")
 ]

@@ -48,7 +48,7 @@ def tell_sample(terminal: Terminal, written: SampleWritten) -> None:
 def tell_made(terminal: Terminal, made: ProjectMade) -> None:
     """Say which project was made, and the command that comes next."""
     next_command = f"orip{_option(made.folder)} camera add NAME c=..."
-    terminal.say(f"wrote    {made.folder / "orip.toml"}: project {made.name}")
+    terminal.say(f"wrote    {made.folder / 'orip.toml'}: project {made.name}")
     terminal.say(f"next     {next_command}", "bold")
     if terminal.json:
         document = {"command": "init", "project": made.name, "folder": str(made.folder), "next": next_command}
