@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
+from orip.interior.orientation import OrientationError
 from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.names import record_key
 from orip.records.photo import Photo
@@ -105,7 +106,13 @@ class MeasuredPoints:
         self.remeasured += again
 
     def edit(self, bundle: str, record: EditRecord) -> int:
-        """Disregard, include or kill points; return how many the edit finds."""
+        """Disregard, include, kill or rename points; return how many the edit finds.
+
+        Raises
+        ------
+        OrientationError
+            If a point would get the name of another one of its photo.
+        """
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
         found = 0
@@ -117,6 +124,8 @@ class MeasuredPoints:
             found += int(np.count_nonzero(chosen))
             if record.action == "KILL":
                 photos[key] = points.where(~chosen)
+            elif record.new_name is not None:
+                photos[key] = _renamed(points, record.name, record.new_name, key)
             else:
                 flags = np.where(chosen, record.action == "DISREGARD", points.disregarded)
                 photos[key] = replace(points, disregarded=flags)
@@ -136,6 +145,15 @@ class MeasuredPoints:
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
+
+
+def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> PointsOfPhoto:
+    if new_name in points.names and new_name != name:
+        message = (
+            f"point {name} of photo {photo} cannot be renamed: {new_name} is measured there, too; kill one of them"
+        )
+        raise OrientationError(message)
+    return replace(points, names=tuple(new_name if found == name else found for found in points.names))
 
 
 def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto]:
