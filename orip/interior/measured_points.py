@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.interior.orientation import OrientationError
 from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.names import record_key
 from orip.records.photo import Photo
@@ -110,7 +109,7 @@ class MeasuredPoints:
 
         Raises
         ------
-        OrientationError
+        ValueError
             If a point would get the name of another one of its photo.
         """
         photos = self._bundles.get(bundle, {})
@@ -152,7 +151,7 @@ def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> Poi
         message = (
             f"point {name} of photo {photo} cannot be renamed: {new_name} is measured there, too; kill one of them"
         )
-        raise OrientationError(message)
+        raise ValueError(message)
     return replace(points, names=tuple(new_name if found == name else found for found in points.names))
 
 
