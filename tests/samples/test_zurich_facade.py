@@ -1,4 +1,4 @@
-"""The facade of the Zurich City Hall alone, with an unknown camera: its given orientations lead the adjustment astray."""
+"""The facade of the Zurich City Hall alone, with an unknown camera: given orientations lead the adjustment astray."""
 
 from __future__ import annotations
 
