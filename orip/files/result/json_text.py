@@ -42,6 +42,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "schema": SCHEMA,
         "run": solution.run,
         "project": solution.project,
+        "user": solution.user,
         "bundle": solution.bundle,
         "status": solution.status,
         "verdict": solution.verdict,
