@@ -66,6 +66,24 @@ def explain_misfit(solution: Solution, started: Block, readjuster: Readjuster) -
     return found[:_MOST_WARNINGS]
 
 
+def explain_start(solution: Solution, started: Block, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what was probably mistaken in given preliminary values that led an adjustment astray.
+
+    Parameters
+    ----------
+    solution : Solution
+        That of the given values.
+    started : Block
+        As its adjustment started.
+    readjuster : Readjuster
+    """
+    if not readjuster.is_worthwhile:
+        return []
+    tried = hypotheses_of_misfit(solution, started, readjuster)
+    of_start = (hypothesis for hypothesis in tried if hypothesis.concerns_start)
+    return _best_explanation(of_start, fit_of_solution(solution), readjuster)
+
+
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
     """Return what probably keeps a block from being adjusted at all.
 

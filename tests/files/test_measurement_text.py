@@ -96,6 +96,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
     [
         ("POINTS M P\n1 2 3,5", ":2:5: ", "decimal comma; write a decimal point: 3.5"),
         ("POINTS M P\n1 nan 3", ":2:3: ", "'nan' is not allowed"),
+        ("POINTS M P\n1 1e308 3", ":2:3: ", "'1e308' is too large for a number"),
         ("POINTS M P\n1 1_0 3", ":2:3: ", "'1_0' is not a number"),
         ("POINTS M P\n1 2", ":2: ", "a coordinate is missing; a line of POINTS M P is: name x y"),
         ("POINTS M P\n1 2 -", ":2: ", "a coordinate is missing"),

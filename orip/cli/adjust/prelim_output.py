@@ -9,7 +9,7 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import NotSolvableError
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.wording import first_names
+from orip.wording import counted, first_names
 
 if TYPE_CHECKING:
     from orip.records.preliminary import (
@@ -53,8 +53,10 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
         terminal.say("update   unchanged: photos and points have these values already")
     else:
         terminal.say("update   nothing: no photo is oriented absolutely")
+    preliminary = project.shown(project.preliminary(outcome.given.bundle))
+    if outcome.typed:
+        terminal.say(f"kept     {counted(outcome.typed, 'point')} of {preliminary} typed by hand (no sX sY sZ)")
     if outcome.others:
-        preliminary = project.shown(project.preliminary(outcome.given.bundle))
         terminal.say(f"kept     {outcome.others} points of {preliminary} that were not computed")
     terminal.say(f"wrote    {project.shown(outcome.listing)}")
 
@@ -120,11 +122,12 @@ def similarity_document(found: SimilaritySteps) -> dict[str, Any]:
     }
 
 
-def absolute_document(values: PreliminaryValues) -> dict[str, Any]:
+def absolute_document(values: PreliminaryValues, ground_unit: str) -> dict[str, Any]:
     """Return the absolute orientation; null where there is none."""
+    unit = {"scale_unit": f"{ground_unit}/m", "shift_unit": ground_unit}
     return {
         "command": "prelim absolute",
-        "absolute": None if values.absolute is None else _step(values.absolute),
+        "absolute": None if values.absolute is None else {**_step(values.absolute), **unit},
         "findings": list(values.findings),
     }
 

@@ -57,6 +57,12 @@ class ProjectFolder:
         return self.folder / PROJECT_FILE
 
     @property
+    def title(self) -> str:
+        """Return the names of project and user on one line, as texts without a title block have them."""
+        user = f", {self.definition.user}" if self.definition.user else ""
+        return f"Project {self.definition.name}{user}"
+
+    @property
     def bundle_names(self) -> tuple[str, ...]:
         """Return the names of the bundles of orip.toml."""
         return tuple(bundle.name for bundle in self.definition.bundles)
