@@ -119,7 +119,8 @@ def _policy(script: str) -> str:
 def _source() -> bytes:
     from plotly.offline import get_plotlyjs
 
-    return get_plotlyjs().encode()
+    source: str = get_plotlyjs()
+    return source.encode()
 
 
 @cache
