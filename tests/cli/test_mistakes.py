@@ -44,7 +44,7 @@ def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
         (("init", "--prefer", "both"), "'both' is not one of 'text', 'store'; see 'orip init --help'"),
         (("results",), "Missing argument 'WHAT'"),
         (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'residuals'"),
-        (("solve", "NIX"), "there is no bundle 'NIX' in orip.toml; its bundles are: MAIN"),
+        (("solve", "NIX"), "there is no bundle 'NIX'; the project's bundles are: MAIN"),
         (("dump", "orip.toml"), "is no record store: stores end in .CAM"),
     ],
 )
