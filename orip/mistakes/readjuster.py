@@ -16,7 +16,7 @@ from orip.records.camera import Camera
 _MOST_PHOTO_POINTS = 20_000
 """In larger blocks further adjustments would take longer than a user wants to wait."""
 
-_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera"}
+_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo"}
 """Codes of warnings that explain the misfit that follows from them."""
 
 

@@ -125,10 +125,10 @@ def solve_gathered(gathered: GatheredBlock, method: Method = PLAIN, watcher: Sol
             adjusted = adjust_block(block, method, gathered.ground_unit, watcher.passed, stop_asked)
     except NotSolvableError as error:
         missing = [photo.name for values in found for photo in values.photos if photo.rotation is None]
-        causes = explain_failure(readjuster, missing)
+        causes = explain_failure(readjuster, missing, gathered.ground_unit)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     solution = adjusted.solution
-    explained = () if solution.status == "stopped" else explain_misfit(solution, block, readjuster)
+    explained = () if solution.status == "stopped" else explain_misfit(adjusted, block, readjuster)
     warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return SolvedGathered(replace(solution, warnings=rows), adjusted.solved, found[0] if found else None)

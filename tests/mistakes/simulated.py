@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.bundle.assemble import with_starting_values
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import ProjectWarning
 from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
+from orip.solving.starting_values import started_block
 
 
 def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list[ProjectWarning]:
@@ -21,11 +21,11 @@ def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list
     gathered = replace(block, point_start=np.full_like(block.point_start, np.nan))
 
     def start(other: Block) -> Block:
-        return with_starting_values(other, ())[0]
+        return started_block(other, (), lambda _: None)[0]
 
     started = start(gathered)
-    solution = adjust_block(started, Method(), "m", lambda _: None, lambda: False).solution
-    return explain_misfit(solution, started, Readjuster(gathered, start, block.cameras, found_before))
+    adjusted = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
+    return explain_misfit(adjusted, started, Readjuster(gathered, start, block.cameras, found_before))
 
 
 def with_camera(block: Block, *values: tuple[int, float]) -> Block:

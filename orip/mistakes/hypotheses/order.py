@@ -5,28 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from orip.bundle.methods import AdjustedBlock
 from orip.mistakes.doubted_observations import (
     down_weighted_share,
     is_in_the_picture,
     photos_by_misfit,
     points_by_misfit,
 )
-from orip.mistakes.fit_comparison import Fit, fit_of_solution, is_good
+from orip.mistakes.fit_comparison import Fit, fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.angle_units import angle_units
 from orip.mistakes.hypotheses.camera_parameters import distortion_of_lens, distortion_sign, principal_point_sign
 from orip.mistakes.hypotheses.control_coordinates import control_axes, control_units, mirrored_control
+from orip.mistakes.hypotheses.control_of_free_network import control_of_free_network
 from orip.mistakes.hypotheses.direction_units import direction_units
 from orip.mistakes.hypotheses.error_units import control_error_units, measurement_precision_units
 from orip.mistakes.hypotheses.exchanged_photos import exchanged_photos
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
+from orip.mistakes.hypotheses.misread_photos import misread_photos
 from orip.mistakes.hypotheses.other_cameras import other_cameras
 from orip.mistakes.hypotheses.principal_distance import other_principal_distance
+from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
 from orip.mistakes.hypotheses.released_control import released_control
+from orip.mistakes.hypotheses.unknown_orientations import orientations_wrong_as_a_whole, unknown_orientations
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.camera import Camera
-from orip.records.solution import Solution
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2
@@ -35,22 +38,28 @@ _MUCH_CONTROL = 0.2
 _PHOTOS, _CONTROL_POINTS = 2, 3
 """Photos and control points that are tried one by one, those that fit worst."""
 
+_LEFT_OUT = 8
+"""Photos that are left out one by one."""
 
-def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjuster) -> Iterator[Hypothesis]:
+
+def hypotheses_of_misfit(adjusted: AdjustedBlock, started: Block, readjuster: Readjuster) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block does not fit.
 
     Parameters
     ----------
-    solution : Solution
+    adjusted : AdjustedBlock
     started : Block
         As its adjustment started.
     readjuster : Readjuster
     """
-    block, given = readjuster.block, fit_of_solution(solution)
+    block, solution, given = readjuster.block, adjusted.solution, fit_of_adjustment(adjusted.solved)
     # cameras and directions hardly influence the preliminary orientations: those found before serve again
     oriented = replace(block, photo_orientation=started.photo_orientation)
     fits = is_good(given)
     if not fits:
+        yield from reduced_pictures(block)
+        yield from measurement_precision_units(block)
+        yield from unknown_orientations(block)
         if readjuster.is_oriented and (solution.status == "not_converged" or is_in_the_picture(solution)):
             yield from mirrored_photos(block)
             yield from exchanged_photos(block)
@@ -58,7 +67,10 @@ def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjus
             yield from control_axes(block)
             yield from control_units(block)
         yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS], readjuster.cameras)
+        yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT])
+        yield from control_of_free_network(readjuster, solution.ground_unit)
         yield from _of_cameras(oriented)
+        yield from orientations_wrong_as_a_whole(block)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
         yield from mirrored_control(block)
     if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
@@ -67,20 +79,29 @@ def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjus
         yield from released_control(block, _worst_constant_control(block, given), solution.ground_unit)
 
 
-def hypotheses_of_failure(block: Block, not_oriented: Sequence[str], cameras: Sequence[Camera]) -> Iterator[Hypothesis]:
+def hypotheses_of_failure(
+    readjuster: Readjuster, not_oriented: Sequence[str], ground_unit: str
+) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block cannot be adjusted at all.
 
     Parameters
     ----------
-    block : Block
+    readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
-    cameras : sequence of Camera
-        All of the project.
+    ground_unit : str
     """
+    block = readjuster.block
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
-    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else (), cameras)
+    yield from reduced_pictures(block)
+    yield from unknown_orientations(block)
+    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else (), readjuster.cameras)
+    names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
+    yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
+    yield from control_of_free_network(readjuster, ground_unit)
+    yield from _of_cameras(block)
+    yield from orientations_wrong_as_a_whole(block)
 
 
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:

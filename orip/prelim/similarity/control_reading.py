@@ -101,7 +101,7 @@ def other_reading(
     expected = _EXPECTED * float(np.median(common.errors(given.similarity)))
     if given.misfit > expected and mirrored.misfit < _BETTER * given.misfit:
         changes = _changes(block, names, mirrored.similarity, centres)
-        side = _side(mirrored.similarity.rotation @ block.rotations)
+        side = camera_side(mirrored.similarity.rotation @ block.rotations)
         count = len(common.source)
         return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
     if given.misfit > expected:
@@ -186,7 +186,7 @@ def _known_centres(
     return np.array([row for row, _ in pairs]), np.array([position for _, position in pairs])
 
 
-def _side(rotations: FloatArray) -> float:
+def camera_side(rotations: FloatArray) -> float:
     """Return 1 where photos look down or stand upright, -1 where they look up or stand on their head, else 0.
 
     The third and second columns of the rotations tell; a mirrored photo has the same ones.

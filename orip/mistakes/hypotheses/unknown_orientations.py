@@ -1,0 +1,55 @@
+"""Given orientations that are wrong: the block as if they were not given, and how they differ from what is found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.after_adjustment.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
+from orip.mistakes.given_orientations import (
+    ComparedOrientations,
+    compared_orientations,
+    misgiven_as_a_whole,
+    misgiven_orientations,
+)
+from orip.mistakes.hypotheses.hypothesis import Findings, Hypothesis
+from orip.records.block import Block
+
+
+def unknown_orientations(block: Block) -> Iterator[Hypothesis]:
+    """Yield a block without its given orientations: a few of them, or their unit, are wrong."""
+    yield from _released(block, partial(_few, block=block))
+
+
+def orientations_wrong_as_a_whole(block: Block) -> Iterator[Hypothesis]:
+    """Yield the same, to be told where nothing else explains why the given orientations do not fit."""
+    yield from _released(block, lambda solved: misgiven_as_a_whole(_compared(solved, block)))
+
+
+def _released(block: Block, findings: Findings) -> Iterator[Hypothesis]:
+    given = np.isfinite(block.photo_orientation)
+    held = np.array([bool(photo.constant) for photo in block.photos])
+    if not given[~held].any():
+        return
+    released = np.where(held[:, None], block.photo_orientation, np.nan)
+    changed = replace(block, photo_orientation=released)
+    yield Hypothesis(changed, findings, lambda solved: bool(findings(solved)), concerns_start=True)
+
+
+def _few(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
+    """Return how the orientations as given differ from those found."""
+    for factor in ANGLE_UNITS:
+        if is_nearer(block.photo_orientation[:, 3:], factor, solved.state.rotations):
+            return [ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))]
+    return misgiven_orientations(_compared(solved, block))
+
+
+def _compared(solved: SolvedBlock, block: Block) -> ComparedOrientations:
+    place = solved.block.point_index()
+    points = solved.state.points[[place[name] for name in block.point_names]]
+    return compared_orientations(block, solved.state.centres, solved.state.rotations, points)
