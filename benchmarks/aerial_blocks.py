@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera
 from orip.records.control import ControlPoint
 from orip.records.photo import Photo
@@ -60,7 +60,7 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
         photo_orientation=start,
         point_names=names,
         point_start=ground + 3.0 * random.normal(size=ground.shape),
-        photo_points=PhotoPoints(photo, point, xy, np.full(xy.shape, NOISE_MM), np.ones(xy.shape, dtype=bool)),
+        photo_points=IndexedPhotoPoints(photo, point, xy, np.full(xy.shape, NOISE_MM), np.ones(xy.shape, dtype=bool)),
         constant_points=np.zeros((len(ground), 3), dtype=bool),
         control_points=tuple(
             ControlPoint(names[index], tuple((ground[index] + 0.05 * random.normal(size=3)).tolist()), (0.05,) * 3)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition, Precision
@@ -60,7 +60,7 @@ def bal_block(path: Path) -> Block:
         photo_orientation=np.hstack([centres, angles_from_rotation(np.swapaxes(rotations, 1, 2))]),
         point_names=tuple(map(str, range(points))),
         point_start=ground,
-        photo_points=PhotoPoints(
+        photo_points=IndexedPhotoPoints(
             observations[:, 0].astype(np.int64), observations[:, 1].astype(np.int64), xy,
             np.ones(xy.shape), np.ones(xy.shape, dtype=bool),
         ),

@@ -74,6 +74,10 @@ class UsageError(OripError):
     exit_code = 2
 
 
+class NoFolderError(UsageError):
+    """The project folder does not exist, or is none."""
+
+
 class UnknownNameError(UsageError, KeyError):
     """There is nothing of that name in a solution; it is a KeyError too, as of any mapping.
 
@@ -118,6 +122,10 @@ class InputError(OripError):
     def single(cls, message: str, path: str = "", line: int | None = None, column: int | None = None) -> InputError:
         """Return an error with one complaint."""
         return cls([Complaint(message, path, line, column)])
+
+
+class NoProjectError(InputError):
+    """A folder holds no project."""
 
 
 class NotSolvableError(OripError):

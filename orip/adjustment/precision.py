@@ -101,6 +101,30 @@ def variance_of_unit_weight(
     )
 
 
+def residual_cofactor(redundancy_number: FloatArray, weight_factor: FloatArray) -> FloatArray:
+    """Return var(v) / σ² of residuals, for sigma0 = 1.
+
+    By propagation of errors of variance σ² through v = (A Q A^T W - I) e it is 1 + h - 2 wf h - wf (1 - wf) h² with
+    h = (1 - r) / wf, which is r (r + h): r for an observation with full weight, more for a down-weighted one. What
+    other down-weighted observations take off it, wf (1 - wf) times the square of what they share, is left out.
+
+    Parameters
+    ----------
+    redundancy_number, weight_factor : arrays (n,)
+        r and wf.
+
+    Returns
+    -------
+    array (n,)
+        NaN where one of the two is NaN, or where the weight factor is not positive.
+    """
+    weight = np.where(weight_factor > 0.0, weight_factor, np.nan)
+    # the figures of an adjustment that diverged may overflow; they are printed as they are
+    with np.errstate(over="ignore", invalid="ignore"):
+        leverage = np.clip(1.0 - redundancy_number, 0.0, None) / weight
+        return np.asarray(redundancy_number * (redundancy_number + leverage))
+
+
 def _root_of_mean(square_sum: float, redundancy: float) -> float:
     # a redundancy that is zero within rounding gives no information about the observations
     return float(np.sqrt(square_sum / redundancy)) if redundancy > 1e-6 else float("nan")

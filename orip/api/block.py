@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from orip.api.gathering import Given, gathered_block
+from orip.api.gathering import Given, block_input
 from orip.api.given import (
     Camera,
     ControlPoints,
@@ -20,7 +20,8 @@ from orip.api.given import (
 from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
 from orip.records.solution import IterationPass
-from orip.solving.solve import NOBODY, solve_gathered
+from orip.solving.gathering import gather_bundle
+from orip.solving.solve import NOBODY, solve
 
 
 class Block:
@@ -113,12 +114,12 @@ class Block:
             crs,
             settings,
         )
-        self._gathered = gathered_block(given)
+        self._gathered = gather_bundle(block_input(given))
         self.warnings = self._gathered.warnings
         """What is doubtful in what was given; `Solution.warnings` has it too."""
 
     def __repr__(self) -> str:
-        block = self._gathered.block
+        block = self._gathered
         counts = f"{len(block.photos)} photos, {len(block.point_names)} points"
         return f"<Block {block.definition.name}: {counts}, {len(block.photo_points.photo)} photo points>"
 
@@ -136,7 +137,7 @@ class Block:
         Parameters
         ----------
         snoop : bool
-            Search blunders and leave them out, instead of reducing weights.
+            Search for blunders and leave them out, instead of reducing weights.
         sigma0 : {"apriori", "posteriori"}, optional
             With `snoop`: sigma0 is 1 (the default), or estimated.
         alpha : float, optional
@@ -160,5 +161,4 @@ class Block:
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune)
         with one_thread():
-            solved = solve_gathered(self._gathered, method, watcher)
-        return Solution(solved.solution, solved.solved)
+            return Solution(*solve(self._gathered, method, watcher))

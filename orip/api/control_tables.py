@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -52,58 +53,22 @@ def control_points(given: ControlPoints | None) -> Records[ControlPoint]:
 
 def elements(given: Elements | None) -> Records[ControlElement]:
     """Return observed elements."""
-    if given is None:
-        return Parsed(())
-    columns = Columns("elements")
-    words = [
-        columns.names("name", given.name),
-        columns.names("group", given.group, may_be_one=True),
-        columns.names("kind", given.kind, may_be_one=True),
-    ]
-    numbers = [
-        columns.array("value", given.value),
-        columns.array("error", given.error, may_be_one=True),
-    ]
-    return _table(columns, ("name", "group", "kind"), words, ("value", "error"), numbers, parse_elements)
+    return _table("elements", given, ("name", "group", "kind"), ("value", "error"), parse_elements)
 
 
 def distances(given: Distances | None) -> Records[ControlDistance]:
     """Return distances."""
-    if given is None:
-        return Parsed(())
-    columns = Columns("distances")
-    words = [
-        columns.names("name", given.name),
-        columns.names("start", given.start),
-        columns.names("end", given.end),
-        columns.names("code", given.code, may_be_one=True),
-    ]
-    numbers = [columns.array("distance", given.distance), columns.array("error", given.error, may_be_one=True)]
-    return _table(columns, ("name", "start", "end", "code"), words, ("distance", "error"), numbers, parse_distances)
+    return _table("distances", given, ("name", "start", "end", "code"), ("distance", "error"), parse_distances)
 
 
 def directions(given: Directions | None) -> Records[ControlDirection]:
     """Return theodolite directions; a zenith angle that is NaN was not observed."""
-    if given is None:
-        return Parsed(())
-    columns = Columns("directions")
-    words = [
-        columns.names("set", given.set),
-        columns.names("station", given.station),
-        columns.names("target", given.target),
-    ]
-    headings = ["direction", "error"]
-    numbers = [columns.array("direction", given.direction), columns.array("error", given.error, may_be_one=True)]
-    if given.zenith is not None or given.zenith_error is not None:
-        headings += ["zenith", "zenith_error"]
-        nothing = np.nan
-        numbers += [
-            columns.array("zenith", nothing if given.zenith is None else given.zenith, may_be_one=True),
-            columns.array(
-                "zenith_error", nothing if given.zenith_error is None else given.zenith_error, may_be_one=True
-            ),
-        ]
-    return _table(columns, ("set", "station", "target"), words, headings, numbers, parse_directions)
+    zeniths: tuple[str, ...] = ("zenith", "zenith_error")
+    if given is not None:
+        observed = any(getattr(given, column) is not None for column in zeniths)
+        given = replace(given, **{column: np.nan for column in zeniths if getattr(given, column) is None})
+        zeniths = zeniths if observed else ()
+    return _table("directions", given, ("set", "station", "target"), ("direction", "error", *zeniths), parse_directions)
 
 
 def preliminary_points(given: PreliminaryPoints | None) -> Records[PreliminaryPoint]:
@@ -122,25 +87,31 @@ def preliminary_points(given: PreliminaryPoints | None) -> Records[PreliminaryPo
     return _read(columns, rows, parse_preliminary)
 
 
+_MAY_BE_ONE = frozenset({"group", "kind", "code", "error", "zenith", "zenith_error"})
+"""Columns that may be one word or number, valid for all rows."""
+
+
 def _table(
-    columns: Columns,
-    names: Sequence[str],
-    words: Sequence[list[str] | None],
-    headings: Sequence[str],
-    numbers: Sequence[FloatArray | None],
+    table: str,
+    given: Elements | Distances | Directions | None,
+    words: Sequence[str],
+    numbers: Sequence[str],
     parse: Callable[[Parsed[list[str]], str], Records[Record]],
 ) -> Records[Record]:
     """Read a table whose columns have one word or number a row; zenith angles that are NaN are left out."""
-    listed: list[Any] = [
-        *words,
-        *(None if column_values is None else column_values.tolist() for column_values in numbers),
-    ]
+    if given is None:
+        return Parsed(())
+    columns = Columns(table)
+    listed: list[Any] = [columns.names(name, getattr(given, name), may_be_one=name in _MAY_BE_ONE) for name in words]
+    for name in numbers:
+        found = columns.array(name, getattr(given, name), may_be_one=name in _MAY_BE_ONE)
+        listed.append(None if found is None else found.tolist())
     if any(column is None for column in listed):
         return Parsed((), tuple(columns.complaints))
     rows = []
     for row in zip(*listed, strict=True):
         texts = [text if isinstance(text, str) else repr(text) for text in row]
-        fields = [_Field(column, None, text) for column, text in zip((*names, *headings), texts, strict=True)]
+        fields = [_Field(column, None, text) for column, text in zip((*words, *numbers), texts, strict=True)]
         unobserved = [field.text for field in fields if field.column.startswith("zenith")] == ["nan", "nan"]
         rows.append(fields[:-2] if unobserved else fields)
     return _read(columns, rows, parse)

@@ -20,6 +20,7 @@ from orip.api.given import (
     Photos,
     PreliminaryPoints,
 )
+from orip.bundle.assemble import BlockInput
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import checked_tables
 from orip.files.project.records import project_definition
@@ -32,8 +33,6 @@ from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.project import ProjectDefinition
-from orip.solving.gathering import gather_bundle
-from orip.solving.solve import GatheredBlock
 from orip.wording import listed_names
 from orip.workflow.records.apply_text import with_polynomial
 
@@ -72,8 +71,8 @@ class Given:
     settings: Mapping[str, Any]
 
 
-def gathered_block(given: Given) -> GatheredBlock:
-    """Check all that is given, and gather it.
+def block_input(given: Given) -> BlockInput:
+    """Check all that is given, and return what a block is gathered from.
 
     Raises
     ------
@@ -93,7 +92,7 @@ def gathered_block(given: Given) -> GatheredBlock:
     if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
     control = Control(points.value, elements.value, distances.value, directions.value)
-    return _gathered(definition, observations.value, control, preliminary.value, points.warnings)
+    return _block_input(definition, observations.value, control, preliminary.value, points.warnings)
 
 
 def _wrong_tables(given: Given) -> Iterator[Complaint]:
@@ -107,13 +106,13 @@ def _wrong_tables(given: Given) -> Iterator[Complaint]:
             yield Complaint(f"is {shown_token(repr(table))}; an orip.{kind.__name__} is needed", name)
 
 
-def _gathered(
+def _block_input(
     definition: ProjectDefinition,
     observations: PhotoObservations,
     control: Control,
     preliminary: tuple[PreliminaryPoint, ...],
     warnings: tuple[ProjectWarning, ...],
-) -> GatheredBlock:
+) -> BlockInput:
     cameras = tuple(map(with_polynomial, definition.cameras))
     (bundle,) = definition.bundles
     records = Definitions(
@@ -126,7 +125,7 @@ def _gathered(
     measured = Measured(observations={record_key(bundle.name): observations})
     interior = interior_orientation(records, measured)
     unit, crs = definition.ground_unit, definition.crs
-    return gather_bundle(bundle, records, measured, interior, control, preliminary, unit, crs, warnings)
+    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings)
 
 
 # cameras, photos and settings, as the tables of orip.toml

@@ -18,8 +18,9 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.records.solution import IterationPass
+from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY
-from orip.workflow.adjust.gathering import gathered_block
+from orip.workflow.adjust.gathering import block_input
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure, measure_step
 from orip.workflow.project.bundle_state import BundleState
@@ -122,7 +123,7 @@ class Project:
             If there is no such bundle.
         """
         given = self._bundle(bundle)
-        found, measured = gathered_block(given).block.photo_points, given.observations
+        found, measured = gather_bundle(block_input(given)).photo_points, given.observations
         pixels = [given.records.camera_of(given.records.photos[record_key(name)]).sensor for name in measured.photos]
         in_pixels = np.array([sensor is not None for sensor in pixels], dtype=np.bool_)[:, None]
         return PhotoPoints(

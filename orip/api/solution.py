@@ -195,7 +195,7 @@ class Solution:
     def save(self) -> None:
         """Keep the solution in the stores of its project, and write listings, result.json and residuals.csv.
 
-        A solution that was read from its project is there already, and nothing is written.
+        A solution that was read from its project is already saved, and nothing is written.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.starting_points import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.geometry.plane import PlaneTransformation
 from orip.interior.additional_parameters import base_of_camera
-from orip.records.block import Block, PhotoPoints, TheodoliteSet
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
+from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import Control, ControlElement, PreliminaryPoint
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project import BundleDefinition
@@ -30,29 +31,36 @@ class BlockInput:
     Parameters
     ----------
     definition : BundleDefinition
-    cameras, photos : mappings by `record_key`
-    to_photo : mapping by `record_key` of the photo
-        Stored coordinates to photo millimetres, for photos with an interior orientation.
-    pixel_sizes : mapping by `record_key` of the photo
-        mm in x and y, for photos with a sensor or scan.
-    observations : PhotoObservations
+    records : Definitions
+        All cameras and photos.
+    measured : Measured
+        With the photo observations of the bundle.
+    interior : Interior
+        That of the records and measurements.
     control : Control
-    preliminary : sequence of PreliminaryPoint
+        All of the project.
+    preliminary : tuple of PreliminaryPoint
     ground_unit : str
     crs : str or None
         The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
+    warnings : tuple of ProjectWarning
+        What is known to be doubtful already.
     """
 
     definition: BundleDefinition
-    cameras: Mapping[str, Camera]
-    photos: Mapping[str, Photo]
-    to_photo: Mapping[str, PlaneTransformation]
-    pixel_sizes: Mapping[str, tuple[float, float]]
-    observations: PhotoObservations
+    records: Definitions
+    measured: Measured
+    interior: Interior
     control: Control
-    preliminary: Sequence[PreliminaryPoint]
+    preliminary: tuple[PreliminaryPoint, ...] = ()
     ground_unit: str = "m"
     crs: str | None = None
+    warnings: tuple[ProjectWarning, ...] = ()
+
+    @property
+    def observations(self) -> PhotoObservations:
+        """Return the photo observations of the bundle."""
+        return self.measured.observations[record_key(self.definition.name)]
 
 
 def gather(inputs: BlockInput) -> Block:
@@ -83,14 +91,14 @@ def gather(inputs: BlockInput) -> Block:
     if complaints:
         raise InputError(tuple(complaints))
     block = _block_in_project(keys, inputs)
-    if complaints := frame_complaints(block, inputs.preliminary):
+    if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
     return photos_in_frame(block)
 
 
-def with_starting_values(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
+def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
-    block, warnings = with_starting_points(block, preliminary)
+    block, warnings = with_starting_points(block)
     block = replace(block, theodolites=theodolite_sets(block))
     return constants_in_frame(block), warnings
 
@@ -126,18 +134,22 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
         distances=ground.distances,
         directions=ground.directions,
         ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, orientation[:, :3]),
+        preliminary=inputs.preliminary,
+        ground_unit=inputs.ground_unit,
+        defined_cameras=tuple(inputs.records.cameras.values()),
+        warnings=inputs.warnings,
     )
 
 
 def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
     complaints = []
     for key in keys:
-        photo = inputs.photos.get(key)
+        photo = inputs.records.photos.get(key)
         if photo is None:
             text = f"photo {key} has photo points but is not defined any more; run 'orip measure', or define it again"
             complaints.append(Complaint(text))
             continue
-        if key not in inputs.to_photo:
+        if key not in inputs.interior.to_photo:
             text = (
                 f"photo {photo.name} has photo points but no interior orientation; measure its fiducial marks "
                 f"(PHOTO {photo.name} A ... in a .MEA file)"
@@ -148,7 +160,7 @@ def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint
         if unplaced:
             text = f"photo {photo.name} has {', '.join(unplaced)} constant, but without a value; give it in orip.toml"
             complaints.append(Complaint(text))
-        if inputs.definition.measurement_precision.unit == "px" and key not in inputs.pixel_sizes:
+        if inputs.definition.measurement_precision.unit == "px" and key not in inputs.interior.pixel_sizes:
             text = f"measurement_precision is in px, but photo {photo.name} has neither sensor nor scan; give it in mm"
             complaints.append(Complaint(text))
     return complaints
@@ -156,8 +168,8 @@ def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint
 
 def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
     """Return a complaint for each camera whose parameter set cannot be scaled, since it has no frame."""
-    photos = [inputs.photos[key] for key in keys if key in inputs.photos]
-    cameras = (inputs.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
+    photos = [inputs.records.photos[key] for key in keys if key in inputs.records.photos]
+    cameras = (inputs.records.cameras[key] for key in dict.fromkeys(record_key(photo.camera) for photo in photos))
     return [
         Complaint(
             f"camera {camera.name} has set = {camera.additional_set} but no frame to scale it to; "
@@ -170,9 +182,9 @@ def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
 
 def _with_constant_elements(keys: Sequence[str], inputs: BlockInput) -> tuple[tuple[Photo, ...], tuple[Camera, ...]]:
     """Return photos and their cameras with observed elements as starting values, constant where the error is 0."""
-    photos = tuple(_photo_with_elements(inputs.photos[key], inputs.control.elements) for key in keys)
+    photos = tuple(_photo_with_elements(inputs.records.photos[key], inputs.control.elements) for key in keys)
     camera_keys = dict.fromkeys(record_key(photo.camera) for photo in photos)
-    cameras = tuple(_camera_with_elements(inputs.cameras[key], inputs.control.elements) for key in camera_keys)
+    cameras = tuple(_camera_with_elements(inputs.records.cameras[key], inputs.control.elements) for key in camera_keys)
     return photos, cameras
 
 
@@ -271,7 +283,7 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
     return tuple(sets)
 
 
-def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> PhotoPoints:
+def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> IndexedPhotoPoints:
     observations = inputs.observations
     key_place = {key: place for place, key in enumerate(keys)}
     photo_place = {name: key_place[record_key(name)] for name in dict.fromkeys(observations.photos)}
@@ -283,10 +295,10 @@ def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: Block
     precision = inputs.definition.measurement_precision
     by_photo = np.split(np.argsort(photo, kind="stable"), np.cumsum(np.bincount(photo, minlength=len(keys)))[:-1])
     for rows, key in zip(by_photo, keys, strict=True):
-        xy[rows] = inputs.to_photo[key].apply(observations.measured[rows])
-        unit = np.array(inputs.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
+        xy[rows] = inputs.interior.to_photo[key].apply(observations.measured[rows])
+        unit = np.array(inputs.interior.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
         default[rows] = precision.value * unit
     own = ~np.isnan(observations.errors)
     error = np.where(own, np.abs(observations.errors), default)
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
-    return PhotoPoints(photo, point, xy, error, used)
+    return IndexedPhotoPoints(photo, point, xy, error, used)

@@ -21,7 +21,7 @@ _LEVEL_PHI = 0.001
 """Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
 
 
-class AdjustedPhotos(NamedTuple):
+class PhotoResults(NamedTuple):
     """Values and standard deviations (n, 6), ground unit and degrees, and whose rotations are about the axes (n,)."""
 
     values: FloatArray
@@ -29,14 +29,14 @@ class AdjustedPhotos(NamedTuple):
     about_axes: BoolArray
 
 
-class AdjustedPoints(NamedTuple):
+class PointResults(NamedTuple):
     """Values and standard deviations (n, 3), ground unit."""
 
     values: FloatArray
     sd: FloatArray
 
 
-def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
+def adjusted_points(solved: SolvedBlock) -> PointResults:
     """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
     local = solved.state.points
     sd = _place_deviations(solved, solved.problem.unknowns.points, local)
@@ -44,10 +44,10 @@ def adjusted_points(solved: SolvedBlock) -> AdjustedPoints:
     for element in solved.block.constant_elements:
         if element.group == "POINT":
             sd[index[element.name], "XYZ".index(element.kind)] = np.nan
-    return AdjustedPoints(solved.block.ground.to_project(local), sd)
+    return PointResults(solved.block.ground.to_project(local), sd)
 
 
-def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
+def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
     """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
     state, ground = solved.state, solved.block.ground
     centres = ground.to_project(state.centres)
@@ -66,7 +66,7 @@ def adjusted_photos(solved: SolvedBlock) -> AdjustedPhotos:
     for element in solved.block.constant_elements:
         if element.group == "PHOTO":
             sd[row_of[record_key(element.name)], PHOTO_PARAMETERS.index(element.kind)] = np.nan
-    return AdjustedPhotos(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, about_axes)
+    return PhotoResults(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, about_axes)
 
 
 def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:

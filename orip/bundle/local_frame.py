@@ -18,7 +18,7 @@ from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block
-from orip.records.control import ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.control import ControlElement, ControlPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 
@@ -58,16 +58,16 @@ def ground_system(
     return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
 
 
-def frame_complaints(block: Block, preliminary: Sequence[PreliminaryPoint]) -> list[Complaint]:
+def frame_complaints(block: Block) -> list[Complaint]:
     """Return the complaints of what the frame cannot hold; photos still have the project's coordinates."""
     if block.ground is PLAIN:
         return []
     names = [f"photo {photo.name}" for photo in block.photos]
     names += [f"control point {point.name}" for point in block.control_points]
-    names += [f"preliminary point {point.name}" for point in preliminary]
+    names += [f"preliminary point {point.name}" for point in block.preliminary]
     given = [tuple(centre) for centre in block.photo_orientation[:, :3].tolist()]
     given += [point.coordinates for point in block.control_points]
-    given += [point.coordinates for point in preliminary]
+    given += [point.coordinates for point in block.preliminary]
     xyz = np.array(given, dtype=np.float64)
     outside = np.isfinite(xyz).all(axis=1) & np.isnan(block.ground.to_local(xyz)).any(axis=1)
     complaints = [

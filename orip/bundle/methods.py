@@ -31,24 +31,9 @@ class Method:
     prune: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class AdjustedBlock:
-    """An adjustment in the user's names and units, with diagnosis, and the block as it was solved last.
-
-    Project, user, inputs, warnings, interior and run of the solution are for the caller to fill in.
-    """
-
-    solution: Solution
-    solved: SolvedBlock
-
-
 def adjust_block(
-    block: Block,
-    method: Method,
-    ground_unit: str,
-    on_iteration: Callable[[IterationPass], None],
-    stop_asked: Callable[[], bool],
-) -> AdjustedBlock:
+    block: Block, method: Method, on_iteration: Callable[[IterationPass], None], stop_asked: Callable[[], bool]
+) -> tuple[Solution, SolvedBlock]:
     """Adjust a block by a method.
 
     Parameters
@@ -56,8 +41,6 @@ def adjust_block(
     block : Block
         With starting values; its definition holds the settings.
     method : Method
-    ground_unit : str
-        The project's.
     on_iteration : callable
         Called after each iteration; those of successive adjustments are numbered consecutively.
     stop_asked : callable
@@ -65,7 +48,10 @@ def adjust_block(
 
     Returns
     -------
-    AdjustedBlock
+    solution : Solution
+        In the user's names and units, diagnosed. Project, user, inputs, warnings, interior and run are empty.
+    solved : SolvedBlock
+        As it was adjusted last.
 
     Raises
     ------
@@ -80,7 +66,7 @@ def adjust_block(
 
     advice: list[Diagnosis] = []
     solved, blunders = _solved(block, method, numbered, stop_asked)
-    advice += blunder_diagnosis(blunders, ground_unit)
+    advice += blunder_diagnosis(blunders, block.ground_unit)
     if method.prune and not stop_asked():
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
@@ -91,12 +77,11 @@ def adjust_block(
     solution = replace(
         solution,
         status="stopped" if cut_short else solution.status,
-        ground_unit=ground_unit,
         iterations=tuple(iterations),
         blunders=blunders,
         diagnosis=(*advice, *diagnose(solved)),
     )
-    return AdjustedBlock(solution, solved)
+    return solution, solved
 
 
 def _solved(

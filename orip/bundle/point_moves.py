@@ -133,7 +133,7 @@ def moves_to_consensus(
 
 
 def _move(design: FloatArray, residual: FloatArray, limit: float) -> FloatArray | None:
-    """Return the move (3,) to the position that most of n rays agree on; None if the point is there already.
+    """Return the move (3,) to the position that most of n rays agree on; None if it already exists.
 
     `design` (n, 2, 3) and `residual` (n, 2) are in units of the a-priori errors.
     """

@@ -13,7 +13,7 @@ from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.compiled.photo_loop import PhotoLoop, is_compiled, photo_loop
+from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
@@ -49,7 +49,7 @@ class BlockProblem:
     observations: tuple[Observations, ...]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
-    streamed: tuple[PhotoLoop, BlockProblem] | None = None
+    streamed: tuple[PhotoPointLoop, BlockProblem] | None = None
 
     @property
     def layout(self) -> Layout:
@@ -94,7 +94,7 @@ class BlockProblem:
         counts = np.concatenate([keep.sum(axis=1) for keep in kept])
         return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
-    def _streamed(self, state: BlockState, loop: PhotoLoop, others: BlockProblem) -> Equations:
+    def _streamed(self, state: BlockState, loop: PhotoPointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
         staying = loop.staying()
@@ -159,7 +159,7 @@ def pose_problem(block: Block) -> BlockProblem:
     return _freed(problem, block) if block.is_free_network else problem
 
 
-def _arranged(problem: BlockProblem, loop: PhotoLoop, others: BlockProblem) -> BlockProblem:
+def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
     layout = problem.layout
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]

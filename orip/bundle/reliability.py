@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.adjustment.precision import residual_cofactor
 from orip.records.solution import Reliability, Residuals
 
 NON_CENTRALITY = 4.132
@@ -24,9 +25,10 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
     Returns
     -------
     Reliability
-        Internal: 4.13 a / sqrt(r), with a the a-priori error. External: 4.13 sqrt((1 - r) / r), the influence of such
-        an error on any function of the unknowns, in units of its standard deviation. The deviation of the adjusted
-        observation is sigma0 a sqrt(h), with h = (1 - r) / weight factor.
+        Internal: 4.13 a sqrt(q) / r, with a the a-priori error and q = var(v) / a² (`residual_cofactor`). External:
+        4.13 wf sqrt(h q) / r, the influence of such an error on any function of the unknowns, in units of its standard
+        deviation, with h = (1 - r) / wf. With full weight they are 4.13 a / sqrt(r) and 4.13 sqrt((1 - r) / r). The
+        deviation of the adjusted observation is sigma0 a sqrt(h).
     """
     number = residuals.redundancy_number
     testable = np.where(number > _TESTABLE, number, np.nan)
@@ -34,8 +36,9 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
     factor = np.where(residuals.weight_factor > 0.0, residuals.weight_factor, np.nan)
     # the figures of an adjustment that diverged may overflow; they are printed as they are
     with np.errstate(over="ignore", invalid="ignore"):
+        detected = NON_CENTRALITY * np.sqrt(residual_cofactor(testable, factor)) / testable
         return Reliability(
-            minimal_detectable_bias=NON_CENTRALITY * residuals.a_priori / np.sqrt(testable),
-            external=NON_CENTRALITY * np.sqrt(share / testable),
+            minimal_detectable_bias=residuals.a_priori * detected,
+            external=detected * np.sqrt(factor * share),
             adjusted_sd=deviation_scale * residuals.a_priori * np.sqrt(share / factor),
         )

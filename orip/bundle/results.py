@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.precision import residual_cofactor
 from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
@@ -44,7 +45,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         project="",
         user="",
         bundle=block.definition.name,
-        ground_unit="",
+        ground_unit=block.ground_unit,
         run="",
         status=_status(solved),
         sigma0=variance.sigma0,
@@ -118,6 +119,7 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
+    weight_factors = solved.weight_factors * taking_part
     standard = np.abs(residual) / error
     return Residuals(
         kind=tuple(part.kind.name for part in rows for _ in part.photo),
@@ -128,9 +130,9 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         residual=residual,
         a_priori=error,
         standard_residual=standard,
-        weight_factor=solved.weight_factors * taking_part,
+        weight_factor=weight_factors,
         redundancy_number=numbers,
-        w=standard / (solved.deviation_scale * np.sqrt(testable)),
+        w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
     )
 
 

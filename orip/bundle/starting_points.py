@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,12 @@ from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
-from orip.records.control import PreliminaryPoint
 
 _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""
 
 
-def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) -> tuple[Block, list[ProjectWarning]]:
+def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given.
 
     Photos are in the local frame already; control and preliminary points have the project's coordinates.
@@ -30,7 +28,7 @@ def with_starting_points(block: Block, preliminary: Sequence[PreliminaryPoint]) 
     for point in block.control_points:
         if None not in point.coordinates:
             start[place[point.name]] = point.coordinates
-    for given in preliminary:
+    for given in block.preliminary:
         if given.name in place:
             start[place[given.name]] = given.coordinates
     start = block.ground.to_local(start)

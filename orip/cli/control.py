@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orip.cli.confirm import require_confirmation
-from orip.cli.editing import DryRunOption, YesOption, edit_document, tell_edit
+from orip.cli.editing import BundleOption, DryRunOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
@@ -31,9 +31,6 @@ Values = Annotated[
     list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= removes it.")
 ]
 BeforeOption = Annotated[str, typer.Option("--before", metavar="NAME", help="Before this one.")]
-BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Of preliminary coordinates; needed only where there are several.")
-]
 AllOption = Annotated[bool, typer.Option("--all", help="All lines of the file.")]
 
 _ABOUT: dict[ControlKind, tuple[str, str]] = {
@@ -93,64 +90,48 @@ def _register_list(group: typer.Typer, kind: ControlKind) -> None:
 
 def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
     def add(
-        invocation: Invocation, name: str, values: list[str] | None, before: str | None, bundle: str | None, dry: bool
+        invocation: Invocation, name: str, values: list[str] | None, before: str | None, options: EditOptions
     ) -> None:
         from orip.workflow.control.edits import add_control
 
-        edit = partial(add_control, kind=kind, name=name, words=values or (), before=before, bundle=bundle, dry_run=dry)
-        outcome = _edited(invocation, edit)
-        tell(invocation.terminal, f"control {kind} add", outcome)
+        edit = partial(add_control, kind=kind, name=name, words=values or (), before=before, **options._asdict())
+        tell(invocation.terminal, f"control {kind} add", _edited(invocation, edit))
 
     @command(group, "add")
-    def add_command(
-        invocation: Invocation,
-        name: NewName,
-        values: Values = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
+    def add_command(invocation: Invocation, name: NewName, options: EditOptions, values: Values = None) -> None:
         """Add a line at the end."""
-        add(invocation, name, values, None, bundle, dry_run)
+        add(invocation, name, values, None, options)
 
     @command(group, "insert")
     def insert_command(
         invocation: Invocation,
         name: NewName,
         before: BeforeOption,
+        options: EditOptions,
         values: Values = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
     ) -> None:
         """Add a line before another one."""
-        add(invocation, name, values, before, bundle, dry_run)
+        add(invocation, name, values, before, options)
 
 
 def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
     @command(group, "edit")
-    def edit_command(
-        invocation: Invocation,
-        name: Name,
-        values: Values = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
+    def edit_command(invocation: Invocation, name: Name, options: EditOptions, values: Values = None) -> None:
         """Change values of a line; what is not named stays."""
         from orip.workflow.control.edits import edit_control
 
-        edit = partial(edit_control, kind=kind, name=name, words=values or (), bundle=bundle, dry_run=dry_run)
-        outcome = _edited(invocation, edit)
-        tell(invocation.terminal, f"control {kind} edit", outcome)
+        edit = partial(edit_control, kind=kind, name=name, words=values or (), **options._asdict())
+        tell(invocation.terminal, f"control {kind} edit", _edited(invocation, edit))
 
 
 def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
     @command(group, "kill")
     def kill_command(
         invocation: Invocation,
+        options: EditOptions,
         names: SomeNames = None,
         everything: AllOption = False,
         yes: YesOption = False,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
     ) -> None:
         """Take lines out. Comments on lines of their own stay."""
         from orip.workflow.control.edits import kill_control
@@ -158,11 +139,10 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
         if bool(names) == everything:
             message = "name what to kill, or write --all and no name"
             raise UsageError(message)
-        if everything and not dry_run:
+        if everything and not options.dry_run:
             require_confirmation(f"Kill all {kind}?", yes)
-        edit = partial(kill_control, kind=kind, names=names or (), bundle=bundle, dry_run=dry_run)
-        outcome = _edited(invocation, edit)
-        tell(invocation.terminal, f"control {kind} kill", outcome)
+        edit = partial(kill_control, kind=kind, names=names or (), **options._asdict())
+        tell(invocation.terminal, f"control {kind} kill", _edited(invocation, edit))
 
 
 def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weighting, text: str) -> None:
@@ -170,8 +150,7 @@ def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weight
         from orip.workflow.control.edits import weight_control
 
         edit = partial(weight_control, kind=kind, weighting=weighting, names=names, dry_run=dry_run)
-        outcome = _edited(invocation, edit)
-        tell(invocation.terminal, f"control {kind} {weighting}", outcome)
+        tell(invocation.terminal, f"control {kind} {weighting}", _edited(invocation, edit))
 
     weight.__doc__ = text
     command(group, weighting)(weight)
@@ -185,7 +164,7 @@ def _edited(invocation: Invocation, edit: Callable[[ProjectState], Change[Contro
 
 
 def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None:
-    """Say what became of the lines."""
+    """Print what was done to the lines."""
     verb = f"{command_name.split()[2]:<9}"
     tell_edit(terminal, verb, outcome, f"{outcome.shown} is")
     for change in outcome.changes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import typer
 
@@ -17,6 +17,20 @@ if TYPE_CHECKING:
 
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")]
+BundleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bundle",
+        help="Bundle of a model, of photo points or of preliminary coordinates; needed only where there are several.",
+    ),
+]
+
+
+class EditOptions(NamedTuple):
+    """Options of every command that edits."""
+
+    bundle: BundleOption = None
+    dry_run: DryRunOption = False
 
 
 def tell_edit(terminal: Terminal, verb: str, outcome: EditOutcome, unchanged: str) -> None:

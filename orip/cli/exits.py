@@ -10,9 +10,15 @@ from contextlib import contextmanager
 import typer
 
 from orip.cli.terminal import ColorChoice, Terminal
-from orip.errors import INTERRUPTED, InputError, OripError, UsageError
+from orip.errors import INTERRUPTED, InputError, NoFolderError, NoProjectError, OripError, UsageError
 
 _TRACEBACK_VARIABLE = "ORIP_TRACEBACK"
+
+_ADVICE: dict[type[OripError], str] = {
+    NoFolderError: "name a project's folder with -C DIR",
+    NoProjectError: "go to the project's folder, name it with -C DIR, or begin with a sample: orip init --sample",
+}
+"""What to do about errors that options of the command line help with; the API raises them too, and has no options."""
 
 
 @contextmanager
@@ -56,19 +62,20 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
 
 def _report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> None:
     complaints = error.complaints if isinstance(error, InputError) else ()
+    advice = f"; {_ADVICE[type(error)]}" if type(error) in _ADVICE else ""
     if terminal.json:
         rows = [
             {
                 "file": complaint.path or None,
                 "line": complaint.line,
                 "column": complaint.column,
-                "message": complaint.message,
+                "message": f"{complaint.message}{advice}",
             }
             for complaint in complaints
-        ] or [{"file": None, "line": None, "column": None, "message": str(error)}]
+        ] or [{"file": None, "line": None, "column": None, "message": f"{error}{advice}"}]
         terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
     for text in [str(complaint) for complaint in complaints] or [str(error)]:
-        terminal.error(text)
+        terminal.error(f"{text}{advice}")
     if len(complaints) > 1:
         terminal.say(f"{len(complaints)} errors; nothing was written")
 

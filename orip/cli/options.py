@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import typer
 
@@ -32,6 +32,8 @@ BundleOption = Annotated[
 ]
 """Which bundle, of the commands whose arguments are other names."""
 
+G = TypeVar("G", bound=NamedTuple)
+
 
 class SharedOptions(NamedTuple):
     """The shared options as given in one place; False and None: not given there."""
@@ -53,7 +55,7 @@ class SharedOptions(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Invocation:
-    """What a command gets beside its own options: the project folder, the shared options, and how to talk."""
+    """What a command gets beside its own options: the project folder, the shared options, and how to print."""
 
     folder: Path
     options: SharedOptions
@@ -63,20 +65,24 @@ class Invocation:
 def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function ``f(invocation, ...)`` as a command that also takes the shared options.
 
-    Errors of orip end the command with their message and exit code. Settings are those of typer's commands.
+    A parameter that is a named tuple stands for the options that are its fields. Errors of orip end the command with
+    their message and exit code. Settings are those of typer's commands.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(function, eval_str=True)
+
         @functools.wraps(function)
         def run(context: typer.Context, **given: Any) -> None:
             before: Invocation = context.obj
-            late = SharedOptions(*(given.pop(key) for key in SharedOptions._fields))
-            options = before.options.then(late)
+            options = before.options.then(_taken(SharedOptions, given))
             invocation = Invocation(before.folder, options, options.terminal())
+            for name, group in _groups(own):
+                given[name] = _taken(group, given)
             with exit_on_error(invocation.terminal), invocation.terminal.progress():
                 function(invocation, **given)
 
-        _give_signature(run, inspect.signature(function, eval_str=True))
+        _give_signature(run, own)
         app.command(name, **settings)(run)
         return run
 
@@ -90,7 +96,7 @@ def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Calla
         @functools.wraps(function)
         def run(context: typer.Context, **given: Any) -> None:
             before: Invocation = context.obj
-            options = before.options.then(SharedOptions(*(given.pop(key) for key in SharedOptions._fields)))
+            options = before.options.then(_taken(SharedOptions, given))
             context.obj = Invocation(before.folder, options, options.terminal())
             if context.invoked_subcommand is None:
                 with exit_on_error(context.obj.terminal), context.obj.terminal.progress():
@@ -115,9 +121,35 @@ def _with_shared_options(own: inspect.Signature) -> inspect.Signature:
     keyword = inspect.Parameter.KEYWORD_ONLY
     context = inspect.Parameter("context", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
     _session, *parameters = own.parameters.values()
-    hints = get_type_hints(SharedOptions, include_extras=True)
-    shared = [
-        inspect.Parameter(key, keyword, default=SharedOptions._field_defaults[key], annotation=hints[key])
-        for key in SharedOptions._fields
+    groups = dict(_groups(own))
+    expanded = [context]
+    for parameter in parameters:
+        if parameter.name in groups:
+            expanded += _fields(groups[parameter.name])
+        else:
+            expanded.append(parameter.replace(kind=keyword))
+    return inspect.Signature([*expanded, *_fields(SharedOptions)])
+
+
+def _groups(own: inspect.Signature) -> Iterator[tuple[str, type[Any]]]:
+    """Yield the parameters that stand for several options, with their named tuples."""
+    for parameter in own.parameters.values():
+        kind = parameter.annotation
+        if isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
+            yield parameter.name, kind
+
+
+def _fields(group: type[Any]) -> list[inspect.Parameter]:
+    """Return the fields of a named tuple of options as parameters."""
+    hints = get_type_hints(group, include_extras=True)
+    return [
+        inspect.Parameter(
+            key, inspect.Parameter.KEYWORD_ONLY, default=group._field_defaults[key], annotation=hints[key]
+        )
+        for key in group._fields
     ]
-    return inspect.Signature([context, *(parameter.replace(kind=keyword) for parameter in parameters), *shared])
+
+
+def _taken(group: type[G], given: dict[str, Any]) -> G:
+    """Take the options of a named tuple out of what was given."""
+    return group(*(given.pop(key) for key in group._fields))

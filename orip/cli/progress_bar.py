@@ -20,7 +20,7 @@ _BESIDES = 48
 
 
 class ProgressBar:
-    """The outermost stage of the work in hand, with the time it has taken.
+    """The outermost stage of the current work, with the time it has taken.
 
     The bar appears from a thread of its own: a stage that tells nothing until it ends has one, too.
 

@@ -1,4 +1,4 @@
-"""What the user sees: data on stdout, talk on stderr, colour where it is wanted."""
+"""What the user sees: data on stdout, messages on stderr, colour where it is wanted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Style = Literal["red", "yellow", "green", "bold", "bold red", "bold yellow", "di
 
 USUAL_COLUMNS = 80
 LABEL_WIDTH = 9
-"""Columns of the word that a line of talk begins with, and of what stands below it."""
+"""Columns of the label that a line on stderr begins with; its following lines are indented by as much."""
 
 _CODES: dict[Style, str] = {
     "red": "31",
@@ -32,13 +32,13 @@ _CODES: dict[Style, str] = {
     "dim": "2",
 }
 _PLAIN = str.maketrans({"\N{NARROW NO-BREAK SPACE}": " ", "±": "+-", "−": "-", "–": "-", "°": " deg", "…": "..."})
-"""What stands for the signs that talk may have, on a terminal that knows only letters."""
+"""Replacements for the symbols in messages, on a terminal that only has ASCII."""
 _NARROWEST = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """How a command talks.
+    """How a command prints.
 
     Parameters
     ----------
@@ -58,18 +58,18 @@ class Terminal:
     _bars: list[ProgressBar] = field(default_factory=list, compare=False)
 
     def say(self, text: str, style: Style | None = None) -> None:
-        """Print a line of talk, unless quiet."""
+        """Print a line on stderr, unless quiet."""
         if not self.quiet:
             self._talk(text, style)
 
     def point(self, label: str, text: str, style: Style | None = None) -> None:
-        """Print a line of talk with its label, unless quiet; a bold style is that of the line, others of the label."""
+        """Print a line on stderr with its label, unless quiet; bold applies to the line, other styles to the label."""
         if not self.quiet:
             whole = style is None or style.startswith("bold")
             self._talk(f"{label:{LABEL_WIDTH}}{text}", style, None if whole else len(label))
 
     def detail(self, text: str) -> None:
-        """Print a line of talk if verbose."""
+        """Print a line on stderr if verbose."""
         if self.verbose:
             self.say(text, "dim")
 
@@ -101,7 +101,7 @@ class Terminal:
 
     @property
     def columns(self) -> int | None:
-        """Return the width that talk has; None where it goes to no terminal, and lines are as long as they are."""
+        """Return the width of messages; None where they do not go to a terminal and lines are not broken."""
         if not sys.stderr.isatty():
             return None
         try:

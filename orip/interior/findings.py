@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.errors import Complaint, ProjectWarning
-from orip.records.measurement import Place
+from orip.records.measurement import TextPlace
 
 
 class Findings:
@@ -14,17 +14,17 @@ class Findings:
         self._warnings: list[ProjectWarning] = []
         self._files: dict[str, int] = {}
 
-    def reads(self, place: Place) -> None:
+    def reads(self, place: TextPlace) -> None:
         """Note that a record is being taken: files are reported in the order in which they are read."""
         self._files.setdefault(place.path, len(self._files))
 
-    def complain(self, place: Place | None, message: str) -> None:
+    def complain(self, place: TextPlace | None, message: str) -> None:
         """Add a complaint; without a place it concerns what was stored before."""
         complaint = Complaint(message, place.path, place.line) if place else Complaint(message)
         if complaint not in self._complaints:
             self._complaints.append(complaint)
 
-    def warn(self, place: Place, code: str, text: str) -> None:
+    def warn(self, place: TextPlace, code: str, text: str) -> None:
         """Add a warning."""
         self._warnings.append(ProjectWarning(code, f"{place.path}:{place.line}", text))
 

@@ -99,7 +99,7 @@ class MeasuredPoints:
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
-        """Take points of one photo; one of a name that is there already replaces it and is counted."""
+        """Take points of one photo; one of a name that already exists replaces it and is counted."""
         photos = self._bundles.setdefault(bundle, {})
         photos[photo], again = photos.get(photo, _NO_POINTS).measured_again(points)
         self.remeasured += again

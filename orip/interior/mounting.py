@@ -17,8 +17,8 @@ from orip.records.measurement import (
     EditRecord,
     MeasuredMarks,
     PhotoOrientation,
-    Place,
     TemplateOrientation,
+    TextPlace,
 )
 from orip.records.names import record_key
 
@@ -41,7 +41,7 @@ class Mounting(Generic[Orientation]):
         Of a photo on a template: the mounting of the template in which the marks were measured.
     """
 
-    history: tuple[tuple[Orientation, Place | None], ...]
+    history: tuple[tuple[Orientation, TextPlace | None], ...]
     template_mounting: int = STORED
 
     @property

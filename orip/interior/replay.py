@@ -29,10 +29,10 @@ from orip.records.measurement import (
     Measured,
     PhotoOrientation,
     PhotoRecord,
-    Place,
     PointsRecord,
     TemplateOrientation,
     TemplateRecord,
+    TextPlace,
     TicksRecord,
 )
 from orip.records.names import record_key
@@ -75,7 +75,7 @@ def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measur
 
 
 class _Replay:
-    """The replay in hand."""
+    """A replay in progress."""
 
     def __init__(self, definitions: Definitions, start: Measured) -> None:
         self.definitions = replace(
@@ -201,7 +201,7 @@ class _Replay:
         if in_pixels.any() and pixel_size(photo, camera, self.definitions.template_of(photo), None) is None:
             line = int(record.lines[in_pixels][0])
             message = f"an a-priori error in px needs a sensor or scan, and photo {photo.name} has neither; write mm"
-            self.findings.complain(Place(record.place.path, line), message)
+            self.findings.complain(TextPlace(record.place.path, line), message)
 
     # edits
 
@@ -264,7 +264,7 @@ class _Replay:
             raise OrientationError(unknown_record("bundle", name, self.definitions.bundles.values()))
         return bundle
 
-    def _bundle_and_photo(self, bundle: str, photo: str, place: Place) -> tuple[str, Photo]:
+    def _bundle_and_photo(self, bundle: str, photo: str, place: TextPlace) -> tuple[str, Photo]:
         if record_key(bundle) not in self.definitions.bundles and record_key(photo) not in self.definitions.photos:
             self.findings.complain(place, self._unknown_photo(photo))
         return self._bundle(bundle), self._photo(photo)

@@ -165,7 +165,7 @@ class Emulator:
             return False
         data = await self._table(client, count)
         if data is None:
-            text = f"the download broke off before its {count} lines were there; the table is as it was"
+            text = f"the download broke off before its {count} lines were there; the table is unchanged"
             client.writer.write(error(DriveFault(DriveCode.TABLE_DAMAGED, text)))
             return False
         other = self._other_operator(client)

@@ -14,7 +14,7 @@ from orip.errors import LinkError, OripError
 from orip.link.client import ProcessorFault
 from orip.link.watch_processor import WatchedProcessor
 from orip.multimodel.oriented_block import OrientedBlock
-from orip.multimodel.photo_loop import PhotoLoop
+from orip.multimodel.photo_loop import DrivenPhoto
 from orip.multimodel.plan_view import PlanView
 from orip.records.drive_table import STAGES, Triple
 from orip.records.photo import Stage
@@ -179,7 +179,7 @@ def _plate(block: OrientedBlock, stage: Stage, templates: dict[str, str | None])
     }
 
 
-def _frame(photo: PhotoLoop) -> list[list[float]]:
+def _frame(photo: DrivenPhoto) -> list[list[float]]:
     """Return the corners of a photo frame on the plate; none where the camera has no frame."""
     half_x, half_y = photo.camera.half_frame
     if not (math.isfinite(half_x) and math.isfinite(half_y)):

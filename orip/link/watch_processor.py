@@ -51,7 +51,7 @@ class WatchedProcessor(Protocol):
         """Let models change at frame lines, or not."""
 
     def close(self) -> None:
-        """Leave it alone."""
+        """Do nothing."""
 
 
 class OwnProcessor:

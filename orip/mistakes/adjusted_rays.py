@@ -12,7 +12,7 @@ from orip.bundle.prediction import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
@@ -90,7 +90,9 @@ def _vectors_in_parts(block: Block) -> FloatArray:
     points = block.photo_points
     count = len(points.photo)
     parts = [
-        PhotoPoints(points.photo[rows], points.point[rows], points.xy[rows], points.error[rows], points.used[rows])
+        IndexedPhotoPoints(
+            points.photo[rows], points.point[rows], points.xy[rows], points.error[rows], points.used[rows]
+        )
         for rows in (slice(first, first + _PART) for first in range(0, count, _PART))
     ]
     return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=part)) for part in parts)])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 
 
 def without_photo(block: Block, photo: int) -> Block:
@@ -52,7 +52,7 @@ def _of(block: Block, photos: np.ndarray, points: np.ndarray) -> Block:
         photo_orientation=block.photo_orientation[photos],
         point_names=names,
         point_start=block.point_start[points],
-        photo_points=PhotoPoints(
+        photo_points=IndexedPhotoPoints(
             new_photo[measured.photo[rows]],
             new_point[measured.point[rows]],
             measured.xy[rows],

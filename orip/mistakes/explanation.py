@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.bundle.methods import AdjustedBlock
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
@@ -30,6 +29,7 @@ from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_
 from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
+from orip.records.solution import Solution
 
 _MOST_WARNINGS = 5
 """The first ones matter, and the listings have all observations that do not fit."""
@@ -41,32 +41,36 @@ _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
 
 
-def explain_misfit(adjusted: AdjustedBlock, started: Block, readjuster: Readjuster) -> list[ProjectWarning]:
+def explain_misfit(
+    solution: Solution, solved: SolvedBlock, started: Block, readjuster: Readjuster
+) -> list[ProjectWarning]:
     """Return what was probably mistaken, the most fundamental first; nothing where the block fits.
 
     Parameters
     ----------
-    adjusted : AdjustedBlock
+    solution : Solution
+    solved : SolvedBlock
+        The same as it was adjusted.
     started : Block
         As its adjustment started.
     readjuster : Readjuster
     """
-    given = fit_of_adjustment(adjusted.solved)
+    given = fit_of_adjustment(solved)
     if readjuster.is_worthwhile:
-        tried = hypotheses_of_misfit(adjusted, started, readjuster)
+        tried = hypotheses_of_misfit(solution, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
-    return _shown_by_itself(adjusted, given, readjuster)[:_MOST_WARNINGS]
+    return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
 
 
-def _shown_by_itself(adjusted: AdjustedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
+def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what a solution shows without another hypothesis; of single observations only where the others fit."""
-    block, solution = readjuster.block, adjusted.solution
+    block, given = readjuster.block, fit_of_adjustment(solved)
     found = [
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
         *errors_too_large(block, solution),
-        *moved_photos(block, adjusted.solved),
+        *moved_photos(block, solved),
     ]
     control = contradicting_control(block, solution)
     if control and _fits_without(control, given, readjuster):
@@ -75,7 +79,7 @@ def _shown_by_itself(adjusted: AdjustedBlock, given: Fit, readjuster: Readjuster
         found += [
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
-            *points_under_two_numbers(block, solution, adjusted.solved),
+            *points_under_two_numbers(block, solution, solved),
             *contradicting_check_points(solution),
         ]
     return found
@@ -91,7 +95,7 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
     return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
 
 
-def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str], ground_unit: str) -> list[ProjectWarning]:
+def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
     """Return what probably keeps a block from being adjusted at all.
 
     Parameters
@@ -99,11 +103,10 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str], ground_
     readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
-    ground_unit : str
     """
     if not readjuster.is_worthwhile:
         return []
-    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented, ground_unit), readjuster):
+    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.hypothesis.findings(tried.solved)
     return []

@@ -5,7 +5,7 @@ A photo that the others contradict is resected from the points that they determi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
-from orip.records.camera import Camera, Sensor
+from orip.records.camera import Sensor
 
 _FITS = 6.0
 """Standard errors within which a point fits a resected photo."""
@@ -65,9 +65,7 @@ class FittingReading:
     orientation: FloatArray
 
 
-def fitting_reading(
-    block: Block, photo: int, known: FloatArray, scale: float, cameras: Sequence[Camera]
-) -> FittingReading | None:
+def fitting_reading(block: Block, photo: int, known: FloatArray, scale: float) -> FittingReading | None:
     """Return the reading in which a photo fits the points that the other photos determine.
 
     Parameters
@@ -79,8 +77,6 @@ def fitting_reading(
         Coordinates in the frame, NaN where the other photos do not determine them.
     scale : float
         Standard error of unit weight of the other photos.
-    cameras : sequence of Camera
-        All of the project.
 
     Returns
     -------
@@ -88,7 +84,7 @@ def fitting_reading(
         None where the photo fits in no reading.
     """
     best, fitting = None, _Fit(_MOST, np.inf, None)
-    for reading in (Reading("", block, ""), *_readings(block, photo, cameras)):
+    for reading in (Reading("", block, ""), *_readings(block, photo)):
         fit = _fit(reading.block, photo, known, scale)
         if fit is not None and fit.is_better_than(fitting):
             best, fitting = reading, fit
@@ -132,7 +128,7 @@ def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | No
     return _Fit(float(np.mean(size < _FITS)), float(np.median(size)), resected)
 
 
-def _readings(block: Block, photo: int, cameras: Sequence[Camera]) -> Iterator[Reading]:
+def _readings(block: Block, photo: int) -> Iterator[Reading]:
     rows = np.flatnonzero(block.photo_points.photo == photo)
     yield from mirror_readings(block, photo)
     sensor = block.cameras[block.photo_camera[photo]].sensor
@@ -144,7 +140,7 @@ def _readings(block: Block, photo: int, cameras: Sequence[Camera]) -> Iterator[R
                 "the picture in its full size, or multiply columns and rows"
             )
             yield Reading("resolution", _with_xy(block, rows, (xy + half) * factor - half), text)
-    yield from _other_cameras(block, photo, cameras)
+    yield from _other_cameras(block, photo)
     yield from _shifted_numbers(block, rows)
 
 
@@ -170,9 +166,9 @@ def _with_xy(block: Block, rows: IntArray, xy: FloatArray) -> Block:
     return replace(block, photo_points=replace(block.photo_points, xy=changed))
 
 
-def _other_cameras(block: Block, photo: int, cameras: Sequence[Camera]) -> Iterator[Reading]:
+def _other_cameras(block: Block, photo: int) -> Iterator[Reading]:
     own = block.cameras[block.photo_camera[photo]]
-    for camera in cameras:
+    for camera in block.defined_cameras:
         if camera.name == own.name or camera.sensor != own.sensor:
             continue
         names = [known.name for known in block.cameras]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.errors import NotSolvableError, ProjectWarning
+from orip.errors import NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
-from orip.records.camera import Camera
 
 _MOST_PHOTO_POINTS = 20_000
 """In larger blocks further adjustments would take longer than a user wants to wait."""
@@ -30,16 +29,10 @@ class Readjuster:
         As measured and given.
     start : callable
         Gives such a block its starting values.
-    cameras : tuple of Camera
-        All of the project.
-    warnings : sequence of ProjectWarning
-        What was found wrong before the adjustment.
     """
 
     block: Block
     start: Callable[[Block], Block]
-    cameras: tuple[Camera, ...]
-    warnings: Sequence[ProjectWarning] = ()
 
     @property
     def is_oriented(self) -> bool:
@@ -50,7 +43,7 @@ class Readjuster:
     def is_worthwhile(self) -> bool:
         """Return whether to adjust again: the block is not too large, and no warning explains its misfit already."""
         small = len(self.block.photo_points.photo) <= _MOST_PHOTO_POINTS
-        return small and not any(warning.code in _EXPLAINING_WARNINGS for warning in self.warnings)
+        return small and not any(warning.code in _EXPLAINING_WARNINGS for warning in self.block.warnings)
 
     def adjust(self, block: Block) -> SolvedBlock | None:
         """Return the adjustment of a block, None where there is none.

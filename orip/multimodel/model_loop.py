@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, Number
 from orip.geometry.rotation import rotated, rotated_back
-from orip.multimodel.photo_loop import PhotoLoop
+from orip.multimodel.photo_loop import DrivenPhoto
 from orip.records.drive_table import DriveCode, DriveModel, DrivePhoto, Triple
 
 _PARALLEL = 1e-10
@@ -67,7 +67,7 @@ class ModelLoop:
     row, column : int
     left, right : int
         Places of its photos in the block.
-    photos : tuple (left, right) of PhotoLoop
+    photos : tuple (left, right) of DrivenPhoto
     axes : tuple of 9 floats
         Model axes to ground axes, row by row.
     """
@@ -77,7 +77,7 @@ class ModelLoop:
     column: int
     left: int
     right: int
-    photos: tuple[PhotoLoop, PhotoLoop]
+    photos: tuple[DrivenPhoto, DrivenPhoto]
     axes: tuple[float, ...]
 
     @property
@@ -175,7 +175,7 @@ def model_axes(left: DrivePhoto, right: DrivePhoto) -> FloatArray | None:
     return np.column_stack([ex, np.cross(ez, ex), ez])
 
 
-def model_loop(model: DriveModel, photos: dict[str, tuple[int, DrivePhoto, PhotoLoop]]) -> ModelLoop:
+def model_loop(model: DriveModel, photos: dict[str, tuple[int, DrivePhoto, DrivenPhoto]]) -> ModelLoop:
     """Make a model of the drive table ready for driving.
 
     Parameters

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from orip.multimodel.oriented_block import OrientedBlock
-from orip.multimodel.photo_loop import PhotoLoop, PlatePlace
+from orip.multimodel.photo_loop import DrivenPhoto, PlatePlace
 from orip.multimodel.readout import object_position
 from orip.multimodel.state import Condition, Outcome, Position, ProcessorState, active_model, driven
 from orip.multimodel.switching import Selected, places_in_model, select_model
@@ -117,7 +117,7 @@ def _driven_to(block: OrientedBlock, state: ProcessorState, selected: Selected, 
     return after, driven(block, after)
 
 
-def _fault(photo: PhotoLoop, place: PlatePlace) -> DriveFault:
+def _fault(photo: DrivenPhoto, place: PlatePlace) -> DriveFault:
     return DriveFault(place.code, _NOT_DRIVEN[place.code].format(photo=photo.name, stage=photo.stage))
 
 

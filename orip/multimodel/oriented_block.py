@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orip.multimodel.camera_model import camera_model
 from orip.multimodel.model_loop import ModelLoop, model_loop
-from orip.multimodel.photo_loop import PhotoLoop, photo_loop
+from orip.multimodel.photo_loop import DrivenPhoto, driven_photo
 from orip.records.drive_table import DriveTable
 from orip.records.names import record_key
 
@@ -21,7 +21,7 @@ class OrientedBlock:
     Parameters
     ----------
     table : DriveTable
-    photos : tuple of PhotoLoop
+    photos : tuple of DrivenPhoto
         In the order of the table.
     models : tuple of ModelLoop
         By row and column; their order is that of *Next Model*.
@@ -29,7 +29,7 @@ class OrientedBlock:
     """
 
     table: DriveTable
-    photos: tuple[PhotoLoop, ...]
+    photos: tuple[DrivenPhoto, ...]
     models: tuple[ModelLoop, ...]
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -38,7 +38,7 @@ class OrientedBlock:
         """Return the place of a model by its name; case does not count."""
         return next((place for place, model in enumerate(self.models) if model.name == record_key(name)), None)
 
-    def photo(self, name: str) -> PhotoLoop | None:
+    def photo(self, name: str) -> DrivenPhoto | None:
         """Return a photo by its name; case does not count."""
         return next((photo for photo in self.photos if photo.name == record_key(name)), None)
 
@@ -50,7 +50,7 @@ class OrientedBlock:
 def oriented_block(table: DriveTable) -> OrientedBlock:
     """Make a drive table ready for driving; `table_faults` finds nothing wrong with it."""
     cameras = {camera.name: camera_model(camera) for camera in table.cameras}
-    photos = tuple(photo_loop(photo, cameras[photo.camera], table.limits(photo.stage)) for photo in table.photos)
+    photos = tuple(driven_photo(photo, cameras[photo.camera], table.limits(photo.stage)) for photo in table.photos)
     by_name = {
         record.name: (place, record, loop)
         for place, (record, loop) in enumerate(zip(table.photos, photos, strict=True))

@@ -62,7 +62,7 @@ class Rays(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class PhotoLoop:
+class DrivenPhoto:
     """One photo, ready for driving.
 
     Parameters
@@ -170,7 +170,7 @@ class PhotoLoop:
         return near
 
 
-def photo_loop(photo: DrivePhoto, camera: CameraModel, limits: StageLimits) -> PhotoLoop:
+def driven_photo(photo: DrivePhoto, camera: CameraModel, limits: StageLimits) -> DrivenPhoto:
     """Make a photo of the drive table ready for driving.
 
     Parameters
@@ -186,7 +186,7 @@ def photo_loop(photo: DrivePhoto, camera: CameraModel, limits: StageLimits) -> P
     determinant = a1 * b2 - a2 * b1
     a1i, a2i, b1i, b2i = b2 / determinant, -a2 / determinant, -b1 / determinant, a1 / determinant
     inverse = (-(a1i * a0 + a2i * b0), a1i, a2i, -(b1i * a0 + b2i * b0), b1i, b2i)
-    return PhotoLoop(photo.name, photo.stage, limits, camera, photo.centre, photo.rotation, photo.affine, inverse)
+    return DrivenPhoto(photo.name, photo.stage, limits, camera, photo.centre, photo.rotation, photo.affine, inverse)
 
 
 def _transformed(factors: tuple[float, ...], x: Number, y: Number) -> tuple[Number, Number]:

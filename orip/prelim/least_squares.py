@@ -16,7 +16,7 @@ LARGEST_TURN = 0.5
 """Largest rotation of one step, radians: beyond it the linear equations no longer describe the problem."""
 
 
-class Estimate(Protocol):
+class PrelimEstimate(Protocol):
     """The unknowns of k problems with their equations: a named tuple whose arrays have k rows."""
 
     @property
@@ -24,10 +24,10 @@ class Estimate(Protocol):
         """Weight factors (k, n) of the observations."""
 
 
-E = TypeVar("E", bound=Estimate)
+E = TypeVar("E", bound=PrelimEstimate)
 
 
-class Problem(Protocol[E]):
+class PrelimProblem(Protocol[E]):
     """k problems of least squares that are solved side by side."""
 
     def stepped(self, at: E, damping: FloatArray) -> E:
@@ -56,7 +56,7 @@ class StepRule(Protocol):
     on_trust: bool
     """The last step goes on from an estimate that is not better than the best one."""
 
-    def accepts(self, problem: Problem[E], best: E, tried: E) -> BoolArray:
+    def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
         """Return which problems (k,) are better after a step than the best estimate so far."""
 
     def singular(self) -> None:
@@ -74,7 +74,7 @@ class GaussNewton:
     on_trust = False
     exhausted = False
 
-    def accepts(self, _problem: Problem[E], _best: E, _tried: E) -> BoolArray:
+    def accepts(self, _problem: PrelimProblem[E], _best: E, _tried: E) -> BoolArray:
         """Return that all problems are better."""
         return np.ones(1, dtype=bool)
 
@@ -107,7 +107,7 @@ class Marquardt:
         self.damping = damping
         self._decrease, self._increase, self._least, self._largest = decrease, increase, least, largest
 
-    def accepts(self, problem: Problem[E], best: E, tried: E) -> BoolArray:
+    def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
         """Return which problems have no larger square sum than before, with the same weights."""
         better = problem.costs(tried, best.weights) <= problem.costs(best, best.weights)
         factor = np.where(better, self._decrease, self._increase)
@@ -129,8 +129,8 @@ class Iterated(NamedTuple, Generic[E]):
 
     Attributes
     ----------
-    best : Estimate
-    before : Estimate
+    best : PrelimEstimate
+    before : PrelimEstimate
         That from which the last step led to the best one.
     iterations : int
     """
@@ -141,14 +141,14 @@ class Iterated(NamedTuple, Generic[E]):
 
 
 def least_squares(
-    problem: Problem[E], start: E, rule: StepRule, most_steps: int, *, reweightings: int | None = None
+    problem: PrelimProblem[E], start: E, rule: StepRule, most_steps: int, *, reweightings: int | None = None
 ) -> Iterated[E]:
     """Solve k problems by iterations.
 
     Parameters
     ----------
-    problem : Problem
-    start : Estimate
+    problem : PrelimProblem
+    start : PrelimEstimate
         With its weights.
     rule : StepRule
         `GaussNewton`, `Marquardt` or one like them.

@@ -12,7 +12,7 @@ from orip.arrays import IntArray
 
 
 @lru_cache(maxsize=256)
-def subsets(count: int, size: int, limit: int, seed: int) -> IntArray:
+def subsets(count: int, size: int, limit: int, seed: int = 0) -> IntArray:
     """Return subsets of `count` things: all of them if there are at most `limit`, else `limit` random ones.
 
     Random subsets have different members and may repeat; their order is random. Equal arguments give equal subsets.

@@ -8,15 +8,16 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.errors import ProjectWarning
 from orip.records.camera import Camera
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition
 
 
 @dataclass(frozen=True, slots=True)
-class PhotoPoints:
+class IndexedPhotoPoints:
     """n measured photo points.
 
     Parameters
@@ -66,7 +67,7 @@ class Block:
     point_names : tuple of str
     point_start : array (number of points, 3)
         Starting coordinates, ground unit, local.
-    photo_points : PhotoPoints
+    photo_points : IndexedPhotoPoints
     control_points : tuple of ControlPoint
         Those of measured points alone, rejected ones included.
     constant_points : array (number of points, 3) of bool
@@ -80,6 +81,14 @@ class Block:
         From local coordinates to the project's.
     constant_elements : tuple of ControlElement
         Elements of photos and points that are constant in the project, but depend on unknowns in the local frame.
+    preliminary : tuple of PreliminaryPoint
+        Given preliminary coordinates of points, in the project's system.
+    ground_unit : str
+        The project's.
+    defined_cameras : tuple of Camera
+        All that a photo may have been taken with, also those of no photo.
+    warnings : tuple of ProjectWarning
+        What is doubtful in what was measured and given.
     """
 
     definition: BundleDefinition
@@ -89,7 +98,7 @@ class Block:
     photo_orientation: FloatArray
     point_names: tuple[str, ...]
     point_start: FloatArray
-    photo_points: PhotoPoints
+    photo_points: IndexedPhotoPoints
     constant_points: BoolArray
     control_points: tuple[ControlPoint, ...] = ()
     elements: tuple[ControlElement, ...] = ()
@@ -99,6 +108,10 @@ class Block:
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
+    preliminary: tuple[PreliminaryPoint, ...] = ()
+    ground_unit: str = "m"
+    defined_cameras: tuple[Camera, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()
 
     @property
     def is_free_network(self) -> bool:

@@ -37,7 +37,7 @@ class MeasuredMarks:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class TextPlace:
     """Where in the text something stands."""
 
     path: str
@@ -48,7 +48,7 @@ class Place:
 class TemplateRecord:
     """``TEMPLATE``: a template is mounted and its tick marks are measured on the plate."""
 
-    place: Place
+    place: TextPlace
     template: str
     transformation: TransformationKind
     stage: Stage | None
@@ -59,7 +59,7 @@ class TemplateRecord:
 class PhotoRecord:
     """``PHOTO``: fiducial marks of one photo, plate coordinates."""
 
-    place: Place
+    place: TextPlace
     photo: str
     transformation: TransformationKind
     marks: MeasuredMarks
@@ -81,7 +81,7 @@ class PointsRecord:
     lines : array (n,) of int
     """
 
-    place: Place
+    place: TextPlace
     bundle: str
     photo: str
     names: tuple[str, ...]
@@ -100,7 +100,7 @@ class EditRecord:
     `bundle`.
     """
 
-    place: Place
+    place: TextPlace
     action: Literal["DISREGARD", "INCLUDE", "KILL"]
     what: Literal["POINT", "MARK", "TICK"]
     bundle: str | None
@@ -112,7 +112,7 @@ class EditRecord:
 class FiducialsRecord:
     """``FIDUCIALS``: fiducial marks of a camera, digitised in plate coordinates."""
 
-    place: Place
+    place: TextPlace
     camera: str
     arrangement: Literal["corners", "midsides"]
     marks: MeasuredMarks
@@ -122,7 +122,7 @@ class FiducialsRecord:
 class TicksRecord:
     """``TICKS``: tick marks of a temtick record, digitised and taken as they are."""
 
-    place: Place
+    place: TextPlace
     temtick: str
     marks: MeasuredMarks
 

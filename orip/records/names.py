@@ -43,7 +43,7 @@ def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
-    """Return groups of different point names that differ in case or leading zeros alone."""
+    """Return groups of different point names that differ only in case or leading zeros."""
     groups: dict[str, list[str]] = defaultdict(list)
     for name in dict.fromkeys(names):
         groups[name.upper().lstrip("0")].append(name)

@@ -1,7 +1,8 @@
 """The kinds of observation: what each is called, and the unit of its components.
 
 Stores, residuals.csv and result.json name a kind by `ObservationKind.name`; listings, the report and messages take
-label and unit from here. The equations of a kind are in its module of `orip.bundle.kinds`.
+label and unit from here. The equations of a kind are in its module of `orip.bundle.kinds`. A new kind is a line here
+and a module there.
 """
 
 from __future__ import annotations
@@ -62,31 +63,25 @@ class ObservationKind:
                 return self.observed_in
 
 
-PHOTO_POINT: Final = ObservationKind("photo", "photo point", "mm")
-CONTROL_POINT: Final = ObservationKind("control", "control point", "ground unit")
-ADDITIONAL_PARAMETER: Final = ObservationKind("additional", "additional parameter", "pure number")
-ELEMENT: Final = ObservationKind("element", "element", "unit of the unknown")
-CONSTANT_ELEMENT: Final = ObservationKind("constant element", "constant element", "unit of the unknown")
-DISTANCE: Final = ObservationKind("distance", "distance", "ground unit")
-CONSTANT_DISTANCE: Final = ObservationKind("constant distance", "constant distance", "ground unit")
-DIRECTION: Final = ObservationKind("direction", "direction", "degrees")
+_ALL: list[ObservationKind] = []
 
-OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType(
-    {
-        kind.name: kind
-        for kind in (
-            PHOTO_POINT,
-            CONTROL_POINT,
-            ADDITIONAL_PARAMETER,
-            ELEMENT,
-            CONSTANT_ELEMENT,
-            DISTANCE,
-            CONSTANT_DISTANCE,
-            DIRECTION,
-        )
-    }
-)
-"""All kinds by name, in the order in which residuals are listed."""
+
+def _listed(name: str, label: str, observed_in: ObservedIn) -> ObservationKind:
+    _ALL.append(ObservationKind(name, label, observed_in))
+    return _ALL[-1]
+
+
+PHOTO_POINT: Final = _listed("photo", "photo point", "mm")
+CONTROL_POINT: Final = _listed("control", "control point", "ground unit")
+ADDITIONAL_PARAMETER: Final = _listed("additional", "additional parameter", "pure number")
+ELEMENT: Final = _listed("element", "element", "unit of the unknown")
+CONSTANT_ELEMENT: Final = _listed("constant element", "constant element", "unit of the unknown")
+DISTANCE: Final = _listed("distance", "distance", "ground unit")
+CONSTANT_DISTANCE: Final = _listed("constant distance", "constant distance", "ground unit")
+DIRECTION: Final = _listed("direction", "direction", "degrees")
+
+OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType({kind.name: kind for kind in _ALL})
+"""All kinds by name, in the order of their lines above, in which residuals are listed."""
 
 
 def unit_of_observation(kind: str, component: str, ground_unit: str) -> str:

@@ -142,7 +142,11 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
     """Return the points with one ray and those with two, which nothing checks along their epipolar lines."""
     for number, what, remedy in (
         (1, "seen in one photo only: nothing checks them", "measure them in another photo, or give them control"),
-        (2, "seen in two photos only: an error along the epipolar line shows nowhere", "measure them in a third photo"),
+        (
+            2,
+            "seen in two photos only: an error along the epipolar line cannot be detected",
+            "measure them in a third photo",
+        ),
     ):
         names = _with_rays(solution, number)
         if names:

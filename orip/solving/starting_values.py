@@ -14,19 +14,15 @@ from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_frame, points_in_project
 from orip.records.block import Block
 from orip.records.camera import Camera
-from orip.records.control import PreliminaryPoint
 from orip.records.preliminary import CameraStart, PreliminaryValues
 
 
-def started_block(
-    block: Block, preliminary: Sequence[PreliminaryPoint], found: Callable[[PreliminaryValues], None]
-) -> tuple[Block, list[ProjectWarning]]:
+def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block as its adjustment starts.
 
     Parameters
     ----------
     block : Block
-    preliminary : sequence of PreliminaryPoint
     found : callable
         Told what the chain found, if it had to be asked.
 
@@ -36,7 +32,7 @@ def started_block(
         With the reason for each photo that could not be oriented.
     """
     if np.isfinite(block.photo_orientation).all():
-        return with_starting_values(block, preliminary)
+        return with_starting_values(block)
     values = explained_preliminary_values(block)
     found(values)
     if complaint := not_oriented(values):
@@ -45,11 +41,13 @@ def started_block(
         np.isnan(block.photo_orientation), orientations_in_frame(values.photos), block.photo_orientation
     )
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
-    placed = {point.name for point in preliminary}
+    placed = {point.name for point in block.preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
     cameras = cameras_as_found(block.cameras, values.cameras)
-    oriented = replace(block, photo_orientation=orientation, cameras=cameras)
-    started, warnings = with_starting_values(oriented, [*preliminary, *points])
+    preliminary = (*block.preliminary, *points)
+    started, warnings = with_starting_values(
+        replace(block, photo_orientation=orientation, cameras=cameras, preliminary=preliminary)
+    )
     return started, [*(ProjectWarning("preliminary-values", "", finding) for finding in values.findings), *warnings]
 
 

@@ -56,7 +56,7 @@ class UpdatedPoints:
     kept: tuple[KeptValue, ...]
 
 
-class Estimate(NamedTuple):
+class EstimatedParameter(NamedTuple):
     """Adjusted value of a parameter and its standard deviation: NaN for a constant, infinite if undetermined."""
 
     parameter: str
@@ -64,12 +64,14 @@ class Estimate(NamedTuple):
     sd: float
 
 
-def estimates_of(estimates: Estimates, row: int, parameters: Sequence[str]) -> tuple[Estimate, ...]:
+def estimates_of(estimates: Estimates, row: int, parameters: Sequence[str]) -> tuple[EstimatedParameter, ...]:
     """Return the estimates of one record."""
-    return tuple(map(Estimate, parameters, estimates.values[row].tolist(), estimates.sd[row].tolist()))
+    return tuple(map(EstimatedParameter, parameters, estimates.values[row].tolist(), estimates.sd[row].tolist()))
 
 
-def updated_camera(camera: Camera, estimates: Sequence[Estimate]) -> tuple[Camera, list[ChangedValue | KeptValue]]:
+def updated_camera(
+    camera: Camera, estimates: Sequence[EstimatedParameter]
+) -> tuple[Camera, list[ChangedValue | KeptValue]]:
     """Return a camera with the adjusted values of its unknown parameters, and what is new and what is not."""
     found = list(_verdicts(camera.name, estimates, dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True)),
                            camera.unknown))  # fmt: skip
@@ -82,7 +84,9 @@ def updated_camera(camera: Camera, estimates: Sequence[Estimate]) -> tuple[Camer
     return updated, found
 
 
-def updated_photo(photo: Photo, estimates: Sequence[Estimate]) -> tuple[Photo, list[ChangedValue | KeptValue]]:
+def updated_photo(
+    photo: Photo, estimates: Sequence[EstimatedParameter]
+) -> tuple[Photo, list[ChangedValue | KeptValue]]:
     """Return a photo with the adjusted values of its unknown orientation elements, and what is new and what is not.
 
     The unknowns of a rotation turn about the ground axes: where one of them is undetermined, all three angles stay.
@@ -134,7 +138,7 @@ def updated_points(
 
 
 def _verdicts(
-    name: str, estimates: Sequence[Estimate], old: Mapping[str, float | None], free: Container[str]
+    name: str, estimates: Sequence[EstimatedParameter], old: Mapping[str, float | None], free: Container[str]
 ) -> Iterator[ChangedValue | KeptValue]:
     for estimate in estimates:
         before = old[estimate.parameter]
@@ -148,14 +152,14 @@ def _verdicts(
             yield ChangedValue(name, estimate.parameter, before, estimate.value)
 
 
-def _fault(estimate: Estimate) -> str | None:
+def _fault(estimate: EstimatedParameter) -> str | None:
     """Say why an adjusted value is unfit as a preliminary one; None if it is fit."""
     if math.isinf(estimate.sd):
         return "nothing determines it"
     return None if math.isfinite(estimate.value) else "its adjusted value is not a number"
 
 
-def _preliminary_point(name: str, estimates: Sequence[Estimate]) -> PreliminaryPoint:
+def _preliminary_point(name: str, estimates: Sequence[EstimatedParameter]) -> PreliminaryPoint:
     x, y, z = (estimate.value for estimate in estimates)
     sx, sy, sz = (estimate.sd for estimate in estimates)
     deviations = (sx, sy, sz) if all(math.isfinite(estimate.sd) for estimate in estimates) else None

@@ -32,7 +32,7 @@ class RunWatcher:
 
 
 def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tuple[SolveOutcome, ...]:
-    """Initialise, measure and solve all bundles, hold the gates of orip.toml against each, and write drive tables.
+    """Initialise, measure and solve all bundles, check the gates of each solution, and write drive tables.
 
     Every step is committed before the next one begins, which reads what it has left in the stores. Every text file is
     read once, and checked before any store is touched.

@@ -11,7 +11,7 @@ from orip.workflow.adjust.solve import solve_step
 from orip.workflow.drive.table import DRIVEN_FROM, drive_step
 from orip.workflow.observations.measure import measure_step
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
 from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.step import Step
@@ -29,7 +29,7 @@ class ProjectStatus:
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     counts : tuple of (str, int)
         Cameras, templates, photos, bundles defined; photo points measured; names in the singular.
     steps : tuple of Step
@@ -39,7 +39,7 @@ class ProjectStatus:
     warnings : tuple of ProjectWarning
     """
 
-    project: Project
+    project: ProjectFolder
     counts: tuple[tuple[str, int], ...]
     steps: tuple[Step, ...]
     next_command: str | None
@@ -89,7 +89,7 @@ def observation_loop() -> str:
     return "compiled" if both else "NumPy (slower: the extension was not built, as no C compiler was found)"
 
 
-def _old_outputs(project: Project) -> list[ProjectWarning]:
+def _old_outputs(project: ProjectFolder) -> list[ProjectWarning]:
     text = "was written when the project had another number of bundles, and is no longer written; remove it"
     return [ProjectWarning("old-output", project.shown(path), text) for path in outputs_of_other_names(project)]
 

@@ -9,7 +9,7 @@ import pytest
 from adjustment.linear_systems import dense_normals, equations_of, pseudo_inverse, random_equations, random_weights
 
 from orip.adjustment.normals import solve_normals
-from orip.adjustment.precision import cofactors, variance_of_unit_weight
+from orip.adjustment.precision import cofactors, residual_cofactor, variance_of_unit_weight
 
 MAX_LOST = 12.0
 
@@ -123,3 +123,52 @@ def test_without_redundancy_there_is_no_sigma0():
     assert found.redundancy == 0
     assert np.isnan(found.sigma0)
     assert np.isnan(found.sigma0_all)
+
+
+def propagated_cofactors(equations, weights):
+    """Return var(v) / σ² by propagation of unit errors through the whole adjustment."""
+    design = equations.design.toarray()
+    inverse = pseudo_inverse(dense_normals(equations, weights))
+    by_errors = design @ inverse @ design.T * weights - np.eye(len(design))
+    return (by_errors**2).sum(axis=1)
+
+
+def residual_cofactors(equations, weights, layout):
+    _, found = computed(equations, weights, layout)
+    return residual_cofactor(
+        variance_of_unit_weight(equations, weights, found.leverage, layout.unknowns).redundancy_numbers, weights
+    )
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.5, 0.05, 1e-3])
+def test_the_variance_of_a_down_weighted_residual_is_that_of_propagated_errors(factor):
+    equations, layout = random_equations(31)
+    for row in range(0, len(equations.residual), 7):
+        weights = np.ones(len(equations.residual))
+        weights[row] = factor
+        found = residual_cofactors(equations, weights, layout)[row]
+        # both inverses are of matrices whose condition, scaled, is below 1e5
+        assert found == pytest.approx(propagated_cofactors(equations, weights)[row], rel=1e-8, abs=1e-10)
+
+
+def test_with_several_down_weighted_observations_the_variance_is_never_too_small_and_hardly_too_large():
+    equations, layout = random_equations(33)
+    weights = np.ones(len(equations.residual))
+    weights[::9] = 0.3
+    ratio = residual_cofactors(equations, weights, layout)[::9] / propagated_cofactors(equations, weights)[::9]
+    assert ratio.min() > 1.0 - 1e-9
+    assert np.median(ratio) < 1.1
+
+
+def test_residuals_of_a_down_weighted_observation_scatter_as_their_cofactor_says():
+    equations, layout = random_equations(32)
+    weights = np.ones(len(equations.residual))
+    row = int(np.argmax(computed(equations, weights, layout)[1].leverage))
+    weights[row] = 0.2
+    random = np.random.default_rng(34)
+    design = equations.design.toarray()
+    solution = pseudo_inverse(dense_normals(equations, weights)) @ (design.T * weights)
+    errors = random.normal(size=(len(design), 20_000))
+    scatter = np.var(design[row] @ (solution @ errors) - errors[row])
+    # a variance estimated from 20 000 residuals has a standard deviation of 1 %
+    assert residual_cofactors(equations, weights, layout)[row] == pytest.approx(scatter, rel=0.05)

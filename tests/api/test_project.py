@@ -173,5 +173,10 @@ def test_everything_that_is_wrong_in_the_texts_is_one_error(tmp_path: Path) -> N
     said = command(folder, "run")
     assert said.code == found.value.exit_code
     assert all(complaint.message[:40] in said.err for complaint in found.value.complaints)
-    with pytest.raises(orip.UsageError, match="does not exist"):
+    with pytest.raises(orip.UsageError, match=r"does not exist$"):
         orip.open_project(folder / "nowhere")
+
+
+def test_the_api_speaks_of_no_option_of_a_command(tmp_path: Path) -> None:
+    with pytest.raises(orip.InputError, match=r"this is no orip project$"):
+        orip.open_project(tmp_path)

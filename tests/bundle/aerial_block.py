@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock
 
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera
 from orip.records.control import ControlPoint
 from orip.records.photo import Photo
@@ -60,7 +60,9 @@ def aerial_block(geometry: str, points_along_a_side: int = 9, **settings: object
         photo_orientation=orientations.copy(),
         point_names=names,
         point_start=points.copy(),
-        photo_points=PhotoPoints(photo, point, xy, np.full(xy.shape, PRECISION_MM), np.ones(xy.shape, dtype=bool)),
+        photo_points=IndexedPhotoPoints(
+            photo, point, xy, np.full(xy.shape, PRECISION_MM), np.ones(xy.shape, dtype=bool)
+        ),
         constant_points=np.zeros((len(points), 3), dtype=bool),
         control_points=tuple(
             ControlPoint(names[index], tuple(points[index].tolist()), (CONTROL_ERROR,) * 3)

@@ -11,7 +11,7 @@ from support.synthetic_block import SyntheticBlock
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.results import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
-from orip.records.block import Block, PhotoPoints, TheodoliteSet
+from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.control import ControlDirection, ControlPoint
 from orip.records.solution import Solution
 
@@ -44,7 +44,7 @@ def with_photo_points(block: Block, keep: np.ndarray) -> Block:
     points = block.photo_points
     return replace(
         block,
-        photo_points=PhotoPoints(
+        photo_points=IndexedPhotoPoints(
             points.photo[keep], points.point[keep], points.xy[keep], points.error[keep], points.used[keep]
         ),
     )

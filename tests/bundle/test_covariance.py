@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block as large_aerial_block
 from bundle.aerial_block import aerial_block
+from bundle.free_networks import SUBSET, dense_free_cofactors, free
 from bundle.solving import noisy, redefined, solved
-from bundle.test_free_network import SUBSET, dense_free_cofactors, free
 from support.aerial_block_in_crs import aerial_block as aerial_block_in_crs
 from support.synthetic_block import synthetic_block
 

@@ -18,13 +18,13 @@ def blundered():
 
 def test_a_search_that_is_stopped_says_so():
     passes = []
-    complete = adjust_block(blundered(), SNOOPING, "m", passes.append, lambda: False).solution
+    complete, _ = adjust_block(blundered(), SNOOPING, passes.append, lambda: False)
     assert complete.status == "converged"
     assert len({each.order for each in complete.blunders}) >= 2
     first = next(each.iteration for each in passes if each.enp >= 4.0)
 
     seen = []
-    stopped = adjust_block(blundered(), SNOOPING, "m", seen.append, lambda: len(seen) >= first).solution
+    stopped, _ = adjust_block(blundered(), SNOOPING, seen.append, lambda: len(seen) >= first)
     assert len(seen) == first, "the iteration in hand was the last"
     assert stopped.status == "stopped"
     assert stopped.blunders == ()

@@ -31,6 +31,13 @@ def test_internal_and_external_reliability():
     assert found.adjusted_sd == pytest.approx([2.0 * 0.005 * np.sqrt(0.75), 0.0])
 
 
+def test_a_down_weighted_observation_needs_a_larger_error_to_be_found():
+    # wf = 0.1 and h = 0.5: r = 0.95, var(v) / σ² = 1 + 0.5 - 2 · 0.05 - 0.1 · 0.9 · 0.25 = 1.3775
+    found = reliability(residuals([0.95], [0.1], [0.01]), 1.0)
+    assert found.minimal_detectable_bias == pytest.approx(4.132 * 0.01 * np.sqrt(1.3775) / 0.95)
+    assert found.external == pytest.approx(4.132 * 0.1 * np.sqrt(0.5 * 1.3775) / 0.95)
+
+
 def test_what_nothing_checks_has_no_reliability_but_a_standard_deviation():
     found = reliability(residuals([0.0], [1.0], [0.005]), 1.0)
     assert np.isnan(found.minimal_detectable_bias[0])

@@ -109,7 +109,7 @@ def test_add_at_the_end_and_insert(project: Path) -> None:
     done(project, "points insert 9 --before 3 Z=104.5 aZ=-1")
     lines = points(project).splitlines()
     assert lines[4:6] == ["# the church", "9         -        -   104.5      -    -   -1"]
-    refused(project, "FIRST.PNT:2: control point 1 is there already, with other values", "points add 1 X=5 aX=1")
+    refused(project, "FIRST.PNT:2: control point 1 already exists with other values", "points add 1 X=5 aX=1")
     refused(project, "FIRST.PNT has no control point '77'", "points insert 10 --before 77 X=1 aX=1", code=2)
 
 
@@ -168,7 +168,7 @@ def test_disregard_include_and_reject(project: Path) -> None:
     assert "0.03 x   ! a bolt" in points(project)
     unchanged(project, "points reject 1")
     assert done(project, "points list", "--json").document["records"][0]["rejected"] is True
-    refused(project, "is there already", "points add 1 X=1012.40 Y=2008.15 Z=101.20 aX=0.02 aY=0.02 aZ=0.03")
+    refused(project, "already exists", "points add 1 X=1012.40 Y=2008.15 Z=101.20 aX=0.02 aY=0.02 aZ=0.03")
     done(project, "points include 1")
     assert "0.03   ! a bolt" in points(project)
     done(project, "points edit 1 aX=0")

@@ -1,4 +1,4 @@
-"""Ctrl-C: while an adjustment iterates it ends after the iteration in hand; elsewhere nothing is left half-done."""
+"""Ctrl-C: while an adjustment iterates it ends after the current iteration; elsewhere nothing is left half-done."""
 
 from __future__ import annotations
 

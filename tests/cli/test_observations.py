@@ -250,7 +250,7 @@ def test_todo_on_stdout_and_in_a_file(film: Path) -> None:
     assert observe(film, "todo").out == said.out
     assert observe(film, "todo", "--output", "again.txt").out == ""
     assert (film / "again.txt").read_text() == said.out
-    refused(film, 2, "again.txt is there already", "todo", "--output", "again.txt")
+    refused(film, 2, "again.txt already exists", "todo", "--output", "again.txt")
     assert observe(film, "todo", "--output", "again.txt", "--force").code == 0
     document = observe(film, "todo", "--json").document
     assert [(each["photo"], each["point"], each["why"]) for each in document["points"]] == [

@@ -189,7 +189,7 @@ def test_added_before_another(project: Path) -> None:
         ),
         ("camera add O c=1 distortion_curve=[[0,0],[1,0],[2,0],[3,0]]", "curve of camera 'O'"),
         ("camera add O c=1 c.x=1", "c has no parts"),
-        ("camera add C35 c=1", "camera C35 is there already, with other values; change it with 'orip camera edit'"),
+        ("camera add C35 c=1", "camera C35 already exists with other values; change it with 'orip camera edit'"),
         ("camera add !O c=1", "'!O' is not allowed as a name"),
         ("camera add O c=1 colour=", "the record has the unknown key 'colour'"),
         ("photo add P camera=K", "photo 'P' names camera 'K', which is not defined"),
@@ -380,7 +380,7 @@ def test_rename_in_case_alone(project: Path) -> None:
 
 
 def test_rename_to_a_name_that_is_taken(project: Path) -> None:
-    refused(project, "photo right is there already", "photo", "rename", "left", "RIGHT")
+    refused(project, "photo right already exists", "photo", "rename", "left", "RIGHT")
     refused(project, "has a blank", "photo", "rename", "left", "l eft")
 
 
@@ -441,7 +441,7 @@ def test_rename_one_of_two_bundles_its_listings_go(tmp_path: Path) -> None:
 
 def test_a_bundle_takes_no_files_of_another(project: Path) -> None:
     (project / "ALL.PRE").write_text("P1 1 2 3\n")
-    refused(project, "ALL.PRE is there already; move it away", "bundle", "rename", "MAIN", "ALL")
+    refused(project, "ALL.PRE already exists; move it away", "bundle", "rename", "MAIN", "ALL")
 
 
 # copy
@@ -454,9 +454,9 @@ def test_copy_with_other_values(project: Path) -> None:
     found = values(project, "camera", "C50")
     assert (found["c"], found["sensor.columns"]) == (50.0, 6000)
     unchanged(project, *words)
-    refused(project, "camera C50 is there already, with other values", "camera", "copy", "C35", "C50", "c=51")
+    refused(project, "camera C50 already exists with other values", "camera", "copy", "C35", "C50", "c=51")
     refused(project, "there is no camera 'X'", "camera", "copy", "X", "Y", code=2)
-    refused(project, "camera C35 is there already", "camera", "copy", "C50", "c35")
+    refused(project, "camera C35 already exists", "camera", "copy", "C50", "c35")
 
 
 def test_copies_of_templates_and_models(film: Path) -> None:

@@ -72,7 +72,7 @@ def test_in_an_empty_folder_of_ones_own_it_stays_the_same_folder(
     before = tmp_path.stat().st_ino
     said = orip(Path(), "init", "--sample", SMALLEST, ".")
     assert said.code == 0
-    assert "next     orip run" in said.err, "the user is there already"
+    assert "next     orip run" in said.err, "the user already exists"
     assert tmp_path.stat().st_ino == before
     assert (tmp_path / "orip.toml").exists()
 

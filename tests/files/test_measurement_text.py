@@ -14,9 +14,9 @@ from orip.records.measurement import (
     FiducialsRecord,
     LogRecord,
     PhotoRecord,
-    Place,
     PointsRecord,
     TemplateRecord,
+    TextPlace,
     TicksRecord,
 )
 
@@ -60,7 +60,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
     template, photo, points, *edits, fiducials, ticks = parsed.value
 
     assert isinstance(template, TemplateRecord)
-    assert (template.place, template.template) == (Place("S1.MEA", 1), "T1")
+    assert (template.place, template.template) == (TextPlace("S1.MEA", 1), "T1")
     assert (template.transformation, template.stage) == ("A", "UPPER")
     assert template.marks.names == ("1", "2")
     assert template.marks.disregarded.tolist() == [False, True]
@@ -81,9 +81,9 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
     assert points.lines.tolist() == [9, 10, 11, 12]
 
     assert edits == [
-        EditRecord(Place("S1.MEA", 13), "DISREGARD", "POINT", "MAIN", "P101", "1001"),
-        EditRecord(Place("S1.MEA", 14), "INCLUDE", "MARK", None, "*", "2"),
-        EditRecord(Place("S1.MEA", 15), "KILL", "TICK", None, "T1", "*"),
+        EditRecord(TextPlace("S1.MEA", 13), "DISREGARD", "POINT", "MAIN", "P101", "1001"),
+        EditRecord(TextPlace("S1.MEA", 14), "INCLUDE", "MARK", None, "*", "2"),
+        EditRecord(TextPlace("S1.MEA", 15), "KILL", "TICK", None, "T1", "*"),
     ]
     assert isinstance(fiducials, FiducialsRecord)
     assert (fiducials.camera, fiducials.arrangement) == ("CAM", "midsides")

@@ -180,7 +180,7 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f"{PROJECT}{CAMERA}{ONE_FIDUCIAL}{SENSOR}", 7, "camera 'O' has both sensor and fiducials"),
         (f"{PROJECT}{CAMERA}sensor = {{ columns = 1.5, rows = 1, width = 1, height = 1 }}\n", 6, "a whole number"),
         (f"{PROJECT}{CAMERA}[[camera]]\nname = 'O'\nc = 1\n", 7, "camera 'O' is already defined on line 4"),
-        (f"{PROJECT}{CAMERA}[[camera]]\nname = 'o'\nc = 1\n", 7, "differs from 'O' on line 4 in case alone"),
+        (f"{PROJECT}{CAMERA}[[camera]]\nname = 'o'\nc = 1\n", 7, "differs from 'O' on line 4 only in case"),
         (f"{PROJECT}[[bundle]]\nname = 'a/b'\n", 4, "bundle 'a/b' has /, which file names cannot have"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\n[[bundle]]\nname = 'Prelim'\n", 6, "PRELIM_RESULT.OUT of another step"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\nstart_down_weight = 21\n", 5, "above its max_iterations 20"),
@@ -259,7 +259,7 @@ def test_one_fault_of_a_photo_or_template(added: str, line: int, words: str) -> 
     [
         ('name = "N"\nleft = "A"\nright = "a"\nrow = 2\ncolumn = 1', 34, "photo 'A' both left and right"),
         ('name = "N"\nleft = "A"\nright = "Q"\nrow = 2\ncolumn = 1', 34, "model 'N' names photo 'Q'"),
-        ('name = "m"\nleft = "A"\nright = "B"\nrow = 2\ncolumn = 1', 32, "differs from 'M' on line 26 in case alone"),
+        ('name = "m"\nleft = "A"\nright = "B"\nrow = 2\ncolumn = 1', 32, "differs from 'M' on line 26 only in case"),
         ('name = "N"\nleft = "A"\nright = "B"\nrow = 1\ncolumn = 1', 35, "row 1, column 1 like model 'M' on line 29"),
         ('name = "N"\nleft = "A"\nright = "B"\nrow = 0\ncolumn = 1', 35, "a number of at least 1 is required"),
         ('name = "N"\nleft = "A"\nright = "B"\nrow = 2', 31, "model 'N' of bundle 'MAIN' has no column"),

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from orip.geometry.plane import IDENTITY
 from orip.interior.measured_points import MeasuredPoints, points_of_record
-from orip.records.measurement import EditRecord, PhotoObservations, Place, PointsRecord
+from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
 from orip.records.photo import Photo
 
-PLACE = Place("DAY.MEA", 1)
+PLACE = TextPlace("DAY.MEA", 1)
 PHOTOS = {name: Photo(name, "CAM") for name in ("P1", "P2")}
 POINTS = st.sampled_from(["a", "b", "c", "d"])
 

@@ -31,9 +31,9 @@ from orip.records.measurement import (
     FiducialsRecord,
     MeasuredMarks,
     PhotoRecord,
-    Place,
     PointsRecord,
     TemplateRecord,
+    TextPlace,
     TicksRecord,
 )
 from orip.records.photo import Scan
@@ -363,7 +363,7 @@ OWNERS = st.one_of(NAMES, st.just("*"))
 MARK_NAMES = st.lists(st.sampled_from(["1", "2", "3", "4", "5"]), unique=True, max_size=5)
 NUMBERS = st.one_of(st.sampled_from([0.0, 1.0, -12.0, 18.0, 200.0]), st.floats(-1e6, 1e6))
 KINDS = st.sampled_from(["A", "C", "W"])
-PLACES = st.integers(1, 99).map(lambda line: Place("a.MEA", line))
+PLACES = st.integers(1, 99).map(lambda line: TextPlace("a.MEA", line))
 
 
 @st.composite

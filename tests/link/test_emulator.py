@@ -49,7 +49,7 @@ def cut(client):
 
 
 def unharmed(port, digest=DIGEST):
-    """Check that the table is as it was, and that an operator is served."""
+    """Check that the table is unchanged, and that an operator is served."""
     with Raw(port) as client:
         assert client.ask("DIGEST") == digest
         eventually(lambda: client.ask("OPERATE"), "OK OPERATOR")

@@ -18,14 +18,19 @@ from orip.solving.starting_values import started_block
 
 def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list[ProjectWarning]:
     """Adjust a block, and return what orip says of it after what it found before the adjustment."""
-    gathered = replace(block, point_start=np.full_like(block.point_start, np.nan))
+    gathered = replace(
+        block,
+        point_start=np.full_like(block.point_start, np.nan),
+        defined_cameras=block.cameras,
+        warnings=tuple(found_before),
+    )
 
     def start(other: Block) -> Block:
-        return started_block(other, (), lambda _: None)[0]
+        return started_block(other, lambda _: None)[0]
 
     started = start(gathered)
-    adjusted = adjust_block(started, Method(), "m", lambda _: None, lambda: False)
-    return explain_misfit(adjusted, started, Readjuster(gathered, start, block.cameras, found_before))
+    solution, solved = adjust_block(started, Method(), lambda _: None, lambda: False)
+    return explain_misfit(solution, solved, started, Readjuster(gathered, start))
 
 
 def with_camera(block: Block, *values: tuple[int, float]) -> Block:

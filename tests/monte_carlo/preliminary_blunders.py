@@ -12,6 +12,8 @@ from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_min
 
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
+from orip.records.measurement import Measured
+from orip.records.names import record_key
 
 _ROUNDS = 4
 
@@ -117,7 +119,7 @@ def _blundered(
     )
     changed = replace(
         inputs,
-        observations=replace(observations, measured=measured),
+        measured=Measured(observations={record_key(observations.bundle): replace(observations, measured=measured)}),
         control=replace(inputs.control, points=points),
     )
     wrong = frozenset((observations.photos[row], observations.points[row]) for row in rows.tolist())

@@ -15,10 +15,12 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import angles_from_rotation
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, PreliminaryPoint
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition, Precision, StereoModel
@@ -83,8 +85,8 @@ def started_at(
     """Return a gathered block started at (centre, rotation) of its photos and coordinates of its points."""
     both = [orientations[record_key(photo.name)] for photo in block.photos]
     start = np.array([np.r_[centre, angles_from_rotation(rotation)] for centre, rotation in both])
-    preliminary = [PreliminaryPoint(name, tuple(np.asarray(xyz).tolist())) for name, xyz in coordinates.items()]
-    return with_starting_values(replace(block, photo_orientation=start), preliminary)[0]
+    preliminary = tuple(PreliminaryPoint(name, tuple(np.asarray(xyz).tolist())) for name, xyz in coordinates.items())
+    return with_starting_values(replace(block, photo_orientation=start, preliminary=preliminary))[0]
 
 
 def true_minimum(records: SimulatedRecords) -> SolvedBlock:
@@ -153,13 +155,16 @@ def records_of(
     keys = [record_key(label) for label in labels]
     inputs = BlockInput(
         definition=BundleDefinition("SIM", Precision(NOISE_MM), models=models),
-        cameras={record_key(given.name): given},
-        photos={key: Photo(label, given.name) for key, label in zip(keys, labels, strict=True)},
-        to_photo=dict.fromkeys(keys, identity),
-        pixel_sizes={},
-        observations=observations,
+        records=Definitions(
+            {record_key(given.name): given},
+            {},
+            {},
+            {key: Photo(label, given.name) for key, label in zip(keys, labels, strict=True)},
+            {},
+        ),
+        measured=Measured(observations={record_key("SIM"): observations}),
+        interior=Interior((), {}, dict.fromkeys(keys, identity), {}, (), ()),
         control=Control(points=_control(scene, ties, names, random)),
-        preliminary=(),
     )
     return SimulatedRecords(
         family,

@@ -26,9 +26,9 @@ def test_records_hold_no_preliminary_value(family):
     records = simulated_records(0, family, largest=12)
     inputs = records.inputs
     assert not inputs.preliminary
-    assert all(photo.orientation == (None,) * 6 for photo in inputs.photos.values())
+    assert all(photo.orientation == (None,) * 6 for photo in inputs.records.photos.values())
     block = gathered(records)
-    assert {len(block.photos), len(inputs.photos)} == {len(records.orientations)}
+    assert {len(block.photos), len(inputs.records.photos)} == {len(records.orientations)}
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -12,7 +12,7 @@ from support.synthetic_block import DISTORTED, synthetic_block
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.multimodel.camera_model import camera_model
-from orip.multimodel.photo_loop import photo_loop
+from orip.multimodel.photo_loop import driven_photo
 from orip.records.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
 
 CAMERAS = cameras()
@@ -30,7 +30,7 @@ def test_images_of_a_block_that_was_made_with_other_formulas(scene, form):
         rotation = tuple(rotation_from_angles(orientation[3:]).ravel().tolist())
         photo = DrivePhoto("P", "CAM", None, "UPPER", tuple(orientation[:3].tolist()), rotation, TURNED)
         mine = points.photo == row
-        found = photo_loop(photo, model, WIDE).plate_places(truth.points[points.point[mine]])
+        found = driven_photo(photo, model, WIDE).plate_places(truth.points[points.point[mine]])
         a0, a1, a2, b0, b1, b2 = TURNED
         x, y = points.xy[mine].T
         expected = np.stack([a0 + a1 * x + a2 * y, b0 + b1 * x + b2 * y], axis=1)

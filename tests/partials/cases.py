@@ -361,7 +361,7 @@ def _resection() -> Iterator[Case]:
     known = resection.KnownPoints(vectors, centre + in_photo @ rotation.T, np.zeros(6), 0.005)
     problem = resection._Resection(known)
 
-    def linearised(x: np.ndarray) -> resection.Linearised:
+    def linearised(x: np.ndarray) -> resection.ResectionEquations:
         turned = rotation_about_axes(x[:3]) @ rotation
         at = resection.Orientations(turned[None], (centre + x[3:])[None])
         return problem.linearised(at, np.ones((1, 6)), np.zeros((1, 6)))

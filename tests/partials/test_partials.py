@@ -82,7 +82,7 @@ GIVES_NONE = {
     "orip.prelim.refinement.array_steps.ArraySolver.moved": "the next state",
     "orip.prelim.relative.adjustment._design": "partials of parallaxes, in two directions across the base",
     "orip.prelim.relative.solution._intersection_deviations": "standard deviations",
-    "orip.prelim.resection.adjustment.Linearised.normal_equations": "normal equations",
+    "orip.prelim.resection.adjustment.ResectionEquations.normal_equations": "normal equations",
     "orip.prelim.resection.adjustment._Resection.start": "the first rows, unchanged",
     "orip.prelim.resection.adjustment._Resection.stepped": "the rows after a step, unchanged",
     "orip.prelim.resection.adjustment._RobustResection.reweighted": "the rows, unchanged, with other weights",

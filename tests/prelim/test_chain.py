@@ -13,7 +13,7 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_project, points_in_project
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import Control
 from orip.records.preliminary import PreliminaryValues
 from orip.records.project import StereoModel
@@ -87,7 +87,7 @@ def test_with_noise_the_adjustment_ends_where_it_ends_from_the_truth(scene: Scen
 
 def from_values(block: Block) -> SolvedBlock:
     """Return the adjustment from what the chain finds."""
-    return solved(started_block(block, (), lambda _: None)[0])
+    return solved(started_block(block, lambda _: None)[0])
 
 
 @pytest.mark.parametrize("off", [0.97, 1.05])
@@ -97,7 +97,7 @@ def test_an_unknown_camera_begins_where_the_block_has_it(off: float) -> None:
     camera = made.block.cameras[0]
     given = replace(camera, parameters=(off * camera.parameters[0], *camera.parameters[1:]))
     block = replace(made.block, cameras=(given, *made.block.cameras[1:]))
-    started, _ = started_block(from_nothing(block), (), lambda _: None)
+    started, _ = started_block(from_nothing(block), lambda _: None)
     assert started.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=5e-3)
     assert sigma0(solved(started)) == pytest.approx(sigma0(solved(made.block)), rel=1e-9)
 
@@ -123,7 +123,7 @@ def test_a_control_point_whose_two_rays_miss_each_other_serves_where_none_is_to_
     xy = points.xy.copy()
     # across and along, so that it cannot be taken for a change of depth alone
     xy[last[0]] += 0.06
-    few = PhotoPoints(points.photo[kept], points.point[kept], xy[kept], points.error[kept], points.used[kept])
+    few = IndexedPhotoPoints(points.photo[kept], points.point[kept], xy[kept], points.error[kept], points.used[kept])
     block = replace(made.block, photo_points=few, control_points=(control[0], control[1], control[-1]))
     values = preliminary_values(from_nothing(block))
     assert len(oriented(values)) == len(block.photos)

@@ -20,7 +20,7 @@ from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.parallax import Pairs
-from orip.prelim.relative.solution import Solution, solve
+from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
@@ -84,7 +84,7 @@ def test_refinement(without_loops, monkeypatch: pytest.MonkeyPatch, held: bool, 
     assert (mine.corrections[~unknown] == 0.0).all()
 
 
-def same_solution(mine: Solution, theirs: Solution) -> None:
+def same_solution(mine: PairSolution, theirs: PairSolution) -> None:
     """Assert that two solutions are one but for what ends their iterations: corrections of 1e-9 deviations."""
     assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-9)
     assert mine.photos.rotation == pytest.approx(theirs.photos.rotation, abs=1e-9)

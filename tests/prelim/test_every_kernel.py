@@ -50,12 +50,12 @@ def intersected() -> object:
 
 
 def ranked_triples() -> object:
-    return starting_orientations(known_points(), 0)
+    return starting_orientations(known_points())
 
 
 def chosen_orientations() -> object:
     known = known_points()
-    return best_orientations(known, starting_orientations(known, 0))
+    return best_orientations(known, starting_orientations(known))
 
 
 def oriented_pair() -> object:

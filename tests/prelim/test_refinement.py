@@ -111,7 +111,7 @@ def test_wrong_rays_do_no_harm():
     found = refine(*given, held_points=held)
     assert np.linalg.norm(found.centres - centres, axis=1).max() < 1.0
     assert found.s0 == pytest.approx(1.0, abs=0.25)
-    # of points with two rays a shift along the base shows nowhere
+    # of points with two rays a shift along the base does not show in the residuals
     assert np.mean(found.weight_factors[wrong] < 0.1) > 0.85
 
 

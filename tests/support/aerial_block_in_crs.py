@@ -16,10 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.geometry.plane import PlaneTransformation
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint
-from orip.records.measurement import PhotoObservations
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project import BundleDefinition, Precision
@@ -122,18 +124,18 @@ class AerialBlock:
         made = gather(
             BlockInput(
                 definition,
-                {record_key("RMK"): camera},
-                {record_key(photo.name): photo for photo in photos},
-                {record_key(photo.name): unchanged for photo in photos},
-                {},
-                observations,
+                Definitions(
+                    {record_key("RMK"): camera}, {}, {}, {record_key(photo.name): photo for photo in photos}, {}
+                ),
+                Measured(observations={record_key("MAIN"): observations}),
+                Interior((), {}, {record_key(photo.name): unchanged for photo in photos}, {}, (), ()),
                 control,
                 (),
                 "m",
                 crs,
             )
         )
-        return with_starting_values(made, ())[0]
+        return with_starting_values(made)[0]
 
     def write(self, folder: Path, crs: str | None, control: Sequence[ControlPoint]) -> Path:
         """Write the block as a project folder."""

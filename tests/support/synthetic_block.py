@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from orip.records.block import Block, PhotoPoints
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import Camera
 from orip.records.control import ControlPoint
 from orip.records.photo import PHOTO_PARAMETERS, Photo
@@ -144,7 +144,9 @@ def synthetic_block(
         photo_orientation=start,
         point_names=names,
         point_start=point_start,
-        photo_points=PhotoPoints(photo, point, xy, np.full(xy.shape, precision_mm), np.ones(xy.shape, dtype=bool)),
+        photo_points=IndexedPhotoPoints(
+            photo, point, xy, np.full(xy.shape, precision_mm), np.ones(xy.shape, dtype=bool)
+        ),
         constant_points=constant_points,
         control_points=tuple(
             ControlPoint(names[index], tuple(xyz), (error,) * 3)

@@ -16,7 +16,7 @@ from orip.workflow.control.edits import ControlOutcome
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.observations import edits, listed, todo
 from orip.workflow.observations import measure as _measure
-from orip.workflow.observations.edits import EDITED_FROM, Edited
+from orip.workflow.observations.edits import EDITED_FROM, AddedEdits
 from orip.workflow.observations.listed import LISTED_FROM, ObservationList
 from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, MeasureOutcome
 from orip.workflow.observations.todo import Todo
@@ -64,11 +64,11 @@ def report(folder: Path, bundle: str | None, output: Path | None) -> WrittenRepo
     return commit(_report.report(read_bundle(folder, bundle, "definitions", "solutions"), output)).outcome
 
 
-def edit_observations(folder: Path, *arguments: Any, **options: Any) -> Edited:
+def edit_observations(folder: Path, *arguments: Any, **options: Any) -> AddedEdits:
     return commit(edits.edit_observations(read_project(folder, *EDITED_FROM), *arguments, **options)).outcome
 
 
-def remeasure(folder: Path, file: Path, *, is_trial: bool = False) -> Edited:
+def remeasure(folder: Path, file: Path, *, is_trial: bool = False) -> AddedEdits:
     return commit(edits.remeasure(read_project(folder, *EDITED_FROM), file, is_trial=is_trial)).outcome
 
 

@@ -161,7 +161,7 @@ def test_cameras_of_other_projects_are_left_out(project: Path) -> None:
 def test_what_is_in_the_way_is_kept(project: Path) -> None:
     edit_record(project, RecordName("camera", "C35"), ["c=35.1"])
     before = contents(project)
-    with pytest.raises(UsageError, match=r"orip\.toml is there already, with another text; write over it with --force"):
+    with pytest.raises(UsageError, match=r"orip\.toml already exists with another text; write over it with --force"):
         export_toml(project, Path("orip.toml"))
     assert contents(project) == before
     for number in (1, 2):

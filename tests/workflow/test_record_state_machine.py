@@ -32,7 +32,7 @@ from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.stores.transaction import reading
 from orip.workflow.project.definitions import read_definitions
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.records.document import checked, stored_document
 from orip.workflow.records.edits import RecordName
 
@@ -278,7 +278,7 @@ class RecordMachine(RuleBasedStateMachine):
 
     def stored(self) -> dict[str, list[Table]]:
         """Return what the stores hold, as the dictionaries have it."""
-        project: Project = open_project(self.folder)
+        project: ProjectFolder = open_project(self.folder)
         with reading(project.record_stores) as stores:
             found = read_definitions(project, stores)
         models = ("name", "left", "right", "row", "column")

@@ -16,7 +16,7 @@ from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
-    Estimate,
+    EstimatedParameter,
     KeptValue,
     updated_camera,
     updated_photo,
@@ -26,8 +26,8 @@ from orip.solving.updated_values import (
 NAN, INF = math.nan, math.inf
 
 
-def estimates(parameters: tuple[str, ...], sd: dict[str, float], value: float = 5.0) -> tuple[Estimate, ...]:
-    return tuple(Estimate(parameter, value, sd.get(parameter, NAN)) for parameter in parameters)
+def estimates(parameters: tuple[str, ...], sd: dict[str, float], value: float = 5.0) -> tuple[EstimatedParameter, ...]:
+    return tuple(EstimatedParameter(parameter, value, sd.get(parameter, NAN)) for parameter in parameters)
 
 
 def camera(**given: object) -> Camera:

@@ -53,7 +53,7 @@ class Contributions(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class PhotoLoop:
+class PhotoPointLoop:
     """The photo points of a block with the pattern of their normal equations.
 
     Parameters
@@ -211,7 +211,7 @@ class StreamedCoupling:
 
     Parameters
     ----------
-    loop : PhotoLoop
+    loop : PhotoPointLoop
     state : BlockState
     factor : array (2 n,)
         Roots of the weight factors over the a-priori errors.
@@ -220,7 +220,7 @@ class StreamedCoupling:
         Number m of reduced unknowns.
     """
 
-    loop: PhotoLoop
+    loop: PhotoPointLoop
     state: BlockState
     factor: FloatArray
     half: FloatArray
@@ -259,7 +259,7 @@ def is_compiled() -> bool:
     return _IS_COMPILED
 
 
-def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop:
+def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoPointLoop:
     """Return the loop over the photo points of a block.
 
     Parameters
@@ -270,7 +270,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoLoop:
     block = blocks_of_points(unknowns)[points.point]
     camera_of_photo = np.zeros(len(unknowns.photos), dtype=np.int32)
     camera_of_photo[points.photo] = points.camera
-    return PhotoLoop(
+    return PhotoPointLoop(
         points,
         points.photo.astype(np.int32),
         points.point.astype(np.int32),

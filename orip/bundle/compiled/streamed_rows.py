@@ -14,7 +14,7 @@ from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormal
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
 from orip.arrays import FloatArray
-from orip.bundle.compiled.photo_loop import Contributions, PhotoLoop, StreamedCoupling
+from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling
 from orip.bundle.state import BlockState
 
 
@@ -24,7 +24,7 @@ class StreamedRows:
 
     Parameters
     ----------
-    loop : PhotoLoop
+    loop : PhotoPointLoop
     state : BlockState
     others : SparseRows
         Rows that the loop does not compute; each touches either reduced unknowns or one point.
@@ -34,7 +34,7 @@ class StreamedRows:
         Returns the whole matrix.
     """
 
-    loop: PhotoLoop
+    loop: PhotoPointLoop
     state: BlockState
     others: SparseRows
     other_rows: NDArray[np.int64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera, default_error
@@ -60,3 +60,6 @@ def _error(block: Block, row: int, parameter: int) -> float:
     mine = block.photo_camera[block.photo_points.photo] == row
     photo_error = float(np.mean(block.photo_points.error[mine])) if mine.any() else 1.0
     return default_error(camera.additional_set, parameter, base_of_camera(camera), photo_error)
+
+
+KINDS = (KindEquations(ADDITIONAL_PARAMETER, observe_additional_parameters),)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block
@@ -56,3 +56,6 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
         columns=columns_of_coordinates(block.ground, unknowns.points[point], coordinate),
     )
     return ControlPointObservations(rows, point, coordinate, block.ground)
+
+
+KINDS = (KindEquations(CONTROL_POINT, observe_control_points),)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
@@ -89,3 +89,6 @@ def tied_by_directions(block: Block) -> frozenset[int]:
     """Return the points that directions tie to each other."""
     place = block.point_index()
     return frozenset(place[name] for direction in block.directions for name in (direction.station, direction.target))
+
+
+KINDS = (KindEquations(DIRECTION, observe_directions, tied_by_directions),)

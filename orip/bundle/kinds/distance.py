@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
@@ -115,3 +115,9 @@ def _between(
         columns=np.hstack([unknowns.points[start], unknowns.points[end]]),
     )
     return rows, start, end, axes, block.ground
+
+
+KINDS = (
+    KindEquations(DISTANCE, observe_distances, tied_by_distances),
+    KindEquations(CONSTANT_DISTANCE, observe_constant_distances, tied_by_distances),
+)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.errors import InputError
@@ -227,3 +227,6 @@ def _columns(place: _Place, unknowns: Unknowns, ground: GroundSystem) -> IntArra
         unknowns.cameras[place.row, place.column] if place.quantity == "camera" else unknowns.theodolites[place.row]
     )
     return np.array([column, CONSTANT, CONSTANT])
+
+
+KINDS = (KindEquations(ELEMENT, observe_elements), KindEquations(CONSTANT_ELEMENT, observe_constant_elements))

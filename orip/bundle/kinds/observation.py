@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.state import BlockState
+from orip.bundle.unknowns import Unknowns
+from orip.records.block import Block
 from orip.records.observation_kinds import ObservationKind
 
 
@@ -82,3 +85,25 @@ class Observations(ABC):
         """
         del state
         return None
+
+
+def _ties_no_points(_: Block) -> frozenset[int]:
+    return frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class KindEquations:
+    """How a kind of observation enters the adjustment; the module of a kind lists its own as `KINDS`.
+
+    Parameters
+    ----------
+    kind : ObservationKind
+    observe : callable
+        Finds the kind's observations in a block.
+    tied_points : callable
+        Indices of the points that its observations tie to each other; they are not eliminated.
+    """
+
+    kind: ObservationKind
+    observe: Callable[[Block, Unknowns], Observations]
+    tied_points: Callable[[Block], frozenset[int]] = _ties_no_points

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.kinds.observation import Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.perspective import Perspective, perspective_with_partials
@@ -154,3 +154,6 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
 def _named_twice(names: Sequence[str], places: IntArray) -> tuple[str, ...]:
     """Return the name at each place, once for x and once for y."""
     return tuple(np.repeat(np.array(names, dtype=object)[places], 2).tolist())
+
+
+KINDS = (KindEquations(PHOTO_POINT, observe_photo_points),)

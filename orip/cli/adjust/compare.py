@@ -23,12 +23,13 @@ RelativeOption = Annotated[
     float,
     typer.Option(
         "--relative",
-        help="Allowed besides: of a ground coordinate times the block's extent, of an angle times a radian.",
+        help="Relative part of the allowed difference: times the block's extent for ground coordinates, times one "
+        "radian for angles.",
     ),
 ]
 SigmaOption = Annotated[
     float | None,
-    typer.Option("--sigma", help="Allow so many standard deviations instead, and compare adjusted values alone."),
+    typer.Option("--sigma", help="Allow so many standard deviations instead, and compare only adjusted values."),
 ]
 
 _SHOWN = 20

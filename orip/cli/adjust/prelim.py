@@ -22,18 +22,19 @@ from orip.cli.options import BundleOption, Invocation, command, without_command
 from orip.errors import NotSolvableError, UsageError
 
 if TYPE_CHECKING:
-    from orip.workflow.adjust.prelim_steps import PrelimInput, Similarities
+    from orip.workflow.adjust.prelim_steps import PrelimInput, SimilaritySteps
     from orip.workflow.project.bundle_state import BundleState
 
-Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="This one alone, point by point; none: all.")]
-Rows = Annotated[list[int] | None, typer.Argument(metavar="[ROW ROW]", help="These two alone; none: all.")]
+Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="Only this one, point by point; default: all.")]
+Rows = Annotated[list[int] | None, typer.Argument(metavar="[ROW ROW]", help="Only these two; default: all.")]
 After = Annotated[
-    Literal["relative", "bridged", "connected", "absolute"], typer.Option("--after", help="The step that is looked at.")
+    Literal["relative", "bridged", "connected", "absolute"],
+    typer.Option("--after", help="Show the values after this step."),
 ]
 
 prelim_group = typer.Typer(
     name="prelim",
-    help="Preliminary values of photos and points, from measurements and control alone.\n\nExample: orip prelim",
+    help="Preliminary values of photos and points, from measurements and control only.\n\nExample: orip prelim",
 )
 
 
@@ -183,7 +184,7 @@ def _chain(invocation: Invocation, bundle: str | None) -> None:
         raise NotSolvableError(complaint)
 
 
-def _show_similarities(invocation: Invocation, found: Similarities, *, alone: bool, nothing: str) -> None:
+def _show_similarities(invocation: Invocation, found: SimilaritySteps, *, alone: bool, nothing: str) -> None:
     from orip.files.listings.preliminary_steps import similarity_lines, similarity_overview, similarity_remarks
 
     if invocation.terminal.json:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         SimilarityStep,
     )
     from orip.workflow.adjust.prelim import PrelimOutcome
-    from orip.workflow.adjust.prelim_steps import Relative, Similarities
+    from orip.workflow.adjust.prelim_steps import Relative, SimilaritySteps
 
 _SHOWN_WAYS = 30
 _SHOWN_NAMES = 10
@@ -111,7 +111,7 @@ def relative_document(found: Relative) -> dict[str, Any]:
     }
 
 
-def similarity_document(found: Similarities) -> dict[str, Any]:
+def similarity_document(found: SimilaritySteps) -> dict[str, Any]:
     """Return bridgings or connections."""
     return {
         "command": "prelim",

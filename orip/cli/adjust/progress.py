@@ -42,7 +42,7 @@ def solve_watcher(terminal: Terminal) -> SolveWatcher:
 
 @contextmanager
 def stopping(terminal: Terminal) -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a wish to stop after the iteration in hand; a second one interrupts at once."""
+    """Make the first Ctrl-C stop the adjustment after the current iteration; a second one interrupts at once."""
     asked = False
 
     def ask(_signal: int, _frame: object) -> None:
@@ -127,7 +127,7 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
 
 
 def exit_code(outcome: SolveOutcome) -> int:
-    """Return the exit code that an adjustment deserves."""
+    """Return the exit code of an adjustment."""
     status = outcome.solution.status
     if status == "stopped":
         return INTERRUPTED

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from orip.workflow.adjust.report import WrittenReport
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to; default report.html of the project.")
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Output file; default: report.html.")
 ]
 
 
-Report = Annotated[bool, typer.Option("--report/--no-report", help="Write the report, too: one HTML page.")]
+Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write the report, one HTML page.")]
 
 
 def tell_report(terminal: Terminal, written: WrittenReport) -> None:

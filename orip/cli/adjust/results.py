@@ -12,7 +12,7 @@ What = Annotated[
     Literal["cameras", "photos", "points", "residuals"],
     typer.Argument(metavar="WHAT", help="cameras, photos, points or residuals of the last adjustment."),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These cameras, photos or points alone.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these cameras, photos or points.")]
 
 
 def register(app: typer.Typer) -> None:

@@ -12,7 +12,7 @@ from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
 
 Snoop = Annotated[
-    bool, typer.Option("--snoop", help="Search blunders and leave them out, instead of reducing weights.")
+    bool, typer.Option("--snoop", help="Search for blunders and leave them out, instead of reducing weights.")
 ]
 Sigma0 = Annotated[
     Literal["apriori", "posteriori"] | None,
@@ -23,7 +23,7 @@ Alpha = Annotated[
     typer.Option("--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default 0.001)."),
 ]
 Prune = Annotated[
-    bool, typer.Option("--prune", help="Hold camera parameters at zero that are not significant, one after the other.")
+    bool, typer.Option("--prune", help="Hold camera parameters that are not significant at zero, one after the other.")
 ]
 Check = Annotated[
     list[str] | None,
@@ -47,7 +47,7 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
 
-        Ctrl-C stops after the iteration in hand and keeps its result, marked as stopped.
+        Ctrl-C stops after the current iteration and keeps its result, marked as stopped.
 
         Example: orip solve --snoop --sigma0 posteriori
         """

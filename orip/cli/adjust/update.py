@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 What = Annotated[
     Literal["cameras", "photos", "points"], typer.Argument(metavar="WHAT", help="cameras, photos or points.")
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="These alone; none: all of the adjustment.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these; default: all of the adjustment.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Also from an adjustment that did not converge.")]
 
 _SHOWN_KEPT = 10
@@ -31,7 +31,7 @@ def register(app: typer.Typer) -> None:
     def update_command(
         invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None, force: ForceOption = False
     ) -> None:
-        """Take values of the last adjustment as preliminary values, those of its unknowns alone.
+        """Take values of the last adjustment as preliminary values, but only those of its unknowns.
 
         Cameras and photos change in their stores and stay so until their text in orip.toml changes. Points go into
         BUNDLE.PRE; points in it that the adjustment does not have stay.

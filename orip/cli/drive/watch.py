@@ -34,7 +34,7 @@ def watch_command(
 ) -> None:
     """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
 
-    Without --link the page has a plate processor of its own. The page can be seen from this machine alone; Ctrl-C
+    Without --link the page has a plate processor of its own. The page can be seen only from this machine; Ctrl-C
     ends it.
 
     Example: orip drive watch

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from orip.cli.confirm import require_confirmation
-from orip.cli.editing import DryRunOption, YesOption
+from orip.cli.editing import DryRunOption, EditOptions, YesOption
 from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
 from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
@@ -45,8 +45,8 @@ def _register_list(group: typer.Typer) -> None:
     def list_command(
         invocation: Invocation,
         bundle: BundleOption = None,
-        photo: Annotated[str | None, typer.Option("--photo", help="That photo alone.")] = None,
-        point: Annotated[str | None, typer.Option("--point", help="That point alone.")] = None,
+        photo: Annotated[str | None, typer.Option("--photo", help="Only that photo.")] = None,
+        point: Annotated[str | None, typer.Option("--point", help="Only that point.")] = None,
         every: Annotated[bool, typer.Option("--all", help="All that is measured.")] = False,
         partners: Annotated[bool, typer.Option("--partners", help="Also the photos that show these points.")] = False,
     ) -> None:
@@ -66,15 +66,8 @@ def _register_list(group: typer.Typer) -> None:
 
 
 def _register_edit(group: typer.Typer, verb: Verb) -> None:
-    def edit_command(
-        invocation: Invocation,
-        what: What,
-        owner: Owner,
-        names: Names,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
-        _edit(invocation, verb, what, owner, names, bundle=bundle, dry_run=dry_run)
+    def edit_command(invocation: Invocation, what: What, owner: Owner, names: Names, options: EditOptions) -> None:
+        _edit(invocation, verb, what, owner, names, options)
 
     edit_command.__doc__ = _documented(verb)
     command(group, verb)(edit_command)
@@ -86,14 +79,13 @@ def _register_kill(group: typer.Typer) -> None:
         what: What,
         owner: Owner,
         names: Names,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
+        options: EditOptions,
         yes: YesOption = False,
     ) -> None:
-        if "*" in names and not dry_run:
+        if "*" in names and not options.dry_run:
             every = "every template" if what == "tick" else "every photo"
             require_confirmation(f"Kill all {what}s of {every if owner == '*' else owner}?", yes)
-        _edit(invocation, "kill", what, owner, names, bundle=bundle, dry_run=dry_run)
+        _edit(invocation, "kill", what, owner, names, options)
 
     kill_command.__doc__ = _documented("kill")
     command(group, "kill")(kill_command)
@@ -106,13 +98,12 @@ def _documented(verb: Verb) -> str:
     )
 
 
-def _edit(
-    invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], *, bundle: str | None, dry_run: bool
-) -> None:
+def _edit(invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], options: EditOptions) -> None:
     from orip.workflow.observations.edits import EDITED_FROM, edit_observations
     from orip.workflow.project.commit import commit
     from orip.workflow.project.state import read_project
 
+    bundle, dry_run = options
     if bundle is not None and what != "point":
         message = f"a {what} belongs to no bundle; leave --bundle out"
         raise UsageError(message)

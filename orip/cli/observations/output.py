@@ -11,7 +11,7 @@ from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
     from orip.records.listed_observation import ListedObservation, PointToMeasure, StereoPartner
-    from orip.workflow.observations.edits import Edited
+    from orip.workflow.observations.edits import AddedEdits
     from orip.workflow.observations.listed import ObservationList
     from orip.workflow.observations.rays import LeftAlone
     from orip.workflow.observations.todo import Todo
@@ -42,7 +42,7 @@ def list_document(found: ObservationList) -> dict[str, Any]:
     }
 
 
-def tell_edited(terminal: Terminal, verb: str, edited: Edited) -> None:
+def tell_edited(terminal: Terminal, verb: str, edited: AddedEdits) -> None:
     """Say what was added to EDITS.MEA, and which points have too few rays now."""
     terminal.warn(edited.warnings)
     if not edited.lines:

@@ -11,7 +11,7 @@ from orip.cli.options import Invocation, command
 from orip.cli.terminal import warning_rows
 
 OutputOption = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it there; none: to stdout.")
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Output file; default: stdout.")
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Also over another text, which is kept as FILE.bak.")]
 

@@ -22,7 +22,7 @@ _LINES = 15
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to the group of commands about cameras, which is there already."""
+    """Add the command to the group of commands about cameras, which already exists."""
     group = next(
         registered.typer_instance
         for registered in app.registered_groups

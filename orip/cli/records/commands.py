@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.editing import DryRunOption, edit_document, tell_edit
+from orip.cli.editing import BundleOption, EditOptions, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
@@ -26,9 +26,6 @@ NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
 Values = Annotated[
     list[str] | None,
     typer.Argument(metavar="KEY=VALUE...", help="Keys and values as in orip.toml; KEY= removes a value."),
-]
-BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Bundle of a model; needed only where there are several.")
 ]
 BeforeOption = Annotated[
     str | None, typer.Option("--before", metavar="NAME", help="Insert before this record; else at the end.")
@@ -102,76 +99,58 @@ def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
     def add_command(
         invocation: Invocation,
         name: Name,
+        options: EditOptions,
         values: Values = None,
         before: BeforeOption = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
     ) -> None:
         """Add a record."""
         from orip.workflow.records.commands import add_record
 
-        edit = partial(add_record, record=_record(kind, name, bundle), words=values or (), before=before)
-        tell(invocation.terminal, f"{kind} add", _edited(invocation, edit, dry=dry_run))
+        edit = partial(add_record, record=_record(kind, name, options.bundle), words=values or (), before=before)
+        tell(invocation.terminal, f"{kind} add", _edited(invocation, edit, dry=options.dry_run))
 
     @command(group, "copy")
     def copy_command(
         invocation: Invocation,
         name: Name,
         new_name: NewName,
+        options: EditOptions,
         values: Values = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
     ) -> None:
         """Add a record with the values of another one, some of them changed."""
         from orip.workflow.records.commands import copy_record
 
-        edit = partial(copy_record, record=_record(kind, name, bundle), name=new_name, words=values or ())
-        tell(invocation.terminal, f"{kind} copy", _edited(invocation, edit, dry=dry_run))
+        edit = partial(copy_record, record=_record(kind, name, options.bundle), name=new_name, words=values or ())
+        tell(invocation.terminal, f"{kind} copy", _edited(invocation, edit, dry=options.dry_run))
 
 
 def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
     @command(group, "edit")
-    def edit_command(
-        invocation: Invocation,
-        name: Name,
-        values: Values = None,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
+    def edit_command(invocation: Invocation, name: Name, options: EditOptions, values: Values = None) -> None:
         """Change values of a record; 'orip init' keeps them as long as its text in orip.toml does not change."""
         from orip.workflow.records.commands import edit_record
 
-        edit = partial(edit_record, record=_record(kind, name, bundle), words=values or ())
-        tell(invocation.terminal, f"{kind} edit", _edited(invocation, edit, dry=dry_run))
+        edit = partial(edit_record, record=_record(kind, name, options.bundle), words=values or ())
+        tell(invocation.terminal, f"{kind} edit", _edited(invocation, edit, dry=options.dry_run))
 
     @command(group, "rename")
-    def rename_command(
-        invocation: Invocation,
-        name: Name,
-        new_name: NewName,
-        bundle: BundleOption = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
+    def rename_command(invocation: Invocation, name: Name, new_name: NewName, options: EditOptions) -> None:
         """Give a record another name, also in all records and measurements of the stores that name it."""
         from orip.workflow.records.commands import rename_record
 
-        edit = partial(rename_record, record=_record(kind, name, bundle), name=new_name)
-        outcome = _edited(invocation, edit, dry=dry_run, with_solutions=kind == "bundle")
+        edit = partial(rename_record, record=_record(kind, name, options.bundle), name=new_name)
+        outcome = _edited(invocation, edit, dry=options.dry_run, with_solutions=kind == "bundle")
         tell(invocation.terminal, f"{kind} rename", outcome)
 
     @command(group, "delete")
     def delete_command(
-        invocation: Invocation,
-        name: Name,
-        bundle: BundleOption = None,
-        with_referents: ReferentsOption = False,
-        dry_run: DryRunOption = False,
+        invocation: Invocation, name: Name, options: EditOptions, with_referents: ReferentsOption = False
     ) -> None:
         """Delete a record that nothing refers to, or with all that does."""
         from orip.workflow.records.commands import delete_record
 
-        edit = partial(delete_record, record=_record(kind, name, bundle), with_referents=with_referents)
-        tell(invocation.terminal, f"{kind} delete", _edited(invocation, edit, dry=dry_run))
+        edit = partial(delete_record, record=_record(kind, name, options.bundle), with_referents=with_referents)
+        tell(invocation.terminal, f"{kind} delete", _edited(invocation, edit, dry=options.dry_run))
 
 
 def _record(kind: RecordKind, name: str, bundle: str | None) -> RecordName:
@@ -195,7 +174,7 @@ def _edited(
 
 
 def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None:
-    """Say what became of the records."""
+    """Print what was done to the records."""
     verb = f"{command_name.split()[1]:<8}"
     tell_edit(terminal, verb, outcome, "the records are")
     for change in outcome.changes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,20 +52,16 @@ def preliminary_listing(
     run : str
         Run id.
     """
-    lines = preliminary_listing_lines(values, orientations, points, ground_unit, facts, run)
+    lines = chain(title_block(TITLE, run, facts), _sections(values, orientations, points, ground_unit))
     return "".join(f"{line}\n" for line in lines)
 
 
-def preliminary_listing_lines(
+def _sections(
     values: PreliminaryValues,
     orientations: Sequence[Sequence[float]],
     points: Sequence[PreliminaryPoint],
     ground_unit: str,
-    facts: Sequence[tuple[str, str]],
-    run: str,
 ) -> Iterator[str]:
-    """Yield the lines of PRELIM_RESULT.OUT, without newlines."""
-    yield from title_block(TITLE, run, facts)
     if values.findings:
         yield from section("FINDINGS", [line for finding in values.findings for line in paragraph(finding, hanging=2)])
     yield from section("HOW EACH PHOTO WAS ORIENTED", _how(values))

@@ -14,9 +14,9 @@ from orip.records.measurement import (
     FiducialsRecord,
     LogRecord,
     PhotoRecord,
-    Place,
     PointsRecord,
     TemplateRecord,
+    TextPlace,
     TicksRecord,
     TransformationKind,
 )
@@ -59,7 +59,7 @@ def read_header(reader: FieldReader, shown: str) -> MeasurementBlock:
     title = " ".join([kind, *(reader.shown_text(index) for index in range(1, min(reader.count, titled)))])
     build = None
     if reader.has_fields(counts, form):
-        build = _BUILDERS[kind](reader, Place(shown, reader.number))
+        build = _BUILDERS[kind](reader, TextPlace(shown, reader.number))
     return MeasurementBlock(kind, title, reader.number, None if reader.complaints else build)
 
 
@@ -79,7 +79,7 @@ def read_edit(reader: FieldReader, shown: str) -> EditRecord | None:
     if reader.complaints:
         return None
     bundle = names[0] if what == "POINT" else None
-    return EditRecord(Place(shown, reader.number), action, what, bundle, names[-2], names[-1])
+    return EditRecord(TextPlace(shown, reader.number), action, what, bundle, names[-2], names[-1])
 
 
 def _keyword(reader: FieldReader, allowed: tuple[Word, ...]) -> Word:
@@ -90,7 +90,7 @@ def _keyword(reader: FieldReader, allowed: tuple[Word, ...]) -> Word:
 Builder = Callable[[MeasurementBlock], LogRecord]
 
 
-def _template_builder(reader: FieldReader, place: Place) -> Builder | None:
+def _template_builder(reader: FieldReader, place: TextPlace) -> Builder | None:
     name = reader.name(1)
     kind = reader.word(2, _KINDS, _TRANSFORMATION)
     stage = reader.word(3, _STAGES, "a stage") if reader.count == 4 else None
@@ -99,7 +99,7 @@ def _template_builder(reader: FieldReader, place: Place) -> Builder | None:
     return lambda block: TemplateRecord(place, name, kind, stage, block.marks())
 
 
-def _photo_builder(reader: FieldReader, place: Place) -> Builder | None:
+def _photo_builder(reader: FieldReader, place: TextPlace) -> Builder | None:
     name = reader.name(1)
     kind = reader.word(2, _KINDS, _TRANSFORMATION)
     if kind is None:
@@ -107,7 +107,7 @@ def _photo_builder(reader: FieldReader, place: Place) -> Builder | None:
     return lambda block: PhotoRecord(place, name, kind, block.marks())
 
 
-def _points_builder(reader: FieldReader, place: Place) -> Builder:
+def _points_builder(reader: FieldReader, place: TextPlace) -> Builder:
     bundle, photo = reader.name(1), reader.name(2)
     return lambda block: PointsRecord(
         place,
@@ -122,7 +122,7 @@ def _points_builder(reader: FieldReader, place: Place) -> Builder:
     )
 
 
-def _fiducials_builder(reader: FieldReader, place: Place) -> Builder | None:
+def _fiducials_builder(reader: FieldReader, place: TextPlace) -> Builder | None:
     camera = reader.name(1)
     arrangement = reader.word(2, _ARRANGEMENTS, "an arrangement of fiducials")
     if arrangement is None:
@@ -130,12 +130,12 @@ def _fiducials_builder(reader: FieldReader, place: Place) -> Builder | None:
     return lambda block: FiducialsRecord(place, camera, arrangement, block.marks())
 
 
-def _ticks_builder(reader: FieldReader, place: Place) -> Builder:
+def _ticks_builder(reader: FieldReader, place: TextPlace) -> Builder:
     temtick = reader.name(1)
     return lambda block: TicksRecord(place, temtick, block.marks())
 
 
-_BUILDERS: Mapping[BlockKind, Callable[[FieldReader, Place], Builder | None]] = {
+_BUILDERS: Mapping[BlockKind, Callable[[FieldReader, TextPlace], Builder | None]] = {
     "TEMPLATE": _template_builder,
     "PHOTO": _photo_builder,
     "POINTS": _points_builder,

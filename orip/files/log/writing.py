@@ -78,7 +78,7 @@ class LogFile:
         Raises
         ------
         OripError
-            If the file cannot be written; it is then as it was.
+            If the file cannot be written; it is unchanged then.
         """
         self._catch_up()
         self._blocks[header] = tuple(lines)
@@ -106,7 +106,7 @@ class LogFile:
 
     def _write(self) -> None:
         text = self._text()
-        with reporting_failure(self._shown, "it is as it was before this mark"):
+        with reporting_failure(self._shown, "the file is unchanged since before this mark"):
             replace_text(self._path, text)
         self._written = text
 

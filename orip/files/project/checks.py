@@ -42,7 +42,7 @@ def _record_names(kind: str, found: Sequence[NamePlace], line_of: LineOf) -> Ite
         if known.name == record.name:
             yield place, f"{kind} '{shown}' is already defined on line {line}; rename or remove one of them"
         else:
-            twin = f"{kind} '{shown}' differs from '{shown_token(known.name)}' on line {line} in case alone"
+            twin = f"{kind} '{shown}' differs from '{shown_token(known.name)}' on line {line} only in case"
             yield place, f"{twin}, which does not count in record names; rename one of them"
 
 

@@ -38,7 +38,7 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
     Returns
     -------
     str
-        Records of a kind come in the order of the definition, kinds in that of the text. One that is as it was stands
+        Records of a kind come in the order of the definition, kinds in that of the text. One that is unchanged stands
         as it stood; in one that has changed the lines of the keys that have changed are rewritten. Where a text of
         another structure (arrays in place of headers) prevents that, more of it is rewritten, if need be all.
     """

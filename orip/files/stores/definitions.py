@@ -107,7 +107,7 @@ def record_list(name: str, owner: str, item: type) -> StoreTable:
 
 
 def refuse_case_twins(store: Store, what: str, names: Iterable[str]) -> None:
-    """Raise InputError if a name stands twice, or two names differ in case alone."""
+    """Raise InputError if a name stands twice, or two names differ only in case."""
     listed = list(names)
     twice = [(name, name) for name, count in Counter(listed).items() if count > 1]
     pairs = [*twice, *case_twins(listed)]

@@ -14,14 +14,15 @@ def record_digest(record: object) -> str:
     """Return the SHA-256 (hex) of a frozen model dataclass.
 
     Equal records have equal digests, also after a round trip through a store: numbers count by value (1 and 1.0 are
-    the same, 0.0 and -0.0 too), names by their letters and case.
+    the same, 0.0 and -0.0 too), names by their letters and case. Neither the name of the class nor the order of its
+    fields counts.
 
     Raises
     ------
     TypeError
         If the record holds something other than dataclasses, tuples, arrays, text, numbers, bool and None.
     """
-    canonical = json.dumps(_canonical(record), separators=(",", ":"))
+    canonical = json.dumps(_canonical(record), separators=(",", ":"), sort_keys=True)
     return hashlib.sha256(canonical.encode("ascii")).hexdigest()
 
 
@@ -52,7 +53,7 @@ def _canonical(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return _canonical(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
-        return {"": type(value).__name__, **{f.name: _canonical(getattr(value, f.name)) for f in fields(value)}}
+        return {f.name: _canonical(getattr(value, f.name)) for f in fields(value)}
     message = f"a {type(value).__name__} has no canonical form; records hold dataclasses, tuples, text and numbers"
     raise TypeError(message)
 

@@ -32,7 +32,7 @@ def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: flo
     Raises
     ------
     InputError
-        With every fault of the text by line (the first hundred); the store is as it was. Also if `path` is no store.
+        With every fault of the text by line (the first hundred); the store is unchanged. Also if `path` is no store.
     LockedError
         If the store is still locked after `timeout`.
     """

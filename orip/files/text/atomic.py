@@ -55,9 +55,9 @@ def replace_text(path: Path, text: str) -> None:
     Raises
     ------
     OSError
-        If the folder or the disk refuses; the old file is then as it was, and no temporary file is left behind.
+        If the folder or the disk refuses; the old file is then unchanged, and no temporary file is left behind.
     UnicodeEncodeError
-        If the text has half a surrogate pair; the old file is then as it was too.
+        If the text has half a surrogate pair; the old file is then unchanged too.
     """
     replace_text_in_pieces(path, [text])
 

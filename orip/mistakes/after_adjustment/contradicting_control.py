@@ -56,17 +56,16 @@ def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarni
         and point.kind == "control"
         and (meeting := rays.meeting(np.flatnonzero(points.point == place[point.name]))) is not None
     }
-    return control_warnings(block, seen, solution.ground_unit)
+    return control_warnings(block, seen)
 
 
-def control_warnings(block: Block, seen: SeenCoordinates, ground_unit: str) -> list[ProjectWarning]:
+def control_warnings(block: Block, seen: SeenCoordinates) -> list[ProjectWarning]:
     """Return a warning for each control point that the photos see elsewhere, with what was probably meant.
 
     Parameters
     ----------
     block : Block
     seen : SeenCoordinates
-    ground_unit : str
     """
     points = {
         point.name: point
@@ -86,7 +85,7 @@ def control_warnings(block: Block, seen: SeenCoordinates, ground_unit: str) -> l
         elif slips := _slips_text(point, *seen[name], small):
             texts[name] = slips
         elif are_few:
-            texts[name] = _contradiction_text(point, *seen[name], ground_unit)
+            texts[name] = _contradiction_text(point, *seen[name], block.ground_unit)
     return [ProjectWarning("contradicting-control", f"control point {name}", text) for name, text in texts.items()]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
@@ -14,7 +12,7 @@ from orip.mistakes.before_adjustment.names import name_warnings
 from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
-from orip.records.control import Control, PreliminaryPoint
+from orip.records.control import Control
 from orip.records.measurement import Measured
 
 
@@ -45,9 +43,7 @@ def measurement_warnings(
     return tuple(dict.fromkeys((*cameras, *units, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
 
 
-def block_warnings(
-    block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]
-) -> tuple[ProjectWarning, ...]:
+def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:
     """Return what is probably wrong with the names of a gathered block's photos and points.
 
     Parameters
@@ -55,6 +51,5 @@ def block_warnings(
     block : Block
     control : Control
         All of the project, also what the block does not use.
-    preliminary : sequence of PreliminaryPoint
     """
-    return (*photos_under_two_names(block), *name_warnings(block, control, preliminary))
+    return (*photos_under_two_names(block), *name_warnings(block, control, block.preliminary))

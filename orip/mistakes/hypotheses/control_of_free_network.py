@@ -61,7 +61,7 @@ class _Common:
         return float(np.sqrt((offset**2).sum() / max(3 * len(offset) - 7, 1)))
 
 
-def control_of_free_network(readjuster: Readjuster, ground_unit: str) -> Iterator[Hypothesis]:
+def control_of_free_network(readjuster: Readjuster) -> Iterator[Hypothesis]:
     """Yield control as it was probably meant, if the photos fit without it."""
     block = readjuster.block
     if not isinstance(block.ground, PlainGround) or any(photo.constant for photo in block.photos):
@@ -73,7 +73,7 @@ def control_of_free_network(readjuster: Readjuster, ground_unit: str) -> Iterato
     common = _common(block, free)
     if len(common.names) >= _FEWEST:
         yield from _exchanged_points(block, common)
-        yield from released_control(block, _suspects(common), ground_unit)
+        yield from released_control(block, _suspects(common))
 
 
 def _free(block: Block) -> Block:
@@ -90,6 +90,7 @@ def _free(block: Block) -> Block:
         directions=(),
         theodolites=(),
         constant_elements=(),
+        preliminary=(),
     )
 
 

@@ -44,7 +44,7 @@ def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hy
             continue
         if not is_good(fit_of_adjustment(rest)):
             continue
-        found = fitting_reading(block, rows[name], _known(block, rest), rest.variance.sigma0, readjuster.cameras)
+        found = fitting_reading(block, rows[name], _known(block, rest), rest.variance.sigma0)
         if found is not None and found.reading.kind:
             yield _read_otherwise(block, rows[name], rest, found)
         elif found is None and len(block.photos) >= _FEWEST:

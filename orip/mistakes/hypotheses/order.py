@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from orip.bundle.methods import AdjustedBlock
 from orip.mistakes.doubted_observations import (
     down_weighted_share,
     is_in_the_picture,
     photos_by_misfit,
     points_by_misfit,
 )
-from orip.mistakes.fit_comparison import Fit, fit_of_adjustment, is_good
+from orip.mistakes.fit_comparison import Fit, is_good
 from orip.mistakes.hypotheses.angle_units import angle_units
 from orip.mistakes.hypotheses.camera_parameters import distortion_of_lens, distortion_sign, principal_point_sign
 from orip.mistakes.hypotheses.control_coordinates import control_axes, control_units, mirrored_control
@@ -30,6 +29,7 @@ from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.hypotheses.unknown_orientations import orientations_wrong_as_a_whole, unknown_orientations
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
+from orip.records.solution import Solution
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2
@@ -42,17 +42,21 @@ _LEFT_OUT = 8
 """Photos that are left out one by one."""
 
 
-def hypotheses_of_misfit(adjusted: AdjustedBlock, started: Block, readjuster: Readjuster) -> Iterator[Hypothesis]:
+def hypotheses_of_misfit(
+    solution: Solution, given: Fit, started: Block, readjuster: Readjuster
+) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block does not fit.
 
     Parameters
     ----------
-    adjusted : AdjustedBlock
+    solution : Solution
+    given : Fit
+        How its observations fit.
     started : Block
         As its adjustment started.
     readjuster : Readjuster
     """
-    block, solution, given = readjuster.block, adjusted.solution, fit_of_adjustment(adjusted.solved)
+    block = readjuster.block
     # cameras and directions hardly influence the preliminary orientations: those found before serve again
     oriented = replace(block, photo_orientation=started.photo_orientation)
     fits = is_good(given)
@@ -66,9 +70,9 @@ def hypotheses_of_misfit(adjusted: AdjustedBlock, started: Block, readjuster: Re
             yield from angle_units(block)
             yield from control_axes(block)
             yield from control_units(block)
-        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS], readjuster.cameras)
+        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
         yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT])
-        yield from control_of_free_network(readjuster, solution.ground_unit)
+        yield from control_of_free_network(readjuster)
         yield from _of_cameras(oriented)
         yield from orientations_wrong_as_a_whole(block)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
@@ -76,12 +80,10 @@ def hypotheses_of_misfit(adjusted: AdjustedBlock, started: Block, readjuster: Re
     if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
         yield from direction_units(oriented)
     if not fits:
-        yield from released_control(block, _worst_constant_control(block, given), solution.ground_unit)
+        yield from released_control(block, _worst_constant_control(block, given))
 
 
-def hypotheses_of_failure(
-    readjuster: Readjuster, not_oriented: Sequence[str], ground_unit: str
-) -> Iterator[Hypothesis]:
+def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block cannot be adjusted at all.
 
     Parameters
@@ -89,17 +91,16 @@ def hypotheses_of_failure(
     readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
-    ground_unit : str
     """
     block = readjuster.block
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
     yield from reduced_pictures(block)
     yield from unknown_orientations(block)
-    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else (), readjuster.cameras)
+    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
     names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
     yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
-    yield from control_of_free_network(readjuster, ground_unit)
+    yield from control_of_free_network(readjuster)
     yield from _of_cameras(block)
     yield from orientations_wrong_as_a_whole(block)
 

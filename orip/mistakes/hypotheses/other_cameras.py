@@ -11,7 +11,7 @@ from orip.records.block import Block
 from orip.records.camera import Camera
 
 
-def other_cameras(block: Block, photos: Sequence[str], cameras: Sequence[Camera]) -> Iterator[Hypothesis]:
+def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield photos with every other camera of the project that, like their own, has a sensor or has none.
 
     Parameters
@@ -19,13 +19,11 @@ def other_cameras(block: Block, photos: Sequence[str], cameras: Sequence[Camera]
     block : Block
     photos : sequence of str
         Those that do not fit.
-    cameras : sequence of Camera
-        All of the project.
     """
     rows = {photo.name: row for row, photo in enumerate(block.photos)}
     for name in photos:
         own = block.cameras[block.photo_camera[rows[name]]]
-        for camera in cameras:
+        for camera in block.defined_cameras:
             if camera.name == own.name or (camera.sensor is None) != (own.sensor is None):
                 continue
             text = (

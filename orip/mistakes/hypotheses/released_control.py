@@ -15,7 +15,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.records.block import Block
 
 
-def released_control(block: Block, names: Sequence[str], ground_unit: str) -> Iterator[Hypothesis]:
+def released_control(block: Block, names: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield control points, one at a time, as tie points.
 
     Parameters
@@ -23,11 +23,10 @@ def released_control(block: Block, names: Sequence[str], ground_unit: str) -> It
     block : Block
     names : sequence of str
         Control points that are doubted, the worst first.
-    ground_unit : str
     """
     for name in names:
         changed = without_control(block, [name])
-        yield Hypothesis(changed, partial(_findings, block=block, name=name, ground_unit=ground_unit))
+        yield Hypothesis(changed, partial(_findings, block=block, name=name))
 
 
 def without_control(block: Block, names: Sequence[str]) -> Block:
@@ -39,9 +38,9 @@ def without_control(block: Block, names: Sequence[str]) -> Block:
     return replace(block, control_points=points, constant_points=constant)
 
 
-def _findings(solved: SolvedBlock, block: Block, name: str, ground_unit: str) -> list[ProjectWarning]:
+def _findings(solved: SolvedBlock, block: Block, name: str) -> list[ProjectWarning]:
     """Return how the coordinates as given differ from those found; nothing if they do not."""
     row = block.point_index()[name]
     sd = solved.deviation_scale * np.sqrt(np.diag(solved.cofactors_of(solved.problem.unknowns.points[row])))
     found = block.ground.to_project(solved.state.points[[row]])[0]
-    return control_warnings(block, {name: (found, sd)}, ground_unit)
+    return control_warnings(block, {name: (found, sd)})

@@ -16,7 +16,7 @@ from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
 from orip.prelim.image_rays import ImageRays
-from orip.prelim.least_squares import E, Problem, least_squares
+from orip.prelim.least_squares import E, PrelimProblem, least_squares
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.compiled_steps import CompiledSolver
@@ -222,7 +222,7 @@ class _UphillSteps:
         self.on_trust = False
         self._steps_left, self._refused = _UPHILL_STEPS, False
 
-    def accepts(self, problem: Problem[E], best: E, tried: E) -> BoolArray:
+    def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
         """Return whether the square sum is no larger; otherwise decide whether to go on from there all the same."""
         before, after = problem.costs(best, best.weights)[0], problem.costs(tried, best.weights)[0]
         was_on_trust, self.on_trust = self.on_trust, False

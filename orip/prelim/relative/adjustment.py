@@ -60,7 +60,7 @@ class AdjustedPairs(NamedTuple):
         return np.abs(self.parallax) / pairs.error
 
 
-class Precision(NamedTuple):
+class RelativePrecision(NamedTuple):
     """How well the points determine the adjusted orientation.
 
     Attributes
@@ -138,7 +138,7 @@ class _ParallaxProblem:
         return after.squared_step < _CONVERGED**2
 
 
-def precision_of(adjusted: AdjustedPairs, pairs: Pairs) -> Precision:
+def precision_of(adjusted: AdjustedPairs, pairs: Pairs) -> RelativePrecision:
     """Return redundancy numbers and cofactors of one adjusted orientation, from the a-priori errors."""
     photos, weights = adjusted.photos, adjusted.weight_factor
     design, across = _design(photos, pairs, parallaxes_with_partials(photos, pairs))
@@ -147,7 +147,7 @@ def precision_of(adjusted: AdjustedPairs, pairs: Pairs) -> Precision:
     whole = np.zeros((6, 5))
     whole[:3, :2] = across[0]
     whole[3:, 2:] = np.eye(3)
-    return Precision(np.maximum(redundancy[0], 0.0), whole @ inverse[0] @ whole.T)
+    return RelativePrecision(np.maximum(redundancy[0], 0.0), whole @ inverse[0] @ whole.T)
 
 
 def _design(photos: TwoPhotos, pairs: Pairs, found: Parallaxes) -> tuple[FloatArray, FloatArray]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.adjustment.precision import residual_cofactor
 from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
-from orip.prelim.relative.solution import Solution, solve
+from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
@@ -88,7 +89,7 @@ def orient_pair(
     return _result(rays, (left, right), rows, solution, pairs, (model, row, column))
 
 
-def _fault(solution: Solution, pairs: Pairs) -> str | None:
+def _fault(solution: PairSolution, pairs: Pairs) -> str | None:
     """Return why an orientation cannot be used, or None."""
     count = len(pairs.error)
     typical = solution.seuw * float(pairs.error.sum()) / count
@@ -106,11 +107,12 @@ def _result(
     rays: ImageRays,
     photos: tuple[int, int],
     rows: tuple[IntArray, IntArray],
-    solution: Solution,
+    solution: PairSolution,
     pairs: Pairs,
     place: tuple[str, int | None, int | None],
 ) -> RelativeOrientation:
     seuw, at_least_one = solution.seuw, max(solution.seuw, 1.0)
+    cofactor = residual_cofactor(solution.redundancy_number, solution.weight_factor)
     unit_weight = seuw or 1.0
     base = solution.length * solution.photos.base
     points = rays.point[rows[0]]
@@ -125,7 +127,7 @@ def _result(
         left_xy=rays.xy[rows[0]],
         right_xy=rays.xy[rows[1]],
         parallax=solution.parallax,
-        parallax_deviation=seuw * pairs.error * np.sqrt(solution.redundancy_number),
+        parallax_deviation=seuw * pairs.error * np.sqrt(cofactor),
         weight_factor=solution.weight_factor,
         in_front=solution.in_front,
         base=base,
@@ -150,7 +152,7 @@ def _result(
     )
 
 
-def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solution) -> PartialBlock:
+def _model(name: str, photos: tuple[int, int], points: IntArray, solution: PairSolution) -> PartialBlock:
     rotations, centres = np.zeros((2, 3, 3)), np.zeros((2, 3))
     rotations[0], rotations[1] = np.eye(3), solution.photos.rotation
     centres[1] = solution.length * solution.photos.base
@@ -165,7 +167,7 @@ def _model(name: str, photos: tuple[int, int], points: IntArray, solution: Solut
     )
 
 
-def _exchanged(solution: Solution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
+def _exchanged(solution: PairSolution, pairs: Pairs, unit_weight: float) -> list[tuple[int, int]]:
     """Return pairs of rows whose points do not fit, but would if they were exchanged in one photo."""
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:

@@ -51,7 +51,7 @@ _RULES = np.array([*SAMPLING, *DANISH, *_CHOICE])
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class PairSolution:
     """One relative orientation of n points; deviations are those of the a-priori errors.
 
     Parameters
@@ -108,7 +108,7 @@ class Solution:
     ambiguous: bool
 
 
-def solve(pairs: Pairs) -> Solution | None:
+def solve(pairs: Pairs) -> PairSolution | None:
     """Orient the right photo to the left one.
 
     Parameters
@@ -118,13 +118,13 @@ def solve(pairs: Pairs) -> Solution | None:
 
     Returns
     -------
-    Solution or None
+    PairSolution or None
         None where the points determine nothing.
     """
     return (_compiled_solution if is_compiled() else _solution)(pairs)
 
 
-def _compiled_solution(pairs: Pairs) -> Solution | None:
+def _compiled_solution(pairs: Pairs) -> PairSolution | None:
     """Do what `_solution` does in the compiled loop."""
     count = len(pairs.error)
     found = np.empty(28)
@@ -137,14 +137,14 @@ def _compiled_solution(pairs: Pairs) -> Solution | None:
     ):  # fmt: skip
         return None
     scale, by_chance, ambiguous, iterations, seuw, length, left_by_rotation = found[21:].tolist()
-    return Solution(
+    return PairSolution(
         TwoPhotos(found[:3], found[3:12].reshape(3, 3)), found[12:15], found[18:21], found[15:18], parallax, weights,
         redundancy, coordinates, deviations, in_front, usable, length, int(iterations), scale, seuw, left_by_rotation,
         bool(by_chance), bool(ambiguous),
     )  # fmt: skip
 
 
-def _solution(pairs: Pairs) -> Solution | None:
+def _solution(pairs: Pairs) -> PairSolution | None:
     start = starting_orientations(pairs)
     if not len(start.base):
         return None
@@ -159,7 +159,7 @@ def _solution(pairs: Pairs) -> Solution | None:
     angles = angles_from_rotation(photos.rotation)
     meeting = meeting_points(photos, pairs)
     usable = _usable(meeting, final.weight_factor[0])
-    return Solution(
+    return PairSolution(
         photos=photos,
         angles=angles,
         angle_deviation=_angle_deviations(angles, precision.cofactor[3:, 3:]),

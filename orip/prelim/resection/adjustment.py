@@ -36,7 +36,7 @@ _FLOOR = 1e-13
 """Part of the largest diagonal element of the normal equations that keeps undetermined unknowns where they are."""
 
 
-class Linearised(NamedTuple):
+class ResectionEquations(NamedTuple):
     """The equations of k orientations and n points.
 
     Attributes
@@ -116,13 +116,13 @@ class _Resection:
     def __init__(self, known: KnownPoints) -> None:
         self._known = known
 
-    def linearised(self, at: Orientations, weights: FloatArray, correction: FloatArray) -> Linearised:
+    def linearised(self, at: Orientations, weights: FloatArray, correction: FloatArray) -> ResectionEquations:
         known, many, count = self._known, len(at.centres), len(self._known)
         offset = (known.coordinates - at.centres[:, None]).reshape(-1, 3)
         principal_distance = np.tile(-known.vectors[:, 2], many)
         image = perspective_with_partials(offset, np.repeat(at.rotations, count, axis=0), principal_distance)
         scale = (principal_distance / np.linalg.norm(offset, axis=1)).reshape(many, count)
-        return Linearised(
+        return ResectionEquations(
             at,
             image.xy.reshape(many, count, 2) - known.vectors[:, :2],
             np.concatenate([image.by_rotation, -image.by_point], axis=2).reshape(many, count, 2, 6),
@@ -132,7 +132,7 @@ class _Resection:
             correction,
         )
 
-    def stepped(self, here: Linearised, damping: FloatArray) -> Linearised:
+    def stepped(self, here: ResectionEquations, damping: FloatArray) -> ResectionEquations:
         normals, right = here.normal_equations()
         correction = -np.linalg.solve(enlarged_diagonal(normals, damping, _FLOOR * largest_elements(normals)), right)[
             :, :, 0
@@ -142,7 +142,7 @@ class _Resection:
         moved = Orientations(turned, here.at.centres + correction[:, 3:])
         return self.linearised(moved, here.weights, correction)
 
-    def start(self, at: Orientations) -> Linearised:
+    def start(self, at: Orientations) -> ResectionEquations:
         many = len(at.centres)
         return self.linearised(at, np.ones((many, len(self._known))), np.full((many, 6), np.inf))
 
@@ -150,13 +150,13 @@ class _Resection:
 class _TrimmedResection(_Resection):
     """Weights 1 for the points that fit best, 0 for the others: least trimmed squares."""
 
-    def reweighted(self, here: Linearised) -> Linearised:
+    def reweighted(self, here: ResectionEquations) -> ResectionEquations:
         return here._replace(weights=self._known.fitting(here.squares))
 
-    def costs(self, here: Linearised, _weights: FloatArray) -> FloatArray:
+    def costs(self, here: ResectionEquations, _weights: FloatArray) -> FloatArray:
         return self._known.trimmed_variance(here.squares)
 
-    def converged(self, _before: Linearised, _after: Linearised) -> bool:
+    def converged(self, _before: ResectionEquations, _after: ResectionEquations) -> bool:
         return False
 
 
@@ -167,13 +167,13 @@ class _RobustResection(_Resection):
         super().__init__(known)
         self._variance = variance
 
-    def reweighted(self, here: Linearised) -> Linearised:
+    def reweighted(self, here: ResectionEquations) -> ResectionEquations:
         return here._replace(weights=danish_weights(np.sqrt(here.squares / self._variance), LIMIT_OF_TWO_COMPONENTS))
 
-    def costs(self, here: Linearised, weights: FloatArray) -> FloatArray:
+    def costs(self, here: ResectionEquations, weights: FloatArray) -> FloatArray:
         return np.asarray((weights * here.squares).sum(axis=1))
 
-    def converged(self, _before: Linearised, after: Linearised) -> bool:
+    def converged(self, _before: ResectionEquations, after: ResectionEquations) -> bool:
         return bool(np.abs(after.correction).max() < STEADY)
 
 
@@ -228,7 +228,7 @@ def adjust_resection(known: KnownPoints, start: Orientations, variance: float) -
     return AdjustedResection(end.at, end.residual[0], end.squares[0], end.weights[0], normals[0])
 
 
-def _variance_before(found: Iterated[Linearised]) -> float:
+def _variance_before(found: Iterated[ResectionEquations]) -> float:
     """Return the variance of unit weight, at least 1, of the residuals before the last step."""
     return max(_variance(found.before.squares[0], found.before.weights[0]), 1.0)
 

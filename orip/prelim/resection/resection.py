@@ -80,7 +80,6 @@ def resect(
     point_deviation: FloatArray | None = None,
     *,
     error_mm: float = 0.01,
-    seed: int = 0,
 ) -> Resected | Unresected:
     """Orient a photo by known points, some of which may be wrong.
 
@@ -95,8 +94,6 @@ def resect(
     error_mm : float
         A-priori error of a photo coordinate. All residuals may be larger (a camera that is not calibrated): the limit
         for blunders follows their estimated scale.
-    seed : int
-        Of the choice among many triples of points; equal input gives equal output.
 
     Returns
     -------
@@ -121,7 +118,7 @@ def resect(
     deviation = np.zeros(count) if point_deviation is None else point_deviation
     deviation = np.where(np.isnan(deviation), 0.0, deviation)
     known = KnownPoints(vectors, offset / spread, deviation / spread, error_mm)
-    start = starting_orientations(known, seed)
+    start = starting_orientations(known)
     if not len(start.centres):
         return Unresected(f"no camera position shows the {count} known points as measured; check point numbers and C")
     best, others = _best_of_three(known, start) if count == 3 else best_orientations(known, start)

@@ -26,14 +26,12 @@ _PLANE = 0.15
 """Thickness over width of an object below which its homography gives orientations too."""
 
 
-def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
+def starting_orientations(known: KnownPoints) -> Orientations:
     """Return the most promising orientations, the best first; of three points all there are.
 
     Parameters
     ----------
     known : KnownPoints
-    seed : int
-        Of the choice among many triples.
 
     Returns
     -------
@@ -45,7 +43,7 @@ def starting_orientations(known: KnownPoints, seed: int) -> Orientations:
     Orientations of triples (Grunert 1841), and of an object that is nearly plane from its homography, are ranked by the
     quantile of the residuals that blunders do not affect (least median of squares, Rousseeuw 1984).
     """
-    triples = subsets(len(known), 3, _TRIPLES, seed)
+    triples = subsets(len(known), 3, _TRIPLES)
     tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
     if len(known) == 3:
         return _most_square_first(known, tried)

@@ -105,7 +105,7 @@ def _solutions(common: CommonPoints, starts: Similarities) -> list[SimilarityAdj
 def _without_some(common: CommonPoints, starts: Similarities) -> Similarities:
     """Return the solutions when every time another quarter of the points is left out, from the best two starts."""
     count = len(common.source)
-    left_out = subsets(count, max(1, count // 4), _SUBSETS, 0)
+    left_out = subsets(count, max(1, count // 4), _SUBSETS)
     weights = np.ones((len(left_out), count))
     np.put_along_axis(weights, left_out, 0.0, axis=1)
     weights = np.repeat(weights[:, :, None], 3, axis=2)[:, common.known]

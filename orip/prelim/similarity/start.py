@@ -46,7 +46,7 @@ def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> 
     full = np.flatnonzero(common.full)
     best_of = _compiled_best_of if is_compiled() else _best_of
     for number in tried:
-        found = best_of(common, full[subsets(len(full), 3, number, 0)])
+        found = best_of(common, full[subsets(len(full), 3, number)])
         if found is not None and (found.most <= _FITTING or number == tried[-1]):
             return found.start
     message = "the common points lie on one line"

@@ -1,4 +1,4 @@
-"""`orip check`: gates held against the last adjustment of a bundle."""
+"""`orip check`: gates checked against the last adjustment of a bundle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gates: those of orip.toml and of the command line, held against a solution."""
+"""Gates: those of orip.toml and of the command line, checked against a solution."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from orip.files.text.gate import parse_gate
 from orip.files.text.lines import read_lines
 from orip.records.gate import GATE_FIGURES, Gate, GateResult
 from orip.records.solution import Solution
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints
 
 _ALIKE = 0.4
 """Similarity above which a name is suggested; found by trial with typing mistakes."""
 
 
-def project_gates(project: Project, expressions: Sequence[str] = ()) -> tuple[Gate, ...]:
+def project_gates(project: ProjectFolder, expressions: Sequence[str] = ()) -> tuple[Gate, ...]:
     """Return the gates of orip.toml, then those of the command line, each once.
 
     Raises
@@ -58,7 +58,7 @@ def gates_from(expressions: Iterable[str]) -> tuple[Gate, ...]:
 
 
 def check_solution(solution: Solution, gates: Iterable[Gate | str]) -> tuple[GateResult, ...]:
-    """Hold gates against a solution; texts are those of a command line.
+    """Check gates of a command line against a solution.
 
     A gate whose figure is unknown, NaN or infinite fails.
 
@@ -89,6 +89,6 @@ def _unknown(name: str) -> str:
     return f"there is no figure of this name; {guess}'orip check --help' lists all"
 
 
-def _line(project: Project, index: int) -> int:
+def _line(project: ProjectFolder, index: int) -> int:
     text = "\n".join(read_lines(project.text, project.shown(project.text)).value)
     return TomlLines(text).line_of(("check", "gates", index))

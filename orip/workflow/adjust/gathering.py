@@ -1,17 +1,14 @@
-"""The block of a bundle, gathered from stores and control texts."""
+"""What the block of a bundle is gathered from, out of stores and control texts."""
 
 from __future__ import annotations
 
-from orip.progress import stage
-from orip.solving.gathering import gather_bundle
-from orip.solving.solve import GatheredBlock
+from orip.bundle.assemble import BlockInput
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 
 
-@stage("gathering observations")
-def gathered_block(bundle: BundleState) -> GatheredBlock:
-    """Gather the block of a bundle.
+def block_input(bundle: BundleState) -> BlockInput:
+    """Return what the block of a bundle is gathered from.
 
     Parameters
     ----------
@@ -21,15 +18,15 @@ def gathered_block(bundle: BundleState) -> GatheredBlock:
     Raises
     ------
     InputError
-        If the project is not initialised, or nothing of the bundle is measured; else with everything that keeps it from
-        being a block.
+        With everything that is wrong in the control texts; else if the project is not initialised, or nothing of the
+        bundle is measured.
     """
     state, definition = bundle.state, bundle.project.definition
     given = state.texts.control_input(bundle.name)
     raise_complaints(given.complaints)
     state.require_initialised()
     bundle.require_measured()
-    return gather_bundle(
+    return BlockInput(
         bundle.definition,
         state.records,
         state.measured,

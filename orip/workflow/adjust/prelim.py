@@ -82,10 +82,10 @@ def prelim(bundle: BundleState) -> FoundValues:
 
 
 def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome]:
-    """Take preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
+    """Write preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
 
     Of the photos the elements that are not constant take the values; points of BUNDLE.PRE that were not computed stay.
-    Values that are there already are not written again.
+    Values that already exist are not written again.
 
     Parameters
     ----------

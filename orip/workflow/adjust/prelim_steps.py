@@ -29,10 +29,11 @@ from orip.records.preliminary import (
     Stage,
 )
 from orip.records.project import StereoModel
+from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import explained_preliminary_values, not_oriented
-from orip.workflow.adjust.gathering import gathered_block
+from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +42,14 @@ class PrelimInput:
 
     of: BundleState
     block: Block
-    warnings: tuple[ProjectWarning, ...]
 
     @property
-    def project(self) -> Project:
+    def warnings(self) -> tuple[ProjectWarning, ...]:
+        """Return what is doubtful in what was measured and given."""
+        return self.block.warnings
+
+    @property
+    def project(self) -> ProjectFolder:
         """Return the project."""
         return self.of.project
 
@@ -96,7 +101,7 @@ class Relative:
 
 
 @dataclass(frozen=True, slots=True)
-class Similarities:
+class SimilaritySteps:
     """Similarities that could be determined, and those that could not."""
 
     steps: tuple[SimilarityStep, ...]
@@ -115,8 +120,7 @@ def prelim_input(bundle: BundleState) -> PrelimInput:
     ------
     InputError
     """
-    gathered = gathered_block(bundle)
-    return PrelimInput(bundle, gathered.block, gathered.warnings)
+    return PrelimInput(bundle, gather_bundle(block_input(bundle)))
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
@@ -130,7 +134,7 @@ def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
     return Relative((found,), ()) if isinstance(found, RelativeOrientation) else Relative((), (found,))
 
 
-def bridges(given: PrelimInput, model: str | None) -> Similarities:
+def bridges(given: PrelimInput, model: str | None) -> SimilaritySteps:
     """Bridge all rows, or one model to the next one in its row.
 
     Raises
@@ -143,7 +147,7 @@ def bridges(given: PrelimInput, model: str | None) -> Similarities:
     rays = image_rays(given.block)
     if model is None:
         bridged = _bridged(given, rays)
-        return Similarities(bridged.steps, bridged.failures)
+        return SimilaritySteps(bridged.steps, bridged.failures)
     first = given.model(model)
     after = [later for later in given.models if later.row == first.row and later.column > first.column]
     if not after:
@@ -153,7 +157,7 @@ def bridges(given: PrelimInput, model: str | None) -> Similarities:
     return _one(found)
 
 
-def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similarities:
+def connections(given: PrelimInput, rows: tuple[int, int] | None) -> SimilaritySteps:
     """Connect all rows, or one row to another one.
 
     Raises
@@ -164,7 +168,7 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> Similaritie
     rays = image_rays(given.block)
     if rows is None:
         connected = connect_rows(_bridged(given, rays), rays)
-        return Similarities(connected.steps, connected.failures)
+        return SimilaritySteps(connected.steps, connected.failures)
     target, source = (_strip(given, rays, row) for row in rows)
     return _one(connect(source, target, rays))
 
@@ -237,5 +241,5 @@ def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:
     return max(strips, key=lambda strip: len(strip.photos))
 
 
-def _one(found: Joined | NotOriented) -> Similarities:
-    return Similarities((found.step,), ()) if isinstance(found, Joined) else Similarities((), (found,))
+def _one(found: Joined | NotOriented) -> SimilaritySteps:
+    return SimilaritySteps((found.step,), ()) if isinstance(found, Joined) else SimilaritySteps((), (found,))

@@ -54,7 +54,7 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
 
 
 def _chosen(solution: Solution, what: Literal["cameras", "photos", "points"], names: Sequence[str]) -> Solution:
-    """Return the solution with some cameras, photos or points alone."""
+    """Return the solution with only some cameras, photos or points."""
     estimates: Estimates = getattr(solution, what)
     rows = _rows(estimates.names, what, names)
     part = Estimates(tuple(estimates.names[row] for row in rows), estimates.values[rows], estimates.sd[rows])

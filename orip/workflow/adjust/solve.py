@@ -15,12 +15,12 @@ from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.preliminary import PreliminaryValues
 from orip.records.solution import InteriorSummary, Solution
-from orip.solving.solve import NOBODY, PLAIN, SolveWatcher, solve_gathered
+from orip.solving.solve import NOBODY, PLAIN, SolveWatcher, solve_bundle
 from orip.workflow.adjust.gates import check_solution, project_gates
-from orip.workflow.adjust.gathering import gathered_block
+from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs
 from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
 from orip.workflow.project.run_id import run_id
@@ -37,7 +37,7 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 class SolveOutcome:
     """A solution, the block as it was solved, what its gates say, and the files that are written of the solution."""
 
-    project: Project
+    project: ProjectFolder
     solution: Solution
     solved: SolvedBlock
     gates: tuple[GateResult, ...]
@@ -50,7 +50,7 @@ def solve(
     method: Method = PLAIN,
     expressions: Sequence[str] = (),
 ) -> Change[SolveOutcome]:
-    """Adjust one bundle and hold its gates against the solution; nothing is written.
+    """Adjust one bundle and check its gates against the solution; nothing is written.
 
     No store is locked while the iterations run. The solution names the digests of what it was computed from, so that a
     change in the meantime shows in `orip status`.
@@ -71,21 +71,31 @@ def solve(
     """
     project = bundle.project
     gates = project_gates(project, expressions)
-    gathered = gathered_block(bundle)
-    found = solve_gathered(gathered, method, watcher)
-    solution, ground = _of_project(bundle, found.solution, method), gathered.block.ground
-    listed = () if found.preliminary is None else (_preliminary_output(bundle, found.preliminary, ground),)
+    found: list[PreliminaryValues] = []
+    solution, solved = solve_bundle(block_input(bundle), method, _that_keeps(watcher, found))
+    solution = _of_project(bundle, solution, method)
+    listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
     outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
     files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, found.solved, check_solution(solution, gates), files),
+        SolveOutcome(project, solution, solved, check_solution(solution, gates), files),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
         outputs=outputs,
         restores_outputs=True,
     )
+
+
+def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveWatcher:
+    """Return a watcher that also keeps the preliminary values that had to be found."""
+
+    def oriented(values: PreliminaryValues) -> None:
+        found.append(values)
+        watcher.oriented(values)
+
+    return replace(watcher, oriented=oriented)
 
 
 def _of_project(bundle: BundleState, solution: Solution, method: Method) -> Solution:

@@ -15,7 +15,7 @@ from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
-    Estimate,
+    EstimatedParameter,
     KeptValue,
     estimates_of,
     rows_of,
@@ -26,7 +26,7 @@ from orip.solving.updated_values import (
 from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.preliminary_text import read_preliminary_text
 from orip.workflow.project.state import Part, StoredParts
 from orip.workflow.project.texts import CONTROL_EXTENSIONS, control_digests
@@ -47,7 +47,7 @@ class UpdateOutcome:
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     bundle, run : str
         Of the solution that the values come from.
     what : {"cameras", "photos", "points"}
@@ -67,7 +67,7 @@ class UpdateOutcome:
     warnings : tuple of ProjectWarning
     """
 
-    project: Project
+    project: ProjectFolder
     bundle: str
     run: str
     what: What
@@ -82,7 +82,7 @@ class UpdateOutcome:
 
 
 def update(bundle: BundleState, what: What, names: Sequence[str] = (), *, force: bool = False) -> Change[UpdateOutcome]:
-    """Take the values of the last adjustment as preliminary values, those of its unknowns alone.
+    """Take the values of the last adjustment as preliminary values, but only those of its unknowns.
 
     Cameras and photos go into their stores, where they count as changed against orip.toml; points into BUNDLE.PRE.
 
@@ -164,14 +164,14 @@ def _updated_records(
 
 def _estimates_by_key(
     estimates: Estimates, rows: Iterable[int], parameters: Sequence[str]
-) -> dict[str, tuple[Estimate, ...]]:
+) -> dict[str, tuple[EstimatedParameter, ...]]:
     return {record_key(estimates.names[row]): estimates_of(estimates, row, parameters) for row in rows}
 
 
 def _updated(
     stored: Sequence[StoredRecord[T]],
-    estimates: dict[str, tuple[Estimate, ...]],
-    updated: Callable[[T, Sequence[Estimate]], tuple[T, list[Verdict]]],
+    estimates: dict[str, tuple[EstimatedParameter, ...]],
+    updated: Callable[[T, Sequence[EstimatedParameter]], tuple[T, list[Verdict]]],
     what: What,
 ) -> tuple[tuple[StoredRecord[T], ...], list[Verdict]]:
     """Return the records with their new values; each stays bound to the text that it came from."""
@@ -190,7 +190,7 @@ def _updated(
     return tuple(records), verdicts
 
 
-def _additional(solution: Solution, chosen: dict[str, tuple[Estimate, ...]]) -> Iterator[KeptValue]:
+def _additional(solution: Solution, chosen: dict[str, tuple[EstimatedParameter, ...]]) -> Iterator[KeptValue]:
     for name in dict.fromkeys(parameter.camera for parameter in solution.additional):
         if record_key(name) in chosen:
             yield KeptValue(name, "additional parameters", "they start at 0 in every adjustment")

@@ -17,7 +17,7 @@ from orip.files.text.shown import shown_token
 from orip.wording import listed_names
 from orip.workflow.control.names import unknown_name_warnings
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText, digest_of_text
 from orip.workflow.records.measurements import is_written
@@ -39,7 +39,7 @@ class LineChange:
 class ControlOutcome:
     """What a command did to a control text, or would do (`dry_run`); no changes: it was so already."""
 
-    project: Project
+    project: ProjectFolder
     shown: str
     changes: tuple[LineChange, ...]
     warnings: tuple[ProjectWarning, ...]
@@ -79,7 +79,7 @@ class _File:
     bundle: str | None
 
     @property
-    def project(self) -> Project:
+    def project(self) -> ProjectFolder:
         return self.state.project
 
     @property
@@ -227,7 +227,7 @@ def _known(file: _File, lines: ControlLines, line: TextLine, fields: Fields) -> 
     if same[file.form.identity :] == known[file.form.identity :] and not _is_rejected(file.form, line):
         return lines
     name = " ".join(field.text for field in line.fields[: file.form.identity])
-    message = f"{file.form.singular} {name} is there already, with other values; change it with 'edit'"
+    message = f"{file.form.singular} {name} already exists with other values; change it with 'edit'"
     raise InputError.single(message, file.shown, line.number)
 
 
@@ -302,7 +302,7 @@ def _change(file: _File, edit: _Edit, *, dry_run: bool) -> Change[ControlOutcome
         return Change(file.state, outcome)
     # Who edits the same text at the same time waits, as for a store.
     lock = file.project.exterior
-    text = EditedText(file.path, digest, new.text, "it is as it was")
+    text = EditedText(file.path, digest, new.text, "the file is unchanged")
     locks = (lock,) if is_written(lock) else ()
     return Change(file.state, outcome, locks=locks, is_compared=False, edited_texts=(text,))
 

@@ -29,7 +29,7 @@ from orip.records.photo import Photo, Scan, Stage, Template
 from orip.records.project import BundleDefinition
 from orip.records.stages import plan_stages
 from orip.workflow.observations.measure import with_digitised
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, read_project
 from orip.workflow.project.texts import is_measurement_file, raise_complaints
 
@@ -60,7 +60,7 @@ class MountedFilms:
     warnings: tuple[ProjectWarning, ...]
 
     @property
-    def project(self) -> Project:
+    def project(self) -> ProjectFolder:
         """Return the project."""
         return self.state.project
 
@@ -220,7 +220,7 @@ def _replayed(state: ProjectState, log: Path, records: tuple[LogRecord, ...]) ->
     return MountedFilms(mounted, log, records, unfinished)
 
 
-def log_records(project: Project, files: Sequence[Path]) -> tuple[LogRecord, ...]:
+def log_records(project: ProjectFolder, files: Sequence[Path]) -> tuple[LogRecord, ...]:
     """Read measurement texts one after the other.
 
     Raises
@@ -252,7 +252,7 @@ def _files(state: ProjectState, log: Path) -> list[Path]:
     return listed
 
 
-def _not_in_project(project: Project, log: Path) -> Iterator[ProjectWarning]:
+def _not_in_project(project: ProjectFolder, log: Path) -> Iterator[ProjectWarning]:
     if not is_measurement_file(project, log):
         text = (
             "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it; add it to "

@@ -28,7 +28,7 @@ from orip.workflow.digitise.setup import DigitisingSetup
 from orip.workflow.digitise.wanted import model_named
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import carry_out
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import EDITS_FILE, raise_complaints
 from orip.workflow.records.commands import read_records
 
@@ -166,7 +166,7 @@ def _names(films: MountedFilms, choice: GroundChoice, table: ControlTable) -> It
     return list(dict.fromkeys(given))
 
 
-def _listed(project: Project, file: Path) -> list[str]:
+def _listed(project: ProjectFolder, file: Path) -> list[str]:
     path = project.folder / file
     found = read_work_list(path, project.shown(path))
     raise_complaints(found.complaints)

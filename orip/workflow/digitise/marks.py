@@ -29,7 +29,7 @@ from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template
 from orip.workflow.digitise.films import MountedFilms, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import Sought, Visit
-from orip.workflow.digitise.session import Entry, Outcome, Place, Session
+from orip.workflow.digitise.session import DriveTarget, Entry, Outcome, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 
 
@@ -249,12 +249,12 @@ class _Digitising:
         self._new: set[str] = set()
         self._has_changed = False
 
-    def place(self, mark: Mark) -> Place:
+    def place(self, mark: Mark) -> DriveTarget:
         """Return where to look for a mark: where it was, or by the marks that were digitised already."""
         if self._sheet.again:
-            return Place("measured before", self._before[mark.name])
+            return DriveTarget("measured before", self._before[mark.name])
         to_given = self._sheet.driving(self.marks()).transformation.after(self._sheet.to_marks)
-        return Place("predicted", position(to_given.inverse(), (mark.x, mark.y)))
+        return DriveTarget("predicted", position(to_given.inverse(), (mark.x, mark.y)))
 
     def take(self, mark: Mark, outcome: Outcome, xy: Position | None) -> None:
         """Take what was decided about a mark."""
@@ -268,7 +268,7 @@ class _Digitising:
         self._has_changed |= xy is not None or (outcome == "skipped" and self._sheet.again)
 
     def lines(self) -> list[str]:
-        """Return the lines of the log's block; none as long as all is as it was."""
+        """Return the lines of the log's block; none as long as nothing has changed."""
         if not self._has_changed:
             return []
         marks = self.marks()

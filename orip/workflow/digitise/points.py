@@ -15,7 +15,7 @@ from orip.records.drive_table import DriveCode
 from orip.records.photo import Stage
 from orip.workflow.digitise.films import mounted_films
 from orip.workflow.digitise.operator import Sought, Visit
-from orip.workflow.digitise.session import Decision, Entry, Place, Session
+from orip.workflow.digitise.session import Decision, DriveTarget, Entry, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
 
@@ -106,7 +106,7 @@ def _nothing_to_digitise(points: BundlePoints) -> ProjectWarning:
 
 
 class _Digitising:
-    """The points of a session: what was measured before or is by now, and the blocks of the chapter in hand."""
+    """The points of a session: what was measured before or is by now, and the blocks of the current chapter."""
 
     def __init__(self, session: Session, points: BundlePoints, viewing: Viewing, *, again: bool) -> None:
         self._session, self._points, self._viewing, self._again = session, points, viewing, again
@@ -150,7 +150,7 @@ class _Digitising:
         session.link.lock(None)
         self._change_model(step.model)
         if step.partner is not None:
-            session.drive(stages[step.partner], Place("measured before", self._measured[step.partner, point]))
+            session.drive(stages[step.partner], DriveTarget("measured before", self._measured[step.partner, point]))
             self._shown[stages[step.partner]] = step.partner
         places = {photo: self._drive(photo, point) for photo in step.photos}
         self._prepare(step)
@@ -163,11 +163,11 @@ class _Digitising:
             for photo, place in places.items():
                 self._enter(photo, point, place, decision)
 
-    def _drive(self, photo: str, point: str) -> Place:
+    def _drive(self, photo: str, point: str) -> DriveTarget:
         """Drive to where a point may be; where nothing tells, to the middle of its photo unless that is shown."""
         stage, place = self._points.block.stages[photo], self._points.place(photo, point, again=self._again)
         if place.known == "middle" and self._shown.get(stage) == photo:
-            place = Place("nowhere", None)
+            place = DriveTarget("nowhere", None)
         self._shown[stage] = photo
         return self._session.drive(stage, place)
 
@@ -207,7 +207,7 @@ class _Digitising:
 
         return self._session.decision(Visit(sought, "KEY ENTER"), left_switch=left_switch)
 
-    def _enter(self, photo: str, point: str, place: Place, decision: Decision) -> None:
+    def _enter(self, photo: str, point: str, place: DriveTarget, decision: Decision) -> None:
         """Put what was decided into the log and the account."""
         session, name, outcome = self._session, self._points.photos[photo], decision.outcome or "kept"
         logged: Position | None = None

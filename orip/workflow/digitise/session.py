@@ -24,7 +24,7 @@ Known = Literal["measured before", "predicted", "middle", "nowhere"]
 """Where a place that is driven to comes from; nowhere: the stage stays where it is, and the operator finds it."""
 
 
-class Place(NamedTuple):
+class DriveTarget(NamedTuple):
     """Where to drive to, in plate coordinates, and where that comes from."""
 
     known: Known
@@ -72,7 +72,7 @@ class Decision(NamedTuple):
 
 @dataclass
 class Session:
-    """A session in hand.
+    """A session in progress.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Session:
         xy = "" if entry.xy is None else f"{entry.xy[0]:z12.4f} {entry.xy[1]:z11.4f}"
         self.tell(f"{entry.outcome:<10} {entry.what} {entry.name} of {entry.owner} {xy}".rstrip())
 
-    def drive(self, stage: Stage, place: Place) -> Place:
+    def drive(self, stage: Stage, place: DriveTarget) -> DriveTarget:
         """Drive a stage to a place; a place beyond its limits is none, and the operator has to look for it."""
         if place.xy is None:
             return place
@@ -114,7 +114,7 @@ class Session:
         except ProcessorFault as fault:
             if fault.code != DriveCode.OUTSIDE_STAGE:
                 raise
-            return Place("nowhere", None)
+            return DriveTarget("nowhere", None)
         return place
 
     def decision(self, visit: Visit, *, left_switch: Callable[[], None] | None = None) -> Decision:

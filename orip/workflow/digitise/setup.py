@@ -86,7 +86,7 @@ class DigitisingSetup:
 
     @contextmanager
     def session(self, films: MountedFilms, going_on: str) -> Iterator[Session]:
-        """Open a session: the model is held while stages are driven, and the plate processor left as it was.
+        """Open a session: the model is held while stages are driven, and the plate processor is left as it was found.
 
         A session that is interrupted tells how much was digitised, and by `going_on` where that is and how to go on.
         """

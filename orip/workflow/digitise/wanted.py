@@ -16,7 +16,7 @@ from orip.multimodel.state import Position
 from orip.records.names import name_fault, near_names, record_key
 from orip.records.project import BundleDefinition, StereoModel
 from orip.workflow.digitise.films import MountedFilms, plate_of_log, position
-from orip.workflow.digitise.session import Place
+from orip.workflow.digitise.session import DriveTarget
 from orip.workflow.observations.places import Places
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
@@ -29,9 +29,9 @@ class PointChoice:
     Parameters
     ----------
     photos : tuple of str
-        In these photos alone; none: in any.
+        Only in these photos; none: in any.
     model : str or None
-        In the photos of this model alone.
+        Only in the photos of this model.
     points : tuple of str
         These points; none: all that are (with `again`) measured, or by the last adjustment are to be seen and not
         measured yet.
@@ -89,14 +89,14 @@ class BundlePoints:
             return None
         return position(to_plate.after(to_photo.inverse()), (0.0, 0.0))
 
-    def place(self, photo: str, point: str, *, again: bool) -> Place:
+    def place(self, photo: str, point: str, *, again: bool) -> DriveTarget:
         """Return where to look for a point."""
         before, predicted = self.measured.get((photo, point)), self.predicted(photo, point)
         if before is not None and (again or predicted is None):
-            return Place("measured before", before)
+            return DriveTarget("measured before", before)
         if predicted is not None:
-            return Place("predicted", predicted)
-        return Place("middle", self.middle(photo))
+            return DriveTarget("predicted", predicted)
+        return DriveTarget("middle", self.middle(photo))
 
     def to_log(self, photo: str, xy: Position) -> Position:
         """Return log coordinates of plate coordinates."""

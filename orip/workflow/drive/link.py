@@ -29,7 +29,7 @@ from orip.records.solution import Solution
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.project.bundle_state import read_bundle
 from orip.workflow.project.commit import commit
-from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 from orip.workflow.project.state import read_state
 
 _NEAR = 10.0
@@ -148,12 +148,12 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
     raise LinkError(message)
 
 
-def _is_loaded(project: Project, name: str, link: PlateProcessorLink) -> bool:
+def _is_loaded(project: ProjectFolder, name: str, link: PlateProcessorLink) -> bool:
     path = project.beside_photos(name, "DRV")
     return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == link.digest()
 
 
-def _is_in_system(project: Project, name: str, solution: Solution, ground: GroundSystem) -> bool:
+def _is_in_system(project: ProjectFolder, name: str, solution: Solution, ground: GroundSystem) -> bool:
     """Tell whether a table is in the object system of the solution: a later adjustment may have another origin."""
     table = read_drive_table(project.beside_photos(name, "DRV").read_bytes()).table
     if table is None:

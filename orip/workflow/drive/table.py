@@ -22,7 +22,7 @@ from orip.records.project import StereoModel
 from orip.records.stages import plan_stages
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part
 from orip.workflow.project.step import Step
 from orip.workflow.project.text_output import TextOutput
@@ -36,7 +36,7 @@ DRIVEN_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "soluti
 class DriveTableOutcome:
     """A drive table: its file, whether that changes, and what is doubtful or left out."""
 
-    project: Project
+    project: ProjectFolder
     table: DriveTable
     path: Path
     changed: bool

@@ -17,13 +17,13 @@ from orip.files.log.text import read_measurements
 from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
 from orip.interior.replay import Replayed, replay
-from orip.records.measurement import EditRecord, LogRecord, Measured, Place
+from orip.records.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.records.names import record_key
 from orip.workflow.observations.measure import MEASURED_ON_TOP, measurement_inputs, replay_log
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
 from orip.workflow.observations.rays import LeftAlone, left_alone
 from orip.workflow.project.commit import Change
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText
@@ -37,12 +37,12 @@ What = Literal["POINT", "MARK", "TICK"]
 
 
 @dataclass(frozen=True, slots=True)
-class Edited:
+class AddedEdits:
     """What a command added to EDITS.MEA.
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     bundle : str or None
         Of edited points; None for marks, ticks, and measurements of any kind.
     lines : tuple of str
@@ -56,7 +56,7 @@ class Edited:
     warnings : tuple of ProjectWarning
     """
 
-    project: Project
+    project: ProjectFolder
     bundle: str | None
     lines: tuple[str, ...]
     is_trial: bool
@@ -89,7 +89,7 @@ def edit_observations(
     *,
     bundle: str | None = None,
     is_trial: bool = False,
-) -> Change[Edited]:
+) -> Change[AddedEdits]:
     """Disregard, include or kill points, marks or ticks, now and whenever the log is replayed.
 
     Parameters
@@ -119,14 +119,14 @@ def edit_observations(
     chosen = chosen_names(action, named, names, before.log.records, state.records, before.replayed.measured)
     first = before.edits.line_count + 1
     records = [
-        EditRecord(Place(before.edits.shown, first + row), action, what, of_bundle, named.owner, name)
+        EditRecord(TextPlace(before.edits.shown, first + row), action, what, of_bundle, named.owner, name)
         for row, name in enumerate(chosen)
     ]
     return _applied(before, of_bundle, records, [edit_line(record) for record in records], is_trial=is_trial)
 
 
-def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[Edited]:
-    """Append a measurement file to EDITS.MEA, so that it counts after all edits that are there already.
+def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[AddedEdits]:
+    """Append a measurement file to EDITS.MEA, so that it counts after all edits that already exist.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def _names(measured: Measured) -> set[tuple[str, ...]]:
 
 def _applied(
     before: _Log, bundle: str | None, records: Sequence[LogRecord], lines: Sequence[str], *, is_trial: bool
-) -> Change[Edited]:
+) -> Change[AddedEdits]:
     """Append lines to the log and replay it; lines that change nothing of what is measured are not appended."""
     after = before.replay_with(records)
     raise_complaints([_of_the_command(complaint, before) for complaint in after.complaints])
@@ -219,7 +219,7 @@ def _applied(
         records, lines, after = (), (), before.replayed
     alone = left_alone(before.replayed.measured, after.measured)
     news = (warning for warning in after.warnings if warning not in before.replayed.warnings)
-    edited = Edited(before.state.project, bundle, tuple(lines), is_trial, False, alone, (*before.warnings, *news))
+    edited = AddedEdits(before.state.project, bundle, tuple(lines), is_trial, False, alone, (*before.warnings, *news))
     if is_trial:
         return Change(before.state, edited)
     measured = replay_log(before.state, Parsed(_longer(before, records, lines)))
@@ -229,7 +229,7 @@ def _applied(
 
 
 def _edited_text(edits: EditsText, lines: Sequence[str]) -> EditedText:
-    remedy = "it is as it was, and so are the stores"
+    remedy = "it is unchanged, and so are the stores"
     return EditedText(edits.path, edits.digest, edits.text_with(lines), remedy)
 
 

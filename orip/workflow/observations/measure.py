@@ -20,7 +20,7 @@ from orip.records.photo import Temtick
 from orip.wording import counted
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.measurements import measured_stores
 from orip.workflow.project.outputs import interior_output, is_interior_listing_stale
 from orip.workflow.project.run_id import digest_of_records, run_id
@@ -49,7 +49,7 @@ class MeasurementCounts:
 class MeasureOutcome:
     """What `orip measure` found."""
 
-    project: Project
+    project: ProjectFolder
     files: tuple[Path, ...]
     counts: MeasurementCounts
     interior: Interior
@@ -162,7 +162,7 @@ def measure_step(state: ProjectState) -> Step:
     return Step(command, "up to date", f"{files} in the stores")
 
 
-def measurement_inputs(project: Project, log: Digests, definitions: StoredDefinitions) -> Digests:
+def measurement_inputs(project: ProjectFolder, log: Digests, definitions: StoredDefinitions) -> Digests:
     """Return the digests of what a replay depends on: the log, and the definitions it refers to."""
     kinds: list[Sequence[StoredRecord[Camera] | StoredRecord[Temtick]]] = [definitions.cameras, definitions.temticks]
     marked = (item.record for records in kinds for item in records)
@@ -199,7 +199,7 @@ def _outside_project(state: ProjectState, files: Sequence[Path]) -> list[Project
     ]
 
 
-def _counts(project: Project, outcome: Replayed) -> MeasurementCounts:
+def _counts(project: ProjectFolder, outcome: Replayed) -> MeasurementCounts:
     points = tuple(
         (bundle.name, len(found.points))
         for bundle in project.definition.bundles

@@ -23,7 +23,7 @@ _LEAST_RAYS = 2
 """A point that a single ray sees has a guessed distance; what is predicted of it means nothing."""
 
 
-class Place(NamedTuple):
+class PredictedPlace(NamedTuple):
     """Photo coordinates (mm) of a point, and those to drive to, as in a log."""
 
     photo_xy: Pair
@@ -42,21 +42,21 @@ class Places:
     def __init__(self, bundle: BundleState) -> None:
         self._bundle = bundle
         self._known = _ground_coordinates(bundle) if bundle.solution else {}
-        self._predicted: dict[str, dict[str, Place]] = {}
-        self._anywhere: dict[str, dict[str, Place]] = {}
+        self._predicted: dict[str, dict[str, PredictedPlace]] = {}
+        self._anywhere: dict[str, dict[str, PredictedPlace]] = {}
 
-    def measured(self, photo: str, stored: Pair) -> Place:
+    def measured(self, photo: str, stored: Pair) -> PredictedPlace:
         """Return the place of a point with stored coordinates in a photo (`record_key`)."""
         xy = np.array([stored])
         to_photo = self._bundle.interior.to_photo.get(photo)
-        return Place(_pair(to_photo.apply(xy)[0]) if to_photo else NOWHERE, _pair(self._log(photo, xy)[0]))
+        return PredictedPlace(_pair(to_photo.apply(xy)[0]) if to_photo else NOWHERE, _pair(self._log(photo, xy)[0]))
 
     def can_predict(self, photo: str, point: str) -> bool:
         """Tell whether it is known if and where a photo (`record_key`) shows a point."""
         solution = self._bundle.solution
         return solution is not None and point in self._known and photo in map(record_key, solution.photos.names)
 
-    def predicted(self, photo: str) -> dict[str, Place]:
+    def predicted(self, photo: str) -> dict[str, PredictedPlace]:
         """Return by name the points that a photo (`record_key`) should show within its frame."""
         if photo not in self._predicted:
             corners = frame_corners(self._bundle.records.camera_of(self._bundle.records.photos[photo]))
@@ -65,13 +65,13 @@ class Places:
             self._predicted[photo] = {name: found[name] for name, seen in zip(found, inside, strict=True) if seen}
         return self._predicted[photo]
 
-    def anywhere(self, photo: str) -> dict[str, Place]:
+    def anywhere(self, photo: str) -> dict[str, PredictedPlace]:
         """Return by name the points in front of a photo (`record_key`), also beyond its frame lines."""
         if photo not in self._anywhere:
             self._anywhere[photo] = self._predict(photo)
         return self._anywhere[photo]
 
-    def _predict(self, photo: str) -> dict[str, Place]:
+    def _predict(self, photo: str) -> dict[str, PredictedPlace]:
         bundle, definitions = self._bundle, self._bundle.records
         solution = bundle.solution
         if solution is None or not self._known or photo not in map(record_key, solution.photos.names):
@@ -85,7 +85,7 @@ class Places:
         log = self._log(photo, to_photo.inverse().apply(xy)) if to_photo else np.full_like(xy, np.nan)
         names = list(self._known)
         return {
-            names[row]: Place(_pair(xy[row]), _pair(log[row]))
+            names[row]: PredictedPlace(_pair(xy[row]), _pair(log[row]))
             for row in np.flatnonzero(np.isfinite(xy).all(axis=1)).tolist()
         }
 

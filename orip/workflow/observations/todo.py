@@ -17,7 +17,7 @@ from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.workflow.observations.listed import listed_observations, outdated_warnings, require_observations
 from orip.workflow.observations.names import without_kills
-from orip.workflow.observations.places import NOWHERE, Place, Places
+from orip.workflow.observations.places import NOWHERE, Places, PredictedPlace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.text_output import TextOutput
@@ -53,14 +53,14 @@ def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite:
     Raises
     ------
     UsageError
-        If the file is there already and may not be replaced.
+        If the file already exists and may not be replaced.
     InputError
         If nothing is measured, or a measurement file is at fault.
     """
     require_observations(bundle)
     path = None if output is None else bundle.project.folder / output
     if path is not None and path.exists() and not overwrite:
-        message = f"{output} is there already; name another file, or replace it with --force"
+        message = f"{output} already exists; name another file, or replace it with --force"
         raise UsageError(message)
     points = _points_to_measure(bundle)
     text = todo_text(points, bundle.name, bundle.solution.run if bundle.solution else None)
@@ -123,7 +123,7 @@ def _of_observation(bundle: BundleState, row: ListedObservation, places: Places)
 
 
 def _predicted(places: Places, photo: str, point: str) -> Pair:
-    return places.predicted(photo).get(point, Place(NOWHERE, NOWHERE)).log_xy
+    return places.predicted(photo).get(point, PredictedPlace(NOWHERE, NOWHERE)).log_xy
 
 
 def _killed(bundle: BundleState, places: Places) -> list[PointToMeasure]:

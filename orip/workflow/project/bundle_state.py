@@ -14,7 +14,7 @@ from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
 from orip.records.project import BundleDefinition
 from orip.records.solution import Solution
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
 from orip.workflow.project.texts import Digests
@@ -28,7 +28,7 @@ class BundleState:
     name: str
 
     @property
-    def project(self) -> Project:
+    def project(self) -> ProjectFolder:
         """Return the project."""
         return self.state.project
 

@@ -15,10 +15,11 @@ from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
 from orip.files.text.atomic import reporting_failure
+from orip.files.text.lock import locked
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
@@ -65,7 +66,8 @@ class Change(Generic[T]):
     stored : StoredParts
         What the stores are to hold; parts that are None or not named stay as they are.
     locks : tuple of Path
-        Stores that are locked, and made where they are missing; none: the stores are not touched.
+        Stores that are locked, and made where they are missing; none: the stores are not touched, and edited texts are
+        written while orip.toml is locked.
     is_compared : bool
         The change is refused if the stores are no longer as in `state`. False for a solution, which names the digests
         of what it was computed from: a change in the meantime shows in `orip status`.
@@ -144,8 +146,12 @@ def commit(change: Change[T]) -> Committed[T]:
             changed = _write_stores(project, stores, change)
             if change.further is not None:
                 change.further(stores)
-    else:
-        _write_edited_texts(project, change.edited_texts)
+    elif change.edited_texts:
+        with (
+            reporting_failure(PROJECT_FILE, "nothing was written"),
+            locked(project.folder / PROJECT_FILE, PROJECT_FILE),
+        ):
+            _write_edited_texts(project, change.edited_texts)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
             backup.write_bytes(path.read_bytes())
@@ -188,7 +194,7 @@ def _require_unchanged(state: ProjectState, stores: Stores) -> None:
         raise ChangedMeanwhileError(_STORES)
 
 
-def _write_edited_texts(project: Project, texts: tuple[EditedText, ...]) -> None:
+def _write_edited_texts(project: ProjectFolder, texts: tuple[EditedText, ...]) -> None:
     for text in texts:
         if digest_of_text(text.path) != text.before:
             raise ChangedMeanwhileError(project.shown(text.path))
@@ -196,7 +202,7 @@ def _write_edited_texts(project: Project, texts: tuple[EditedText, ...]) -> None
         write_output(project, text.output())
 
 
-def _write_stores(project: Project, stores: Stores, change: Change[T]) -> bool:
+def _write_stores(project: ProjectFolder, stores: Stores, change: Change[T]) -> bool:
     """Write what differs; tell whether anything does."""
     before, after = change.state.stored, change.stored
     changed = False
@@ -216,7 +222,7 @@ def _write_stores(project: Project, stores: Stores, change: Change[T]) -> bool:
     return changed
 
 
-def _write_replay(project: Project, stores: Stores, replay: ReplayRecord) -> None:
+def _write_replay(project: ProjectFolder, stores: Stores, replay: ReplayRecord) -> None:
     for path, run in zip(measured_stores(project), replay.runs, strict=True):
         set_run(stores[path], run)
     write_inputs(stores[project.photos], "measure", replay.inputs)

@@ -15,7 +15,7 @@ from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.project import BundleDefinition
 from orip.wording import first_names
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 
 _SHOWN_MISSING = 5
 
@@ -50,7 +50,7 @@ class StoredDefinitions:
         return not any((self.cameras, self.photos, self.bundles))
 
 
-def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
+def read_definitions(project: ProjectFolder, stores: Stores) -> StoredDefinitions:
     """Return all definitions; none where the stores are absent."""
     return StoredDefinitions(
         cameras.read(stores[project.cameras]),
@@ -61,7 +61,7 @@ def read_definitions(project: Project, stores: Stores) -> StoredDefinitions:
     )
 
 
-def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
+def write_definitions(project: ProjectFolder, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
     """Write the kinds of records that differ."""
     if new.cameras != old.cameras:
         cameras.write(stores[project.cameras], new.cameras)
@@ -75,7 +75,7 @@ def write_definitions(project: Project, stores: Stores, old: StoredDefinitions, 
         exterior.write(stores[project.exterior], new.bundles)
 
 
-def require_initialised(project: Project, definitions: StoredDefinitions) -> None:
+def require_initialised(project: ProjectFolder, definitions: StoredDefinitions) -> None:
     """Raise InputError unless the stores hold all that orip.toml defines, and all that their records refer to.
 
     A store may be missing, or come from elsewhere.
@@ -89,7 +89,7 @@ def require_initialised(project: Project, definitions: StoredDefinitions) -> Non
         raise InputError.single(message)
 
 
-def _not_in_stores(project: Project, definitions: StoredDefinitions) -> Iterator[str]:
+def _not_in_stores(project: ProjectFolder, definitions: StoredDefinitions) -> Iterator[str]:
     text, stored = project.definition, definitions.by_name()
     kinds: list[tuple[str, Sequence[NamedRecord], Container[str]]] = [
         ("camera", text.cameras, stored.cameras),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import InputError, ProjectWarning, UsageError
+from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
 from orip.files.stores.digest import record_digest
 from orip.records.names import record_key
@@ -33,7 +33,7 @@ class OutputFiles:
 
 
 @dataclass(frozen=True, slots=True)
-class Project:
+class ProjectFolder:
     """A project folder with a sound orip.toml.
 
     Parameters
@@ -173,7 +173,7 @@ class Project:
         raise UsageError(message)
 
 
-def open_project(folder: Path) -> Project:
+def open_project(folder: Path) -> ProjectFolder:
     """Read orip.toml of a folder.
 
     Raises
@@ -186,14 +186,11 @@ def open_project(folder: Path) -> Project:
     path = folder / PROJECT_FILE
     if not folder.is_dir():
         found = "is a file, not a folder" if folder.exists() else "does not exist"
-        message = f"the folder '{folder}' {found}; name a project's folder with -C DIR"
-        raise UsageError(message)
+        message = f"the folder '{folder}' {found}"
+        raise NoFolderError(message)
     if not path.exists():
-        message = (
-            f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project; go to the project's folder, "
-            f"name it with -C DIR, or begin with a sample: orip init --sample"
-        )
-        raise InputError.single(message)
+        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project"
+        raise NoProjectError.single(message)
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
@@ -203,4 +200,4 @@ def open_project(folder: Path) -> Project:
             f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
         )
         raise InputError.single(message, PROJECT_FILE)
-    return Project(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
+    return ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)

@@ -9,23 +9,23 @@ from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import Stores
 from orip.records.measurement import Measured, no_observations
 from orip.records.names import record_key
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 
 
-def measured_stores(project: Project) -> tuple[Path, ...]:
+def measured_stores(project: ProjectFolder) -> tuple[Path, ...]:
     """Return the stores that a replay writes."""
     bundles = (project.observations(name) for name in project.bundle_names)
     return project.templates, project.photos, *bundles
 
 
-def read_marks(project: Project, stores: Stores) -> Measured:
+def read_marks(project: ProjectFolder, stores: Stores) -> Measured:
     """Return the orientations by marks that the stores hold; no photo observations."""
     return Measured(
         templates.read_orientations(stores[project.templates]), photos.read_orientations(stores[project.photos])
     )
 
 
-def write_measured(project: Project, stores: Stores, measured: Measured) -> None:
+def write_measured(project: ProjectFolder, stores: Stores, measured: Measured) -> None:
     """Replace what the stores hold of measurements."""
     templates.write_orientations(stores[project.templates], measured.templates.values())
     photos.write_orientations(stores[project.photos], measured.photos.values())
@@ -34,6 +34,6 @@ def write_measured(project: Project, stores: Stores, measured: Measured) -> None
         observations.write(stores[project.observations(bundle)], found)
 
 
-def runs_of_measurements(project: Project, stores: Stores) -> tuple[str | None, ...]:
+def runs_of_measurements(project: ProjectFolder, stores: Stores) -> tuple[str | None, ...]:
     """Return the run that wrote each of the `measured_stores`; equal where they belong together."""
     return tuple(run_of(stores[path]) for path in measured_stores(project))

@@ -21,7 +21,7 @@ from orip.interior.in_force import Interior
 from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.solution import Solution
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import read_state
 from orip.workflow.project.text_output import TextOutput, write_output
 
@@ -34,12 +34,12 @@ _REMEDY = (
 )
 
 
-def solution_outputs(project: Project, solution: Solution, measured: PhotoObservations) -> tuple[TextOutput, ...]:
+def solution_outputs(project: ProjectFolder, solution: Solution, measured: PhotoObservations) -> tuple[TextOutput, ...]:
     """Return all outputs of a solution; result.json comes last, so that its run id vouches for residuals.csv.
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     solution : Solution
     measured : PhotoObservations
         Those that were adjusted.
@@ -54,7 +54,7 @@ def solution_outputs(project: Project, solution: Solution, measured: PhotoObserv
     )
 
 
-def interior_output(project: Project, interior: Interior, run: str) -> TextOutput:
+def interior_output(project: ProjectFolder, interior: Interior, run: str) -> TextOutput:
     """Return INTERIOR_RESULT.OUT."""
     definition = project.definition
 
@@ -64,7 +64,7 @@ def interior_output(project: Project, interior: Interior, run: str) -> TextOutpu
     return TextOutput(project.interior_listing, listing, _REMEDY)
 
 
-def stale_solution_outputs(project: Project, bundle: str, run: str) -> tuple[Path, ...]:
+def stale_solution_outputs(project: ProjectFolder, bundle: str, run: str) -> tuple[Path, ...]:
     """Return the outputs of a bundle that are missing or not those of the run in the store."""
     files = project.outputs(bundle)
     stale = [path for path in (files.listing, files.errors) if run_of_listing(_head(path)) != run]
@@ -75,12 +75,12 @@ def stale_solution_outputs(project: Project, bundle: str, run: str) -> tuple[Pat
     return tuple(stale)
 
 
-def is_interior_listing_stale(project: Project, run: str) -> bool:
+def is_interior_listing_stale(project: ProjectFolder, run: str) -> bool:
     """Tell whether INTERIOR_RESULT.OUT is missing or not that of the run in the stores."""
     return run_of_listing(_head(project.interior_listing)) != run
 
 
-def rewrite_stale_outputs(project: Project) -> None:
+def rewrite_stale_outputs(project: ProjectFolder) -> None:
     """Write again the outputs that do not belong to what is in the stores, and remove what killed runs have left."""
     remove_leftovers(project.folder)
     _rewrite_interior_listing(project)
@@ -91,7 +91,7 @@ def rewrite_stale_outputs(project: Project) -> None:
             _rewrite_solution_outputs(project, bundle)
 
 
-def _rewrite_solution_outputs(project: Project, bundle: str) -> None:
+def _rewrite_solution_outputs(project: ProjectFolder, bundle: str) -> None:
     found = BundleState(read_state(project, {"solutions", "observations"}, [bundle]), bundle)
     if found.solution is None:
         return
@@ -103,14 +103,14 @@ def _rewrite_solution_outputs(project: Project, bundle: str) -> None:
         write_output(project, output)
 
 
-def outputs_of_other_names(project: Project) -> Sequence[Path]:
+def outputs_of_other_names(project: ProjectFolder) -> Sequence[Path]:
     """Return outputs that were written while the project had one bundle, and now has several, or the reverse."""
     current = {path for bundle in project.bundle_names for path in project.outputs(bundle).all}
     other = (path for bundle in project.bundle_names for path in project.outputs_of_other_name(bundle).all)
     return [path for path in dict.fromkeys(other) if path not in current and path.is_file()]
 
 
-def _rewrite_interior_listing(project: Project) -> None:
+def _rewrite_interior_listing(project: ProjectFolder) -> None:
     with reading([project.photos]) as stores:
         run = run_of(stores[project.photos])
     if run is not None and is_interior_listing_stale(project, run):

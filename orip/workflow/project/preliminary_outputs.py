@@ -11,7 +11,7 @@ from orip.prelim.project_coordinates import orientations_in_project, points_in_p
 from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem
 from orip.records.preliminary import PreliminaryValues
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.text_output import TextOutput
 
@@ -56,7 +56,7 @@ def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
     return PreliminaryPoint(point.name, (x, y, z), (sx, sy, sz))
 
 
-def preliminary_output(project: Project, bundle: str, found: ListedValues) -> TextOutput:
+def preliminary_output(project: ProjectFolder, bundle: str, found: ListedValues) -> TextOutput:
     """Return PRELIM_RESULT.OUT of a bundle."""
     definition = project.definition
     orientations = found.orientations.tolist()

@@ -11,11 +11,11 @@ from orip.files.control.preliminary_text import preliminary_text, read_prelimina
 from orip.files.text.lines import read_lines
 from orip.records.control import PreliminaryPoint
 from orip.records.names import COMMENT_MARKS
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.text_output import EditedText, TextOutput, digest_of_text
 from orip.workflow.project.texts import raise_complaints
 
-_REMEDY = "it is as it was"
+_REMEDY = "the file is unchanged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class PreliminaryText:
         return "".join(f"{line}\n" for line in comments) + preliminary_text(points)
 
 
-def read_preliminary_text(project: Project, bundle: str) -> PreliminaryText:
+def read_preliminary_text(project: ProjectFolder, bundle: str) -> PreliminaryText:
     """Read BUNDLE.PRE; one that is missing has no points.
 
     Raises

@@ -23,7 +23,7 @@ from orip.records.measurement import Measured
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.measurements import measured_stores, read_marks, runs_of_measurements
 from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_project
 
@@ -87,7 +87,7 @@ class ProjectState:
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     texts : ProjectTexts
     parts : frozenset of Part
         What was read of the stores.
@@ -96,7 +96,7 @@ class ProjectState:
     stored : StoredParts
     """
 
-    project: Project
+    project: ProjectFolder
     texts: ProjectTexts
     parts: frozenset[Part]
     bundles: tuple[str, ...]
@@ -151,13 +151,13 @@ class ProjectState:
 
 
 def read_state(
-    project: Project, parts: Collection[Part], bundles: Sequence[str], texts: ProjectTexts | None = None
+    project: ProjectFolder, parts: Collection[Part], bundles: Sequence[str], texts: ProjectTexts | None = None
 ) -> ProjectState:
     """Read parts of the stores in one transaction.
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     parts : collection of Part
     bundles : sequence of str
         Those whose observations and solutions are read.
@@ -197,7 +197,7 @@ def read_checked_project(folder: Path, *parts: Part) -> ProjectState:
     return read_state(project, parts, project.bundle_names)
 
 
-def read_stored(project: Project, stores: Stores, parts: Collection[Part], bundles: Sequence[str]) -> StoredParts:
+def read_stored(project: ProjectFolder, stores: Stores, parts: Collection[Part], bundles: Sequence[str]) -> StoredParts:
     """Return parts of stores that are open."""
     with_heads = bundles if "heads" in parts else ()
     with_solutions = bundles if "solutions" in parts else ()
@@ -210,7 +210,7 @@ def read_stored(project: Project, stores: Stores, parts: Collection[Part], bundl
     )
 
 
-def _stores_of(project: Project, parts: frozenset[Part], bundles: Sequence[str]) -> list[Path]:
+def _stores_of(project: ProjectFolder, parts: frozenset[Part], bundles: Sequence[str]) -> list[Path]:
     paths = [project.exterior] if {"heads", "solutions"} & parts else []
     paths += project.record_stores if "definitions" in parts else ()
     paths += [project.templates, project.photos] if "marks" in parts else ()
@@ -220,7 +220,7 @@ def _stores_of(project: Project, parts: frozenset[Part], bundles: Sequence[str])
 
 
 def _read_measured(
-    project: Project, stores: Stores, parts: Collection[Part], bundles: Sequence[str]
+    project: ProjectFolder, stores: Stores, parts: Collection[Part], bundles: Sequence[str]
 ) -> Measured | None:
     if "marks" not in parts and "observations" not in parts:
         return None
@@ -233,7 +233,7 @@ def _read_measured(
     return found
 
 
-def _read_replay(project: Project, stores: Stores) -> ReplayRecord:
+def _read_replay(project: ProjectFolder, stores: Stores) -> ReplayRecord:
     return ReplayRecord(read_inputs(stores[project.photos], "measure"), runs_of_measurements(project, stores))
 
 

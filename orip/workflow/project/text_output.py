@@ -9,7 +9,7 @@ from pathlib import Path
 
 from orip.files.text.atomic import replace_text_in_pieces, reporting_failure
 from orip.files.text.digest import file_digest
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +55,13 @@ class EditedText:
         return TextOutput(self.path, lambda: [self.text], self.remedy)
 
 
-def write_output(project: Project, output: TextOutput) -> None:
+def write_output(project: ProjectFolder, output: TextOutput) -> None:
     """Write a text file.
 
     Raises
     ------
     OripError
-        If it cannot be written; it is then as it was.
+        If it cannot be written; it is unchanged then.
     """
     with reporting_failure(project.shown(output.path), output.remedy):
         replace_text_in_pieces(output.path, output.pieces())

@@ -22,7 +22,7 @@ from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
 from orip.records.control import Control, PreliminaryPoint
 from orip.records.measurement import LogRecord
-from orip.workflow.project.folder import PROJECT_FILE, Project, open_project
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"
 CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR")
@@ -54,10 +54,10 @@ class ProjectTexts:
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     """
 
-    def __init__(self, project: Project) -> None:
+    def __init__(self, project: ProjectFolder) -> None:
         self._project = project
         self._control_input: dict[str, Parsed[ControlInput]] = {}
 
@@ -106,7 +106,7 @@ class ProjectTexts:
         )
 
 
-def open_checked_project(folder: Path) -> Project:
+def open_checked_project(folder: Path) -> ProjectFolder:
     """Read orip.toml; where it is wrong, read all other text files too, to tell what is wrong in them.
 
     Raises
@@ -130,7 +130,7 @@ def raise_complaints(complaints: Sequence[Complaint]) -> None:
 # ground control and preliminary coordinates
 
 
-def read_ground_control(project: Project) -> Parsed[Control]:
+def read_ground_control(project: ProjectFolder) -> Parsed[Control]:
     """Read the control files of a project; missing ones are empty."""
     base = project.definition.control_files
     control = read_control(project.folder, base)
@@ -138,24 +138,24 @@ def read_ground_control(project: Project) -> Parsed[Control]:
     return Parsed(control.value, (*_given(misspelt), *control.complaints), control.warnings)
 
 
-def _read_preliminary(project: Project, path: Path) -> Parsed[tuple[PreliminaryPoint, ...]]:
+def _read_preliminary(project: ProjectFolder, path: Path) -> Parsed[tuple[PreliminaryPoint, ...]]:
     if path.exists():
         return read_preliminary(path, project.shown(path))
     return Parsed((), tuple(_given([_misspelt(project, path)])))
 
 
-def control_digests(project: Project) -> Digests:
+def control_digests(project: ProjectFolder) -> Digests:
     """Return the digests of the control files that exist."""
     base = project.definition.control_files
     return _digests(project, [project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS])
 
 
-def control_input_digests(project: Project, bundle: str) -> Digests:
+def control_input_digests(project: ProjectFolder, bundle: str) -> Digests:
     """Return the digests of the control files and of a bundle's preliminary coordinates, as far as they exist."""
     return (*control_digests(project), *_digests(project, [project.preliminary(bundle)]))
 
 
-def _misspelt(project: Project, path: Path) -> Complaint | None:
+def _misspelt(project: ProjectFolder, path: Path) -> Complaint | None:
     """Return a complaint if a file is missing while one in other letters, or with .txt after its name, is there."""
     if path.exists() or not path.parent.is_dir():
         return None
@@ -178,7 +178,7 @@ def _given(complaints: Iterable[Complaint | None]) -> Iterator[Complaint]:
 # measurements
 
 
-def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
+def measurement_files(project: ProjectFolder) -> Parsed[tuple[Path, ...]]:
     """Return the measurement files in the order of replay: as listed, patterns sorted naturally, EDITS.MEA last."""
     found: dict[Path, None] = {}
     complaints: list[Complaint] = []
@@ -199,7 +199,7 @@ def measurement_files(project: Project) -> Parsed[tuple[Path, ...]]:
     return Parsed(tuple(found), tuple(complaints))
 
 
-def _nearly_matching(project: Project, pattern: str, matches: Sequence[Path]) -> Iterator[Complaint]:
+def _nearly_matching(project: ProjectFolder, pattern: str, matches: Sequence[Path]) -> Iterator[Complaint]:
     """Complain of files that a pattern misses by their capitals, or, if it finds none at all, by a .txt at the end."""
     suffixes = ("",) if matches else ("", ".txt")
     likely = [f"{pattern}{suffix}".lower() for suffix in suffixes]
@@ -209,7 +209,7 @@ def _nearly_matching(project: Project, pattern: str, matches: Sequence[Path]) ->
             yield Complaint(f"{message}measurement_files of orip.toml", project.shown(path))
 
 
-def is_measurement_file(project: Project, path: Path) -> bool:
+def is_measurement_file(project: ProjectFolder, path: Path) -> bool:
     """Tell whether a file, which need not exist, is among the measurement files of a project by its name."""
     shown = Path(project.shown(path))
     return any(_has_pattern(shown, pattern) for pattern in (*project.definition.measurement_files, EDITS_FILE))
@@ -222,12 +222,12 @@ def _has_pattern(shown: Path, pattern: str) -> bool:
     return len(parts) == len(shown.parts) and all(map(fnmatchcase, shown.parts, parts))
 
 
-def read_log(project: Project, files: Sequence[Path]) -> Parsed[MeasurementLog]:
+def read_log(project: ProjectFolder, files: Sequence[Path]) -> Parsed[MeasurementLog]:
     """Read measurement files as one log."""
     return _read_log(project, Parsed(tuple(files)))
 
 
-def _read_log(project: Project, listed: Parsed[tuple[Path, ...]]) -> Parsed[MeasurementLog]:
+def _read_log(project: ProjectFolder, listed: Parsed[tuple[Path, ...]]) -> Parsed[MeasurementLog]:
     digests = _digests(project, listed.value)
     outcomes = [read_measurements(path, project.shown(path)) for path in listed.value]
     return Parsed(
@@ -237,12 +237,12 @@ def _read_log(project: Project, listed: Parsed[tuple[Path, ...]]) -> Parsed[Meas
     )
 
 
-def log_digests(project: Project, files: Sequence[Path]) -> Digests:
+def log_digests(project: ProjectFolder, files: Sequence[Path]) -> Digests:
     """Return the digests of measurement files."""
     return _digests(project, files)
 
 
-def _digests(project: Project, paths: Iterable[Path]) -> Digests:
+def _digests(project: ProjectFolder, paths: Iterable[Path]) -> Digests:
     found = []
     for path in paths:
         with suppress(OSError):  # a file that cannot be read is complained of by its reader

@@ -11,7 +11,7 @@ from orip.interior.distortion_forms import polynomial_from_curve, polynomial_fro
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.reconcile import AppliedChange, Conflict, Prefer, reconcile
 
 _POLYNOMIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
@@ -26,7 +26,7 @@ class TextApplied:
     complaints: tuple[Complaint, ...]
 
 
-def apply_text(project: Project, old: StoredDefinitions, prefer: Prefer | None) -> TextApplied:
+def apply_text(project: ProjectFolder, old: StoredDefinitions, prefer: Prefer | None) -> TextApplied:
     """Apply the records of orip.toml to those of the stores; nothing is written."""
     text, name = project.definition, project.definition.name
     cameras = reconcile(
@@ -77,7 +77,7 @@ def _polynomial(camera: Camera) -> list[float]:
     return polynomial
 
 
-def _complaints(project: Project, conflicts: Iterable[Conflict]) -> list[Complaint]:
+def _complaints(project: ProjectFolder, conflicts: Iterable[Conflict]) -> list[Complaint]:
     remedy = "keep one of them with 'orip init --prefer text' or 'orip init --prefer store'"
     return [
         Complaint(

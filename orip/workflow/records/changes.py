@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from orip.files.project.record_values import TomlTable
 from orip.records.names import record_key
-from orip.workflow.records.references import Place, RecordKind, records_of
+from orip.workflow.records.references import DocumentRecord, RecordKind, records_of
 from orip.workflow.records.values import RecordValue, values_of
 
 
@@ -83,7 +83,7 @@ def _changes_of_kind(
         yield RecordChange(kind, gone.name, "deleted")
 
 
-def _name_now(place: Place, renaming: Renaming | None) -> tuple[str, str]:
+def _name_now(place: DocumentRecord, renaming: Renaming | None) -> tuple[str, str]:
     """Return the key under which a record of the first document is found in the second."""
     bundle, name = record_key(place.bundle), record_key(place.table["name"])
     if renaming is not None:

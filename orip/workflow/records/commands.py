@@ -18,12 +18,12 @@ from orip.files.stores.transaction import Stores
 from orip.wording import first_names
 from orip.workflow.project.commit import Change, ChangedMeanwhileError
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project, open_project
+from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_state
 from orip.workflow.records import edits as record_edits
 from orip.workflow.records.changes import RecordChange, Renaming, record_changes
 from orip.workflow.records.document import CheckedDocument, bound, checked, stored_document
-from orip.workflow.records.edits import Edit, Edited, RecordName
+from orip.workflow.records.edits import Edit, EditedDocument, RecordName
 from orip.workflow.records.measurements import delete_measurements, is_written, measurements_of, rename_measurements
 from orip.workflow.records.mentions import mention_warnings
 from orip.workflow.records.renamed_bundle import (
@@ -41,7 +41,7 @@ _BUNDLES = "the bundles"
 class RecordsOutcome:
     """What a command did to records, or would do (`dry_run`); no changes: the records were so already."""
 
-    project: Project
+    project: ProjectFolder
     changes: tuple[RecordChange, ...]
     measurements: tuple[str, ...]
     warnings: tuple[ProjectWarning, ...]
@@ -210,7 +210,7 @@ def _plan(state: ProjectState, edit: Edit, alone: RecordName | None) -> _Plan:
     return _Plan(stored, new, changes, edited.renaming, measurements, warnings)
 
 
-def _checked(edited: Edited) -> CheckedDocument:
+def _checked(edited: EditedDocument) -> CheckedDocument:
     try:
         return checked(edited.document, edited.faults)
     except InputError:
@@ -225,7 +225,7 @@ def _warnings_before(document: dict[str, Any]) -> frozenset[ProjectWarning]:
     return frozenset()
 
 
-def _require_applied(project: Project, stored: StoredDefinitions) -> None:
+def _require_applied(project: ProjectFolder, stored: StoredDefinitions) -> None:
     text = project.definition
     in_text = (text.cameras, text.temticks, text.templates, text.photos, text.bundles)
     in_stores = (stored.cameras, stored.temticks, stored.templates, stored.photos, stored.bundles)
@@ -260,7 +260,7 @@ def _require_alone(record: RecordName, changes: Sequence[RecordChange], measurem
         raise InputError.single(message)
 
 
-def _write_measurements(project: Project, stores: Stores, plan: _Plan) -> None:
+def _write_measurements(project: ProjectFolder, stores: Stores, plan: _Plan) -> None:
     if plan.renaming is not None:
         rename_measurements(project, stores, plan.bundles, plan.renaming)
     for kind in ("photo", "template", "bundle"):

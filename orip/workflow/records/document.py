@@ -20,7 +20,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import MOST_BUNDLES, Project
+from orip.workflow.project.folder import MOST_BUNDLES, ProjectFolder
 from orip.workflow.records.apply_text import with_polynomial
 
 T = TypeVar("T", bound=NamedRecord)
@@ -36,7 +36,7 @@ class CheckedDocument:
     warnings: tuple[ProjectWarning, ...]
 
 
-def stored_definition(project: Project, stored: StoredDefinitions) -> ProjectDefinition:
+def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> ProjectDefinition:
     """Return the project with the records of the stores in place of those of orip.toml."""
     return replace(
         project.definition,
@@ -59,7 +59,7 @@ def in_given_form(camera: Camera) -> Camera:
     return replace(camera, distortion_isp=None, distortion_curve=None)
 
 
-def stored_document(project: Project, stored: StoredDefinitions) -> TomlTable:
+def stored_document(project: ProjectFolder, stored: StoredDefinitions) -> TomlTable:
     """Return the records of the stores as a document of orip.toml."""
     return project_document(stored_definition(project, stored))
 
@@ -93,7 +93,7 @@ def bound(
 ) -> StoredDefinitions:
     """Return the records of an edited document as the stores should hold them.
 
-    A record whose table is as it was stays what it is; an edited one stays bound to the text that it came from, so that
+    A record whose table is unchanged stays what it is; an edited one stays bound to the text that it came from, so that
     `orip init` knows it as changed in the store. One of a new name has no text.
     """
 

@@ -15,7 +15,7 @@ from orip.records.names import name_fault, record_key
 from orip.wording import listed_names
 from orip.workflow.records.changes import Renaming
 from orip.workflow.records.references import (
-    Place,
+    DocumentRecord,
     RecordKind,
     delete_with_referents,
     let_references_follow,
@@ -26,7 +26,7 @@ from orip.workflow.records.references import (
 
 
 @dataclass(frozen=True, slots=True)
-class Edited:
+class EditedDocument:
     """A document after an edit.
 
     Parameters
@@ -34,7 +34,7 @@ class Edited:
     document : document of orip.toml
     renaming : Renaming or None
     known : str
-        Not empty: the record was there already, and this is to be said if it is not the very same.
+        Not empty: the record already existed; what to say if the two differ.
     faults : tuple of str
         What was wrong with the words that values were given in.
     """
@@ -45,7 +45,7 @@ class Edited:
     faults: tuple[str, ...] = ()
 
 
-Edit = Callable[[TomlTable], Edited]
+Edit = Callable[[TomlTable], EditedDocument]
 """An edit: gets a document of its own that it may change."""
 
 
@@ -61,7 +61,7 @@ class RecordName:
 def adding(record: RecordName, words: Sequence[str], before: str | None) -> Edit:
     """Return the edit that adds a record, at the end or before another one."""
 
-    def edit(document: TomlTable) -> Edited:
+    def edit(document: TomlTable) -> EditedDocument:
         _require_fit_name(record.kind, record.name)
         table, faults = with_assignments(record.kind, {"name": record.name}, words)
         return replace(_put(document, record, table, before), faults=faults)
@@ -72,7 +72,7 @@ def adding(record: RecordName, words: Sequence[str], before: str | None) -> Edit
 def copying(record: RecordName, name: str, words: Sequence[str]) -> Edit:
     """Return the edit that adds a record with the values of another one, some of them changed."""
 
-    def edit(document: TomlTable) -> Edited:
+    def edit(document: TomlTable) -> EditedDocument:
         table = copy.deepcopy(find(document, record).table) | {"name": name}
         _require_fit_name(record.kind, name)
         if record.kind == "template":
@@ -86,11 +86,11 @@ def copying(record: RecordName, name: str, words: Sequence[str]) -> Edit:
 def editing(record: RecordName, words: Sequence[str]) -> Edit:
     """Return the edit that changes values of a record."""
 
-    def edit(document: TomlTable) -> Edited:
+    def edit(document: TomlTable) -> EditedDocument:
         place = find(document, record)
         table, faults = with_assignments(record.kind, place.table, words)
         _replace(document, place, table)
-        return Edited(document, faults=faults)
+        return EditedDocument(document, faults=faults)
 
     return edit
 
@@ -98,7 +98,7 @@ def editing(record: RecordName, words: Sequence[str]) -> Edit:
 def renaming(record: RecordName, name: str) -> Edit:
     """Return the edit that gives a record another name, also wherever other records name it."""
 
-    def edit(document: TomlTable) -> Edited:
+    def edit(document: TomlTable) -> EditedDocument:
         place = find(document, record)
         _require_fit_name(record.kind, name)
         old = place.table["name"]
@@ -106,7 +106,7 @@ def renaming(record: RecordName, name: str) -> Edit:
             _refuse_known(document, record, name)
         let_references_follow(document, record.kind, old, name)
         place.table["name"] = name
-        return Edited(document, Renaming(record.kind, old, name, place.bundle))
+        return EditedDocument(document, Renaming(record.kind, old, name, place.bundle))
 
     return edit
 
@@ -114,14 +114,14 @@ def renaming(record: RecordName, name: str) -> Edit:
 def deleting(record: RecordName) -> Edit:
     """Return the edit that deletes a record and those that name it."""
 
-    def edit(document: TomlTable) -> Edited:
+    def edit(document: TomlTable) -> EditedDocument:
         delete_with_referents(document, find(document, record))
-        return Edited(document)
+        return EditedDocument(document)
 
     return edit
 
 
-def find(document: Mapping[str, Any], record: RecordName) -> Place:
+def find(document: Mapping[str, Any], record: RecordName) -> DocumentRecord:
     """Return a record of a document.
 
     Raises
@@ -161,25 +161,25 @@ def bundle_of_models(document: Mapping[str, Any], name: str | None) -> TomlTable
     raise UsageError(message)
 
 
-def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str | None) -> Edited:
-    """Put a record into its list; one of that name that is there already is replaced, for comparison."""
+def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str | None) -> EditedDocument:
+    """Put a record into its list; one of that name that already exists is replaced, for comparison."""
     bundle = bundle_of_models(document, record.bundle) if record.kind == "model" else None
     tables: list[TomlTable] = bundle.setdefault("model", []) if bundle is not None else document[record.kind]
     for known in tables:
         if record_key(known["name"]) == record_key(record.name):
             message = (
-                f"{record.kind} {known['name']} is there already, with other values; change it with "
+                f"{record.kind} {known['name']} already exists with other values; change it with "
                 f"'orip {record.kind} edit', or choose another name"
             )
             kept = {key: known[key] for key in ("model",) if key in known and key not in table}
-            place = Place(record.kind, known, tables, bundle["name"] if bundle is not None else "")
+            place = DocumentRecord(record.kind, known, tables, bundle["name"] if bundle is not None else "")
             _replace(document, place, {**table, **kept})
-            return Edited(document, known=message)
-    place = Place(record.kind, table, tables)
+            return EditedDocument(document, known=message)
+    place = DocumentRecord(record.kind, table, tables)
     index = len(tables) if before is None else _index(document, RecordName(record.kind, before, record.bundle))
     tables.insert(index, table)
     _follow(document, place)
-    return Edited(document)
+    return EditedDocument(document)
 
 
 def _index(document: TomlTable, record: RecordName) -> int:
@@ -187,14 +187,14 @@ def _index(document: TomlTable, record: RecordName) -> int:
     return next(index for index, table in enumerate(place.around) if table is place.table)
 
 
-def _replace(document: TomlTable, place: Place, table: TomlTable) -> None:
+def _replace(document: TomlTable, place: DocumentRecord, table: TomlTable) -> None:
     """Replace the values of a record; templates and photos go on saying the same of each other."""
     place.table.clear()
     place.table.update(table)
     _follow(document, place)
 
 
-def _follow(document: TomlTable, place: Place) -> None:
+def _follow(document: TomlTable, place: DocumentRecord) -> None:
     if place.kind == "template":
         photos_follow(document, place.table)
     elif place.kind == "photo":
@@ -213,5 +213,5 @@ def _refuse_known(document: TomlTable, record: RecordName, name: str) -> None:
         place = find(document, RecordName(record.kind, name, record.bundle))
     except UsageError:
         return
-    message = f"{record.kind} {place.table['name']} is there already; choose another name, or delete it first"
+    message = f"{record.kind} {place.table['name']} already exists; choose another name, or delete it first"
     raise InputError.single(message)

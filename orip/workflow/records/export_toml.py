@@ -17,7 +17,7 @@ from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.records.apply_text import apply_text
@@ -25,7 +25,7 @@ from orip.workflow.records.document import checked, stored_definition
 
 T = TypeVar("T", bound=NamedRecord)
 
-_REMEDY = "it is as it was"
+_REMEDY = "the file is unchanged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class ExportedToml:
 
     Parameters
     ----------
-    project : Project
+    project : ProjectFolder
     text : str
         The project file.
     path : Path or None
@@ -46,7 +46,7 @@ class ExportedToml:
     warnings : tuple of ProjectWarning
     """
 
-    project: Project
+    project: ProjectFolder
     text: str
     path: Path | None
     changed: bool
@@ -92,7 +92,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
         return Change(state, ExportedToml(project, text, path, changed=False, backup=None, warnings=warnings))
     if there is not None and not force:
         shown = project.shown(path)
-        message = f"{shown} is there already, with another text; write over it with --force (it is kept as .bak)"
+        message = f"{shown} already exists with another text; write over it with --force (it is kept as .bak)"
         raise UsageError(message)
     backup = None if there is None else _free_name(path)
     outcome = ExportedToml(project, text, path, changed=True, backup=backup, warnings=warnings)
@@ -100,8 +100,8 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
     return Change(state, outcome, kept=((path, backup),) if backup else (), outputs=(output_text,))
 
 
-def _own(project: Project, stored: StoredDefinitions) -> StoredDefinitions:
-    """Return the records of this project alone."""
+def _own(project: ProjectFolder, stored: StoredDefinitions) -> StoredDefinitions:
+    """Return only the records of this project."""
     cameras = {record_key(photo.record.camera) for photo in stored.photos}
     temticks = {record_key(template.record.temtick) for template in stored.templates}
 
@@ -133,12 +133,12 @@ def _without_polynomial(definition: ProjectDefinition) -> ProjectDefinition:
     return replace(definition, cameras=cameras)
 
 
-def _text_of(project: Project) -> str:
+def _text_of(project: ProjectFolder) -> str:
     data, _ = read_bytes(project.text, project.shown(project.text))
     return "\n".join(decode_lines(data or b"", "").value)
 
 
-def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[ProjectWarning]:
+def _not_applied(project: ProjectFolder, stored: StoredDefinitions) -> Iterator[ProjectWarning]:
     """Warn of what the text says and the stores do not know, or no longer: the exported text has it from the stores."""
     applied = apply_text(project, stored, prefer=None)
     done: Mapping[str, str] = {
@@ -158,7 +158,7 @@ def _not_applied(project: Project, stored: StoredDefinitions) -> Iterator[Projec
         yield ProjectWarning("not-applied", where, f"{conflict}: the store's version is exported")
 
 
-def _bytes_of(project: Project, path: Path) -> bytes | None:
+def _bytes_of(project: ProjectFolder, path: Path) -> bytes | None:
     """Return what is in a file; None if there is none."""
     with reporting_failure(project.shown(path), _REMEDY):
         return path.read_bytes() if path.exists() else None

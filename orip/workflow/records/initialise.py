@@ -21,7 +21,7 @@ from orip.records.measurement import (
 from orip.records.names import record_key
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, StoredParts
 from orip.workflow.project.step import Step
 from orip.workflow.project.texts import ProjectTexts, raise_complaints
@@ -38,7 +38,7 @@ INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 class Initialised:
     """What `orip init` did: the changes of records (none: nothing had changed), value by value, and what to know."""
 
-    project: Project
+    project: ProjectFolder
     changes: tuple[AppliedChange, ...]
     differences: tuple[RecordChange, ...]
     warnings: tuple[ProjectWarning, ...]
@@ -88,7 +88,7 @@ def initialise_step(state: ProjectState) -> Step:
     return Step(command, "up to date", "the stores hold what orip.toml says")
 
 
-def _differences(project: Project, old: StoredDefinitions, applied: TextApplied) -> tuple[RecordChange, ...]:
+def _differences(project: ProjectFolder, old: StoredDefinitions, applied: TextApplied) -> tuple[RecordChange, ...]:
     before, after = stored_document(project, old), stored_document(project, applied.definitions)
     return record_changes(before, after, None, project.definition.ground_unit)
 

@@ -14,12 +14,12 @@ from orip.records.fields import headings_of
 from orip.records.names import record_key
 from orip.records.project import RECORD_TYPES
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import PROJECT_FILE, Project
+from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.apply_text import with_polynomial
 from orip.workflow.records.document import stored_document
 from orip.workflow.records.edits import RecordName, bundle_of_models, find
-from orip.workflow.records.references import Place, RecordKind, records_of, referents
+from orip.workflow.records.references import DocumentRecord, RecordKind, records_of, referents
 from orip.workflow.records.values import RecordValue, shown_value, values_of
 
 
@@ -114,14 +114,14 @@ def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
     return str(len(table.get(key, ()))) if counted else shown_value(table.get(key))
 
 
-def _row(project: Project, stored: StoredDefinitions, place: Place) -> RecordRow:
+def _row(project: ProjectFolder, stored: StoredDefinitions, place: DocumentRecord) -> RecordRow:
     kind, name = ("bundle", place.bundle) if place.kind == "model" else (place.kind, place.table["name"])
     known: tuple[StoredRecord[NamedRecord], ...] = getattr(stored, f"{kind}s")
     record = next(candidate for candidate in known if record_key(candidate.record.name) == record_key(name))
     return RecordRow(place.bundle, place.table["name"], place.table, _source(project, kind, record))
 
 
-def _source(project: Project, kind: str, stored: StoredRecord[NamedRecord]) -> str:
+def _source(project: ProjectFolder, kind: str, stored: StoredRecord[NamedRecord]) -> str:
     """Say where a record came from, and whether it or the text has changed since."""
     if stored.text_digest is None:
         return "no text"

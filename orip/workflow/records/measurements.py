@@ -16,7 +16,7 @@ from orip.files.stores.transaction import Stores
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.wording import counted
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.changes import Renaming
 from orip.workflow.records.references import RecordKind
 
@@ -40,7 +40,7 @@ def measurements_of(measured: Measured, kind: RecordKind, name: str) -> Iterator
             yield f"{counted(count, 'measured photo point')} of {found.bundle}"
 
 
-def rename_measurements(project: Project, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:
+def rename_measurements(project: ProjectFolder, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:
     """Let what is measured have the new name of its photo, template or bundle."""
     key, new = record_key(renaming.old), renaming.new
     if renaming.kind == "template":
@@ -52,7 +52,7 @@ def rename_measurements(project: Project, stores: Stores, bundles: Sequence[str]
 
 
 def delete_measurements(
-    project: Project, stores: Stores, bundles: Sequence[str], kind: RecordKind, names: Iterable[str]
+    project: ProjectFolder, stores: Stores, bundles: Sequence[str], kind: RecordKind, names: Iterable[str]
 ) -> None:
     """Take out what is measured of records."""
     keys = {record_key(name) for name in names}
@@ -72,7 +72,7 @@ _NewName = Callable[[str], str | None]
 """The name that a record will have; None: it will be gone."""
 
 
-def _write_templates(project: Project, stores: Stores, new_name: _NewName) -> None:
+def _write_templates(project: ProjectFolder, stores: Stores, new_name: _NewName) -> None:
     store = stores[project.templates]
     old = list(templates.read_orientations(store).values())
     new = [replace(reading, template=name) for reading in old if (name := new_name(reading.template)) is not None]
@@ -80,7 +80,7 @@ def _write_templates(project: Project, stores: Stores, new_name: _NewName) -> No
         templates.write_orientations(store, new)
 
 
-def _write_photos(project: Project, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
+def _write_photos(project: ProjectFolder, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
     store = stores[project.photos]
     old = list(photos.read_orientations(store).values())
     new = [replace(reading, photo=name) for reading in old if (name := new_name(reading.photo)) is not None]
@@ -106,7 +106,7 @@ def _with_photos(measured: PhotoObservations, new_name: _NewName) -> PhotoObserv
     )
 
 
-def _rename_observations(project: Project, stores: Stores, renaming: Renaming) -> None:
+def _rename_observations(project: ProjectFolder, stores: Stores, renaming: Renaming) -> None:
     old, new = project.observations(renaming.old), project.observations(renaming.new)
     if not is_written(old):
         return
@@ -128,7 +128,9 @@ def _empty(store: Store) -> None:
     store.delete(observations.OBSERVATION)
 
 
-def _observed(project: Project, stores: Stores, bundles: Iterable[str]) -> Iterator[tuple[str, PhotoObservations]]:
+def _observed(
+    project: ProjectFolder, stores: Stores, bundles: Iterable[str]
+) -> Iterator[tuple[str, PhotoObservations]]:
     """Iterate over the bundles that have photo observations."""
     for bundle in bundles:
         path = project.observations(bundle)

@@ -16,7 +16,7 @@ from orip.records.measurement import (
 )
 from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.changes import RecordChange
 
@@ -51,7 +51,7 @@ def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> 
                 yield ProjectWarning("still-in-control", f"{control}:{element.line}", text)
 
 
-def _in_project_text(project: Project, change: RecordChange, name: str, now: str) -> Iterator[ProjectWarning]:
+def _in_project_text(project: ProjectFolder, change: RecordChange, name: str, now: str) -> Iterator[ProjectWarning]:
     line = project.lines.get((change.kind, record_key(name)))
     if line is not None:
         text = (
@@ -61,7 +61,9 @@ def _in_project_text(project: Project, change: RecordChange, name: str, now: str
         yield ProjectWarning("still-in-text", f"{project.shown(project.text)}:{line}", text)
 
 
-def _shared(project: Project, before: StoredDefinitions, change: RecordChange, name: str) -> Iterator[ProjectWarning]:
+def _shared(
+    project: ProjectFolder, before: StoredDefinitions, change: RecordChange, name: str
+) -> Iterator[ProjectWarning]:
     stored = before.cameras if change.kind == "camera" else before.temticks if change.kind == "temtick" else ()
     for record in stored:
         if record_key(record.record.name) == record_key(name) and record.origin not in {None, project.definition.name}:

@@ -26,7 +26,7 @@ _REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class DocumentRecord:
     """A record in a document: its kind, its table, the list of tables that it is in, and the bundle of a model."""
 
     kind: RecordKind
@@ -40,20 +40,20 @@ class Place:
         return f"{self.bundle} {self.table['name']}".strip()
 
 
-def records_of(document: Mapping[str, Any], kind: RecordKind) -> Iterator[Place]:
+def records_of(document: Mapping[str, Any], kind: RecordKind) -> Iterator[DocumentRecord]:
     """Iterate over the records of a kind."""
     if kind != "model":
         for table in document[kind]:
-            yield Place(kind, table, document[kind])
+            yield DocumentRecord(kind, table, document[kind])
         return
     for bundle in document["bundle"]:
         for table in bundle.get("model", ()):
-            yield Place(kind, table, bundle["model"], bundle["name"])
+            yield DocumentRecord(kind, table, bundle["model"], bundle["name"])
 
 
-def referents(document: Mapping[str, Any], kind: RecordKind, name: str) -> list[Place]:
+def referents(document: Mapping[str, Any], kind: RecordKind, name: str) -> list[DocumentRecord]:
     """Return the records that name a record."""
-    found: dict[int, Place] = {}
+    found: dict[int, DocumentRecord] = {}
     for where, key, what in _REFERENCES:
         if what == kind:
             named = (place for place in records_of(document, where) if _names(place.table, key, name))
@@ -76,7 +76,7 @@ def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: st
                 ]
 
 
-def delete_with_referents(document: Mapping[str, Any], place: Place) -> None:
+def delete_with_referents(document: Mapping[str, Any], place: DocumentRecord) -> None:
     """Take a record out, and before it those that name it."""
     for referent in referents(document, place.kind, place.table["name"]):
         delete_with_referents(document, referent)

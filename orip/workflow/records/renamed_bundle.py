@@ -17,7 +17,7 @@ from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.wording import agreeing
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import Project
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_records, run_id
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.changes import Renaming
@@ -38,7 +38,7 @@ def rename_solution(state: ProjectState, stores: Stores, renaming: Renaming, aft
 
 
 def _renamed_inputs(
-    project: Project, solution: Solution, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
+    project: ProjectFolder, solution: Solution, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
 ) -> tuple[tuple[str, str], ...]:
     """Return what a solution depends on, with the names of now; what had changed since still differs."""
     old, new = renaming.old, renaming.new
@@ -50,8 +50,8 @@ def _renamed_inputs(
     return tuple((names.get(name, name), digests.get(digest, digest)) for name, digest in solution.inputs)
 
 
-def require_free_file(project: Project, renaming: Renaming) -> None:
-    """Refuse a name that would take preliminary coordinates which are there already.
+def require_free_file(project: ProjectFolder, renaming: Renaming) -> None:
+    """Refuse a name that would take preliminary coordinates which already exist.
 
     Raises
     ------
@@ -61,11 +61,11 @@ def require_free_file(project: Project, renaming: Renaming) -> None:
     if record_key(renaming.old) == record_key(renaming.new) or not new.is_file():
         return
     if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
-        message = f"{project.shown(new)} is there already; move it away, or choose another name"
+        message = f"{project.shown(new)} already exists; move it away, or choose another name"
         raise InputError.single(message)
 
 
-def copy_preliminary(project: Project, renaming: Renaming) -> None:
+def copy_preliminary(project: ProjectFolder, renaming: Renaming) -> None:
     """Copy BUNDLE.PRE before the commit; the old one is removed after it: its points exist at every instant.
 
     Raises
@@ -84,7 +84,9 @@ def copy_preliminary(project: Project, renaming: Renaming) -> None:
         raise OripError(message) from error
 
 
-def files_of_old_name(project: Project, renaming: Renaming) -> tuple[tuple[Path, ...], tuple[ProjectWarning, ...]]:
+def files_of_old_name(
+    project: ProjectFolder, renaming: Renaming
+) -> tuple[tuple[Path, ...], tuple[ProjectWarning, ...]]:
     """Return the files that are named after a renamed bundle, and a warning about the results in them."""
     if renaming.old == renaming.new:
         return (), ()
@@ -101,7 +103,7 @@ def files_of_old_name(project: Project, renaming: Renaming) -> tuple[tuple[Path,
     return (*sources, *results), (ProjectWarning("renamed-bundle", "", text),)
 
 
-def _results(project: Project, bundle: str) -> Sequence[Path]:
+def _results(project: ProjectFolder, bundle: str) -> Sequence[Path]:
     return (
         *project.outputs(bundle).all,
         project.preliminary_listing(bundle),

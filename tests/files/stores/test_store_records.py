@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import make_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -193,6 +193,13 @@ def test_a_digest_tells_case_and_values_apart():
     assert record_digest(base) == record_digest(Temtick("T", (Mark("1", -0.0, 1),)))
     others = [Temtick("t", base.ticks), Temtick("T", ()), Temtick("T", (Mark("1", 0.0, np.nextafter(1.0, 2.0)),))]
     assert len({record_digest(item) for item in [base, *others]}) == 4
+
+
+def test_a_digest_depends_neither_on_the_name_of_a_class_nor_on_the_order_of_its_fields():
+    renamed = make_dataclass("Renamed", ["ticks", "name"])
+    marks = (Mark("1", 0.0, 1.0),)
+    assert record_digest(renamed(marks, "T")) == record_digest(Temtick("T", marks))
+    assert record_digest(renamed(marks, "U")) != record_digest(Temtick("T", marks))
 
 
 def test_a_digest_of_what_is_no_record_is_refused():
