@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.bundle.results import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
@@ -27,6 +28,7 @@ from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, is_go
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.hypotheses.released_control import without_control
+from orip.mistakes.hypotheses.unknown_orientations import misgiven, without_orientations
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.solution import Solution
@@ -56,11 +58,22 @@ def explain_misfit(
     readjuster : Readjuster
     """
     given = fit_of_adjustment(solved)
+    if not is_good(given) and (found := _with_found_orientations(readjuster)):
+        return found
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
     return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
+
+
+def _with_found_orientations(readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what a block shows that fits if its orientations are found, and not if they start as given."""
+    released = without_orientations(readjuster.block)
+    solved = readjuster.adjust(released) if readjuster.is_worthwhile and released is not None else None
+    if solved is None or not is_good(fit_of_adjustment(solved)):
+        return []
+    return misgiven(solved, readjuster.block) or _shown_by_itself(solution_of(solved), solved, readjuster)
 
 
 def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -106,6 +119,8 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     """
     if not readjuster.is_worthwhile:
         return []
+    if found := _with_found_orientations(readjuster):
+        return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.hypothesis.findings(tried.solved)

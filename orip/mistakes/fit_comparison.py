@@ -16,7 +16,6 @@ import numpy as np
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
-from orip.records.observation_kinds import PHOTO_POINT
 
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
@@ -31,15 +30,15 @@ with 1e-4."""
 _EXPLAINED = 0.3
 """The other adjustment may have at most this part of the misfits."""
 
-_SEVERAL, _ALMOST_ALL = 8, 0.1
+_SEVERAL, _ALMOST_ALL = 4, 0.1
 """Misfits of which another adjustment may keep this part alone, and explains the block if it fits otherwise."""
 
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
 """Standard error of unit weight, and part of the observations that may be blunders, in an adjustment that fits."""
 
 
-_OF_A_PHOTO = 0.15
-"""Part of the coordinates of a photo that may be blunders."""
+_OF_A_GROUP = 0.15
+"""Part of the coordinates of a photo, or of the control, that may be blunders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +123,21 @@ def removes_misfits(other: Fit, given: Fit) -> bool:
 
 
 def is_good(fit: Fit) -> bool:
-    """Tell whether the observations, except a few blunders, fit within their a-priori errors, and no photo is wrong."""
-    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_photo(fit)
+    """Tell whether the observations, except a few blunders, fit within their a-priori errors.
+
+    No photo and no kind of observation is wrong as a whole: a block can be bent to fit photos, and wrong control less.
+    """
+    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_group(fit)
 
 
-def _has_wrong_photo(fit: Fit) -> bool:
+def _has_wrong_group(fit: Fit) -> bool:
+    """Tell whether more than a few observations of a photo, or of another kind than photo points, do not fit."""
     kind, photo, _, _ = fit.columns
-    is_photo = np.array(kind) == PHOTO_POINT.name
-    names, place = np.unique(np.array(photo)[is_photo], return_inverse=True)
+    groups = [name or of_kind for of_kind, name in zip(kind, photo, strict=True)]
+    names, place = np.unique(np.array(groups), return_inverse=True)
     count = np.bincount(place, minlength=len(names))
-    wrong = np.bincount(place, fit.standard[is_photo] > _FITS, minlength=len(names))
-    return bool((wrong > np.maximum(_OF_A_PHOTO * count, _FEW)).any())
+    wrong = np.bincount(place, fit.standard > _FITS, minlength=len(names))
+    return bool((wrong > np.maximum(_OF_A_GROUP * count, _FEW)).any())
 
 
 def misfit(fit: Fit, scale: float) -> float:

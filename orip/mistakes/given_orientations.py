@@ -11,11 +11,12 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, angles_from_rotation, rotation_from_angles
+from orip.mistakes.length_units import FEET_AND_METRES, control_unit_text
 from orip.records.block import Block
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted_names
 
-_FAR = 0.35
+_FAR_AWAY, _FAR_TURNED = 0.2, 0.35
 """Shift over the distance to the points, and rotation in radians, from which an orientation is not an approximation."""
 
 _UNUSUAL = 5.0
@@ -89,12 +90,24 @@ def compared_orientations(
 
 def misgiven_orientations(compared: ComparedOrientations) -> list[ProjectWarning]:
     """Return a warning for each photo whose orientation was given wrong while most others were not."""
+    if float(np.nanmedian(compared.shifts)) > _FAR_AWAY:
+        # the ground is another one
+        return _control_in_another_unit(compared)
     exchanged = _exchanged_pairs(compared)
     wrong = _wrong(compared)
     wrong[list(chain(*exchanged))] = False
     rows = np.flatnonzero(wrong).tolist()
     single = [_misgiven(compared, row) for row in rows] if len(rows) <= max(1.0, _FEW * len(wrong)) else []
     return [*(_exchange(compared, *pair) for pair in exchanged), *single]
+
+
+def _control_in_another_unit(compared: ComparedOrientations) -> list[ProjectWarning]:
+    """Return a warning if all photos are where they were given, in another unit: control determines the scale."""
+    for factor in FEET_AND_METRES:
+        off = np.linalg.norm(compared.found[:, :3] * factor - compared.given[:, :3], axis=1) / compared.distance
+        if float(np.nanmedian(off)) < _NEAR * float(np.nanmedian(compared.shifts)):
+            return [ProjectWarning("control-unit", "", control_unit_text(factor))]
+    return []
 
 
 def misgiven_as_a_whole(compared: ComparedOrientations) -> list[ProjectWarning]:
@@ -113,9 +126,9 @@ def misgiven_as_a_whole(compared: ComparedOrientations) -> list[ProjectWarning]:
 def _wrong(compared: ComparedOrientations) -> BoolArray:
     """Return which photos (n,) were given far from where they are, and much farther than most."""
     wrong = np.zeros(len(compared.names), dtype=bool)
-    for size in (compared.shifts, compared.turns):
-        usual = float(np.nanquantile(size, _MOST_ARE_RIGHT)) if np.isfinite(size).any() else 0.0
-        wrong |= np.nan_to_num(size) > max(_FAR, _UNUSUAL * min(usual, _FAR))
+    for size, far in ((compared.shifts, _FAR_AWAY), (compared.turns, _FAR_TURNED)):
+        usual = float(np.nanquantile(size, _MOST_ARE_RIGHT, method="lower")) if np.isfinite(size).any() else 0.0
+        wrong |= np.nan_to_num(size) > max(far, _UNUSUAL * usual)
     return wrong
 
 
@@ -160,9 +173,9 @@ def _misgiven(compared: ComparedOrientations, row: int) -> ProjectWarning:
     how = next(_changes(compared, row), None)
     if how is None:
         parts = []
-        if compared.shifts[row] > _FAR:
+        if compared.shifts[row] > _FAR_AWAY:
             parts.append("its position is off by " + _listed(compared.found[row, :3] - compared.given[row, :3]))
-        if compared.turns[row] > _FAR:
+        if compared.turns[row] > _FAR_TURNED:
             parts.append(f"it is rotated by {np.degrees(compared.turns[row]):.0f}°")
         how = f"the block puts it elsewhere: {', and '.join(parts)}"
     text = f"its given orientation is wrong: {how}; correct it in orip.toml"
@@ -177,7 +190,7 @@ def _changes(compared: ComparedOrientations, row: int) -> Iterator[str]:
     """Yield the changes that bring a given orientation near the one found, the likeliest first."""
     given, found = compared.given[row], compared.found[row]
     turn, shift = float(compared.turns[row]), float(compared.shifts[row])
-    if turn > _FAR >= shift:
+    if turn > _FAR_TURNED and shift <= _FAR_AWAY:
         for degrees in (180.0, 90.0, -90.0):
             if _turned(given + np.radians([0.0, 0.0, 0.0, 0.0, 0.0, degrees]), found) < _NEAR * turn:
                 yield f"KAPPA is off by {abs(degrees):.0f}° (given {_degrees(given[5])}, found {_degrees(found[5])})"
@@ -187,7 +200,7 @@ def _changes(compared: ComparedOrientations, row: int) -> Iterator[str]:
                 yield f"{kind} has the opposite sign (given {_degrees(given[place])}, found {_degrees(found[place])})"
         if _turned(given[[0, 1, 2, 4, 3, 5]], found) < _NEAR * turn:
             yield "OMEGA and PHI are exchanged"
-    if shift > _FAR >= turn:
+    if shift > _FAR_AWAY and turn <= _FAR_TURNED:
         if np.linalg.norm(given[[1, 0, 2]] - found[:3]) < _NEAR * shift * compared.distance:
             yield "X0 and Y0 are exchanged"
         off = np.abs(given[:3] - found[:3]) > _NEAR * shift * compared.distance

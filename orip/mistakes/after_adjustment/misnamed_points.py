@@ -7,6 +7,7 @@ miss the point where the other rays of their number meet, but meet somewhere els
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -58,19 +59,43 @@ class _DoubtedPhotoPoints:
         """Return what the photo points are; if none is another point, the one that is off most."""
         renamed: dict[tuple[str, str], list[int]] = {}
         unexplained: dict[str, list[int]] = {}
-        for row in self.rows:
+        exchanged = self._exchanged()
+        for row in (row for row in self.rows if row not in set(chain(*exchanged))):
             other = self._other_point(row)
             if other is None:
                 unexplained.setdefault(self._point(row), []).append(row)
             else:
                 renamed.setdefault((self._point(row), other), []).append(row)
-        found = [self._renamed_warning(name, other, rows) for (name, other), rows in renamed.items()]
+        found = [self._exchange_warning(*pair) for pair in exchanged]
+        found += [self._renamed_warning(name, other, rows) for (name, other), rows in renamed.items()]
         found += [
             self._second_point_warning(name, rows)
             for name, rows in unexplained.items()
             if len(rows) > 1 and self.rays.meeting(rows) is not None
         ]
         return found or self._blunder_warning()
+
+    def _exchanged(self) -> list[tuple[int, int]]:
+        """Return the pairs of photo points of one photo each of which is where the other one should be."""
+        photo = self.block.photo_points.photo
+        return [
+            (one, other)
+            for one, other in combinations(self.rows, 2)
+            if photo[one] == photo[other] and self._is_at(one, other) and self._is_at(other, one)
+        ]
+
+    def _is_at(self, row: int, other: int) -> bool:
+        """Tell whether a photo point is where the point of another one should appear."""
+        xyz = self.solution.points.values[[self.place[self._point(other)]]]
+        return bool(self.rays.distances(row, xyz)[0] <= np.sqrt(2.0) * self.rays.limit(row))
+
+    def _exchange_warning(self, row: int, other: int) -> ProjectWarning:
+        one, another = self._point(row), self._point(other)
+        text = (
+            f"points {one} and {another} are exchanged there: each is where the other should appear; exchange their "
+            "numbers in the POINTS lines"
+        )
+        return ProjectWarning("misnamed-point", self._photos([row]), text)
 
     def _renamed_warning(self, name: str, other: str, rows: Sequence[int]) -> ProjectWarning:
         text = (

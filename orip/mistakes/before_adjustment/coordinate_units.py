@@ -32,6 +32,9 @@ _WIDEST, _NARROWEST = 3.0, 0.02
 _USUAL = (0.15, 1.5)
 """Farthest coordinate over the principal distance in the right unit, where no frame is given."""
 
+_LARGEST_FRAME = 300.0
+"""mm."""
+
 _FEWEST = 4
 """Photo points of a camera that are judged."""
 
@@ -93,5 +96,4 @@ def _meant(camera: Camera, xy: FloatArray) -> str:
 
 def _are_pixels(xy: FloatArray) -> bool:
     """Tell whether coordinates count from a corner and are more than a frame has of millimetres."""
-    size = np.ptp(xy, axis=0)
-    return bool(xy.min() >= 0.0 and xy.min(axis=0).max() < size.max() and xy.max() > 100.0)
+    return bool(xy.min() >= 0.0 and xy.max() > _LARGEST_FRAME)

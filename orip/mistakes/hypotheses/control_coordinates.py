@@ -11,7 +11,7 @@ from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay_near
-from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
 from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
 from orip.records.control import ControlPoint
@@ -39,11 +39,7 @@ def control_units(block: Block) -> Iterator[Hypothesis]:
     """Yield control in feet among metres and the other way round: all coordinates, then Z alone."""
     for factor in FEET_AND_METRES:
         unit, other = LENGTH_UNITS[factor]
-        text = (
-            f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in "
-            f"{unit}, and the orientations in {other}; use one unit"
-        )
-        yield from _control(block, _UNIT, np.eye(3) * factor, text)
+        yield from _control(block, _UNIT, np.eye(3) * factor, control_unit_text(factor))
         text = (
             f"the control fits the photos when Z is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in "
             f"{other}; use one unit"

@@ -103,6 +103,9 @@ def _read_otherwise(block: Block, free: SolvedBlock) -> Iterator[Hypothesis]:
     )  # fmt: skip
     centres = known_centres(block)
     reading = other_reading(partial, names, known_points(block), centres if len(centres.names) else None)
+    if reading is not None and reading.changes == ("photos",):
+        yield _mirrored_photos(block, misread_control(reading)[0])
+        return
     matrix = _matrix(reading)
     if reading is None or matrix is None:
         if not np.isfinite(block.photo_orientation).any():
@@ -112,6 +115,16 @@ def _read_otherwise(block: Block, free: SolvedBlock) -> Iterator[Hypothesis]:
     changed = with_multiplied_control(block, matrix)
     changed = replace(changed, photo_orientation=np.full_like(block.photo_orientation, np.nan))
     yield Hypothesis(changed, finding("control-reading", "", text))
+
+
+def _mirrored_photos(block: Block, text: str) -> Hypothesis:
+    xy = block.photo_points.xy * [1.0, -1.0]
+    changed = replace(
+        block,
+        photo_points=replace(block.photo_points, xy=xy),
+        photo_orientation=np.full_like(block.photo_orientation, np.nan),
+    )
+    return Hypothesis(changed, finding("mirrored", "", text))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +140,7 @@ def _matrix(reading: ControlReading | None) -> FloatArray | None:
     if reading.reading == "mirror image":
         if reading.changes == ("Z",) or reading.side < 0.0:
             return np.diag([1.0, 1.0, -1.0])
-        return None if reading.changes == ("photos",) else _EXCHANGED
+        return _EXCHANGED
     if reading.reading == "from below":
         return _EXCHANGED
     return np.diag([1.0, 1.0, reading.z_factor]) if reading.reading == "unit of Z" else None

@@ -26,7 +26,7 @@ from orip.mistakes.hypotheses.other_cameras import other_cameras
 from orip.mistakes.hypotheses.principal_distance import other_principal_distance
 from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
 from orip.mistakes.hypotheses.released_control import released_control
-from orip.mistakes.hypotheses.unknown_orientations import orientations_wrong_as_a_whole, unknown_orientations
+from orip.mistakes.hypotheses.unknown_orientations import orientations_wrong_as_a_whole
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.solution import Solution
@@ -63,7 +63,6 @@ def hypotheses_of_misfit(
     if not fits:
         yield from reduced_pictures(block)
         yield from measurement_precision_units(block)
-        yield from unknown_orientations(block)
         if readjuster.is_oriented and (solution.status == "not_converged" or is_in_the_picture(solution)):
             yield from mirrored_photos(block)
             yield from exchanged_photos(block)
@@ -96,7 +95,6 @@ def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
     yield from reduced_pictures(block)
-    yield from unknown_orientations(block)
     yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
     names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
     yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])

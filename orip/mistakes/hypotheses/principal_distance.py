@@ -45,6 +45,8 @@ def other_principal_distance(block: Block, row: int) -> Iterator[Hypothesis]:
 def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarning]:
     camera = solved.block.cameras[row]
     found = float(solved.state.cameras[row, 0])
+    if found <= 0.0:
+        return []
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -17,36 +16,32 @@ from orip.mistakes.given_orientations import (
     misgiven_as_a_whole,
     misgiven_orientations,
 )
-from orip.mistakes.hypotheses.hypothesis import Findings, Hypothesis
+from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.records.block import Block
 
 
-def unknown_orientations(block: Block) -> Iterator[Hypothesis]:
-    """Yield a block without its given orientations: a few of them, or their unit, are wrong."""
-    yield from _released(block, partial(_few, block=block))
-
-
-def orientations_wrong_as_a_whole(block: Block) -> Iterator[Hypothesis]:
-    """Yield the same, to be told where nothing else explains why the given orientations do not fit."""
-    yield from _released(block, lambda solved: misgiven_as_a_whole(_compared(solved, block)))
-
-
-def _released(block: Block, findings: Findings) -> Iterator[Hypothesis]:
+def without_orientations(block: Block) -> Block | None:
+    """Return a block without its given orientations; None where none are given, or all are held."""
     given = np.isfinite(block.photo_orientation)
     held = np.array([bool(photo.constant) for photo in block.photos])
     if not given[~held].any():
-        return
-    released = np.where(held[:, None], block.photo_orientation, np.nan)
-    changed = replace(block, photo_orientation=released)
-    yield Hypothesis(changed, findings, lambda solved: bool(findings(solved)), concerns_start=True)
+        return None
+    return replace(block, photo_orientation=np.where(held[:, None], block.photo_orientation, np.nan))
 
 
-def _few(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
-    """Return how the orientations as given differ from those found."""
+def misgiven(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
+    """Return how a few of the orientations given in a block, or their unit, differ from those adjusted."""
     for factor in ANGLE_UNITS:
         if is_nearer(block.photo_orientation[:, 3:], factor, solved.state.rotations):
             return [ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))]
     return misgiven_orientations(_compared(solved, block))
+
+
+def orientations_wrong_as_a_whole(block: Block) -> Iterator[Hypothesis]:
+    """Yield a block without its orientations, to be told where nothing else explains why these do not fit."""
+    changed = without_orientations(block)
+    if changed is not None:
+        yield Hypothesis(changed, lambda solved: misgiven_as_a_whole(_compared(solved, block)), concerns_start=True)
 
 
 def _compared(solved: SolvedBlock, block: Block) -> ComparedOrientations:

@@ -278,7 +278,17 @@ def _test_field(random: np.random.Generator) -> _Layout:
         )
     x, y = np.meshgrid(np.linspace(0.0, 1.0, 7), np.linspace(0.0, 1.0, 7))
     points = _grid(x.ravel(), y.ravel(), random.uniform(-0.002, 0.002, 49))
-    return _Layout(24.0, (36.0, 36.0), orientation, points, ["101", "107", "143", "149"], [], 0.001, (0.1, 4.0), 0.002)
+    return _Layout(
+        24.0,
+        (36.0, 36.0),
+        orientation,
+        points,
+        ["101", "107", "122", "143", "149", "146"],
+        [],
+        0.001,
+        (0.1, 4.0),
+        0.002,
+    )
 
 
 def _object(random: np.random.Generator) -> _Layout:
