@@ -105,6 +105,30 @@ class BandMatrix:
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 
+    def times(self, vectors: FloatArray) -> FloatArray:
+        """Return the matrix times vectors (m, k)."""
+        banded, width = self.arrangement.banded, self.arrangement.width
+        ordered = vectors[self.arrangement.columns]
+        result = np.zeros_like(ordered)
+        for below in range(min(width + 1, banded)):
+            column = self.band[: banded - below, below, None]
+            result[below:banded] += column * ordered[: banded - below]
+            if below:
+                result[: banded - below] += column * ordered[below:banded]
+        lower = np.tril(self.border, banded)
+        result[banded:] += lower @ ordered
+        result += np.tril(self.border, banded - 1).T @ ordered[banded:]
+        return np.asarray(result[self.arrangement.places])
+
+    def subtract_product(self, left: FloatArray, right: FloatArray) -> None:
+        """Subtract L R^T, a symmetric matrix of factors (m, k), where the matrix has its band and border."""
+        banded, width = self.arrangement.banded, self.arrangement.width
+        left, right = left[self.arrangement.columns], right[self.arrangement.columns]
+        for below in range(min(width + 1, banded)):
+            product = np.einsum("ij,ij->i", left[below:banded], right[: banded - below])
+            self.band[: banded - below, below] -= product
+        self.border[:] -= left[banded:] @ right.T
+
     def toarray(self) -> FloatArray:
         """Return the full matrix (m, m) in the unknowns' own order."""
         size, banded, width = len(self), self.arrangement.banded, self.arrangement.width

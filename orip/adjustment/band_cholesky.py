@@ -1,8 +1,6 @@
-"""Cholesky factorisation of a band with a border, its selected inverse, and the digits that its columns lose.
+"""Cholesky factorisation of a band with a border, its selected inverse, and the removal of what is not determined.
 
-A column of the band that has lost more than five digits at its turn is deferred. What then remains is a small full
-matrix of deferred columns and border, and goes on as such (see `orip.adjustment.cholesky`): deferred columns by largest
-pivot, and then the border. A full matrix of unknowns in the same order names the same ones as not determined.
+A full matrix of the same unknowns names the same ones as not determined (`orip.adjustment.null_space`).
 """
 
 from __future__ import annotations
@@ -14,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.band import Arrangement, BandMatrix
-from orip.adjustment.cholesky import DEFERRAL_DIGITS, LOST_ALL, Elimination
+from orip.adjustment.cholesky import LOST_ALL
+from orip.adjustment.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
 from orip.arrays import FloatArray
 
 _PANEL = 64
@@ -34,8 +33,7 @@ class BandFactor:
     corner : array (k, k)
         L of what remains of the border's own unknowns.
     at_border : array (k,)
-        Places of the border's unknowns in the order of their elimination; deferred ones have theirs within the band,
-        where they are empty.
+        Places of these unknowns.
     lost_digits : array (m,)
     removed : array (m,) of bool
         Columns that are not determined.
@@ -77,12 +75,8 @@ class BandFactor:
         rows = np.zeros((len(corner), size))
         rows[:, :banded] = cross.T
         rows[:, self.at_border] = corner
-        deferred = np.flatnonzero(self.at_border < banded)
-        for row in deferred:
-            _put_column(band, int(self.at_border[row]), rows[row, :banded])
-        own = np.flatnonzero(self.at_border >= banded)
         border = np.zeros((size - banded, size))
-        border[self.at_border[own] - banded] = rows[own]
+        border[self.at_border - banded] = rows
         found = BandMatrix(self.arrangement, band, border)
         if self.removed.any():
             found.scale((~self.removed).astype(np.float64))
@@ -98,9 +92,9 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
     Parameters
     ----------
     matrix : BandMatrix
-        Scaled so that the diagonal was 1 before any elimination; what it holds is used up.
+        Scaled so that the diagonal was 1 before any elimination.
     max_lost_digits : float
-        A column that loses more is removed.
+        A movement whose stiffness has lost more is not determined; a column is removed for it.
     undetermined : array (m,) of bool
         Columns known to have no observation at all; they are removed at once.
 
@@ -108,97 +102,80 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
     -------
     BandFactor
     """
-    banded, size = matrix.arrangement.banded, len(matrix)
-    held = undetermined[matrix.arrangement.columns]
-    if held.any():
-        matrix.scale((~undetermined).astype(np.float64))
-        matrix.band[held[:banded], 0] = 1.0
-    lower, info = lapack.dpbtrf(matrix.band.T, lower=1)
-    band, deferred = np.asarray(lower).T, np.empty(0, dtype=np.int64)
-    if info > 0 or not (band[:, 0] ** 2 >= 10.0**-DEFERRAL_DIGITS).all():
-        band, deferred = _factorised_with_deferral(matrix.band)
-    own = banded + np.flatnonzero(~held[banded:])
-    rows = np.array([_row_of(matrix, int(place)) for place in deferred]).reshape(-1, size)
-    border = np.vstack([matrix.border[own - banded], rows])
-    return _with_border(matrix.arrangement, band, border, np.append(own, deferred), len(own), held, max_lost_digits)
+    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
+    if not (np.isfinite(matrix.band).all() and np.isfinite(matrix.border).all()):
+        removed[:], lost[:] = True, LOST_ALL
+    while True:
+        factor = _factor(matrix, removed, lost)
+        found = _undetermined(matrix, factor, removed, max_lost_digits)
+        if factor is not None and not len(found.columns):
+            return factor
+        removed[found.columns] = True
+        lost[found.columns] = found.lost_digits
 
 
-def _with_border(
-    arrangement: Arrangement,
-    band: FloatArray,
-    border: FloatArray,
-    at_border: NDArray[np.int64],
-    own: int,
-    held: NDArray[np.bool_],
-    max_lost_digits: float,
-) -> BandFactor:
-    """Return the factor of a band and the rows of its border, `own` ones and deferred ones."""
-    banded, count = arrangement.banded, len(at_border)
-    coupled = border[:, :banded].copy()
-    # what couples the border's unknowns with each other is no part of the band
-    coupled[:, at_border[own:]] = 0.0
-    half = _solved(band, coupled.T, "N")
-    spread = _solved(band, half, "T")
-    corner = border[:, at_border]
-    # rows of the border end at their diagonal elements, those of deferred columns do not
-    corner[:own] = np.tril(corner[:own])
-    corner[:own, own:] = corner[own:, :own].T
-    corner[:own, :own] += np.tril(corner[:own, :own], -1).T
-    lost = np.where(held, LOST_ALL, 0.0)
-    lost[:banded] += np.where(held[:banded], 0.0, -2.0 * np.log10(band[:, 0]))
-    work = Elimination(corner - half.T @ half, np.zeros((count, count)), [], np.zeros(count), spread)
-    removed = work.eliminate_by_size([*range(own, count)], max_lost_digits, range(own))
-    removed += work.eliminate_by_size(work.eliminate_in_order(np.arange(own)), max_lost_digits)
-    order = np.array(work.order, dtype=np.int64)
-    lost[at_border] = work.lost
-    held = held.copy()
-    held[at_border[removed]] = True
+def _undetermined(
+    matrix: BandMatrix, factor: BandFactor | None, removed: NDArray[np.bool_], max_lost_digits: float
+) -> RemovedUnknowns:
+    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
+    least, shift = 10.0**-max_lost_digits, SHIFT
+    singular = factor is None
+    while factor is None:
+        factor = _factor(matrix, removed, np.zeros(len(matrix)), shift)
+        shift *= 10.0
+    solver, taking_part = factor, ~removed
+    while True:
+        found = soft_movements(
+            lambda x: taking_part[:, None] * matrix.times(x),
+            lambda x: solver.back_substitute(solver.reduce(x)),
+            np.flatnonzero(taking_part),
+            len(matrix),
+            least,
+        )
+        if len(found.stiffness) or not singular:
+            return unknowns_to_remove(found)
+        least *= 10.0
+
+
+def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, shift: float = 0.0) -> BandFactor | None:
+    """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
+    arrangement, banded = matrix.arrangement, matrix.arrangement.banded
+    left_out = removed[arrangement.columns]
+    band, border = matrix.band, matrix.border
+    if left_out.any():
+        band, border = _without(matrix, left_out)
+    if shift:
+        band = band.copy()
+        band[:, 0] += shift
+    lower, info = lapack.dpbtrf(band.T, lower=1)
+    if info != 0:
+        return None
+    lower = np.asarray(lower).T
+    at_border = banded + np.flatnonzero(~left_out[banded:])
+    rows = border[at_border - banded]
+    half = _solved(lower, rows[:, :banded].T, "N")
+    corner = np.tril(rows[:, at_border])
+    corner += np.tril(corner, -1).T + shift * np.eye(len(corner)) - half.T @ half
+    corner, info = lapack.dpotrf(corner, lower=1, clean=1) if len(corner) else (corner, 0)
+    if info != 0:
+        return None
+    pivots = np.concatenate([lower[:, 0], np.ones(len(matrix) - banded)])
+    pivots[at_border] = np.diag(corner)
+    digits = np.where(left_out, lost[arrangement.columns], -2.0 * np.log10(pivots))
     return BandFactor(
-        arrangement, band, spread[:, order], work.factor[order, : len(order)], at_border[order],
-        lost[arrangement.places], held[arrangement.places],
+        arrangement, lower, _solved(lower, half, "T"), np.asarray(corner), at_border, digits[arrangement.places],
+        removed.copy(),
     )  # fmt: skip
 
 
-def _factorised_with_deferral(band: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return L of a band without the columns that lose too many digits, and the places of these (k,).
-
-    Panel by panel; what is to be taken off the places that follow is carried along as a full matrix.
-    """
-    banded, width = len(band), band.shape[1] - 1
-    result = np.zeros_like(band)
-    deferred: list[int] = []
-    carried = np.zeros((0, 0))
-    for start in range(0, banded, _PANEL):
-        count = min(_PANEL, banded - start)
-        rows = count + min(width, banded - start - count)
-        window = np.zeros((rows, rows))
-        window[: len(carried), : len(carried)] = carried
-        panel = _panel(band, start, count, rows) + window[:, :count]
-        for place in _defer_lossy(panel, count):
-            deferred.append(start + place)
-            before = np.arange(max(0, deferred[-1] - width), start)
-            result[before, deferred[-1] - before] = 0.0
-        panel[count:] = solve_triangular(panel[:count], panel[count:].T, lower=True).T
-        carried = window[count:, count:] - panel[count:] @ panel[count:].T
-        _put_panel(result, start, panel)
-    return result, np.array(deferred, dtype=np.int64)
-
-
-def _defer_lossy(panel: FloatArray, count: int) -> list[int]:
-    """Put L into the first rows of a panel, its lossy columns replaced by those of a unit matrix; return these."""
-    deferred: list[int] = []
-    block = np.tril(panel[:count])
-    while True:
-        lower, info = lapack.dpotrf(block, lower=1, clean=1)
-        pivots = np.diag(lower)[: info - 1 if info > 0 else count] ** 2
-        lossy = np.flatnonzero(~(pivots >= 10.0**-DEFERRAL_DIGITS))
-        bad = int(lossy[0]) if len(lossy) else info - 1
-        if bad < 0:
-            panel[:count] = lower
-            return deferred
-        deferred.append(bad)
-        block[bad, :bad] = block[bad:, bad] = panel[:, bad] = 0.0
-        block[bad, bad] = 1.0
+def _without(matrix: BandMatrix, left_out: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Return band and border with unit rows and columns at the places (m,) that are left out."""
+    banded, width = matrix.arrangement.banded, matrix.arrangement.width
+    kept = (~left_out).astype(np.float64)
+    padded = np.append(kept[:banded], np.zeros(width))
+    band = np.where(padded[:banded, None] * np.lib.stride_tricks.sliding_window_view(padded, width + 1), matrix.band, 0)
+    band[left_out[:banded], 0] = 1.0
+    return band, np.where(kept, matrix.border, 0.0)
 
 
 def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
@@ -207,27 +184,6 @@ def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
         return right
     found, _ = lapack.dtbtrs(band.T, right, uplo="L", trans=trans)
     return np.asarray(found).reshape(right.shape)
-
-
-def _row_of(matrix: BandMatrix, place: int) -> FloatArray:
-    """Return the full row (m,) of a place in the band."""
-    band, width = matrix.band, matrix.arrangement.width
-    row = np.zeros(len(matrix))
-    row[len(band) :] = matrix.border[:, place]
-    first, last = max(0, place - width), min(len(band), place + width + 1)
-    before = np.arange(first, place)
-    row[before] = band[before, place - before]
-    row[place:last] = band[place, : last - place]
-    return row
-
-
-def _put_column(band: FloatArray, place: int, values: FloatArray) -> None:
-    """Overwrite row and column of a place in a band."""
-    width = band.shape[1] - 1
-    first, last = max(0, place - width), min(len(band), place + width + 1)
-    before = np.arange(first, place)
-    band[before, place - before] = values[before]
-    band[place, : last - place] = values[place:last]
 
 
 def _selected_inverse(band: FloatArray, spread_corner: FloatArray, spread: FloatArray) -> FloatArray:

@@ -1,7 +1,9 @@
 """Point blocks of three unknowns, eliminated from the normal equations together.
 
-Each block is scaled to a unit diagonal and factored with diagonal pivoting, so that a coordinate that nothing
-determines (the depth of a point with one ray) is found by the digits its pivot loses, and is removed alone.
+Each block is factored with diagonal pivoting, so that a coordinate that nothing determines (the depth of a point with
+one ray) is found by the digits its pivot loses, and is removed alone. It is scaled by the diagonal it would have if
+every ray were square to all axes: a diagonal of its own would be scaled to 1 even where it is nothing but rounding, as
+along the base of two photos for a point on that line.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ class BlockFactors:
     half : array (b, 3, 3)
         H with H^T H = inverse of the block; rows of removed coordinates are zero.
     pivots : array (b, 3)
-        What was left of each coordinate's diagonal element at its turn, of 1; 1 for fixed coordinates.
+        What was left of each coordinate's diagonal element at its turn, as part of its full diagonal; 1 for fixed ones.
     removed : array (b, 3) of bool
     """
 
@@ -94,13 +96,17 @@ class EliminatedNormals:
     block_right: FloatArray
 
 
-def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: float) -> BlockFactors:
+def factorise_blocks(
+    blocks: FloatArray, full_diagonal: FloatArray, fixed: BoolArray, max_lost_digits: float
+) -> BlockFactors:
     """Factor symmetric 3 x 3 blocks.
 
     Parameters
     ----------
     blocks : array (b, 3, 3)
         Blocks of the normal equations; rows and columns of fixed coordinates are not looked at.
+    full_diagonal : array (b, 3)
+        Of each coordinate the squares of all partials by the block, summed over the observations that depend on it.
     fixed : array (b, 3) of bool
         Coordinates that are no unknowns.
     max_lost_digits : float
@@ -112,7 +118,7 @@ def factorise_blocks(blocks: FloatArray, fixed: BoolArray, max_lost_digits: floa
     count = len(blocks)
     diagonal = np.einsum("bii->bi", blocks)
     empty = ~fixed & (diagonal <= 0.0)
-    scale = np.where(fixed | empty, 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
+    scale = np.where(fixed | empty, 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, full_diagonal, 1.0)))
     remainder = blocks * scale[:, :, None] * scale[:, None, :]
     # rows of `half` are L^-1 in the order of elimination, grown beside the remainder
     accumulated = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()

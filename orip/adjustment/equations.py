@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.band import Arrangement, Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 StateT = TypeVar("StateT")
 
@@ -78,6 +78,9 @@ class DesignMatrix(Protocol):
 
     def matrix(self) -> csr_array:
         """Return the design matrix (n, m + 3 b). Its rows have the same pattern at every linearisation."""
+
+    def some(self, chosen: IntArray) -> csr_array:
+        """Return some rows (k, m + 3 b) of the design matrix."""
 
     def eliminated(
         self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float

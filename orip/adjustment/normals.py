@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from orip.adjustment.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.cholesky import Factor, factorise
 from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.exact_constraints import ExactConstraints, exact_constraints
 from orip.arrays import FloatArray
 
 
@@ -34,6 +35,8 @@ class SolvedNormals:
     removed : array (m + 3 b,) of bool
         Unknowns that the observations do not determine.
     lost_digits : array (m + 3 b,)
+    constraints : ExactConstraints or None
+        Those that bind the cofactors; None: there are none, or they have their finite weights.
     """
 
     correction: FloatArray
@@ -44,15 +47,28 @@ class SolvedNormals:
     coupling: Coupling
     removed: NDArray[np.bool_]
     lost_digits: FloatArray
+    constraints: ExactConstraints | None = None
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns."""
+        """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns.
+
+        With `constraints` it is Q_c right, with the cofactors of the bound unknowns.
+        """
         size = len(self.scale)
         block_right = times_half(self.blocks.half, right[size:])
         reduced = (right[:size] - self.coupling.transposed_times(block_right)) / self.scale[:, None]
         solution = self.factor.back_substitute(self.factor.reduce(reduced)) / self.scale[:, None]
         rest = block_right - self.coupling.times(solution)
-        return np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
+        found = np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
+        return found if self.constraints is None else self.constraints.bound(found, right)
+
+    def with_constraints(self, equations: Equations) -> SolvedNormals:
+        """Return the same with the exact constraints of the equations bound."""
+        rows = np.flatnonzero(equations.exact & equations.active)
+        if not len(rows):
+            return self
+        design = equations.rows.some(rows).toarray()
+        return replace(self, constraints=exact_constraints(design, self.solve(design.T)))
 
 
 def solve_normals(

@@ -1,18 +1,24 @@
 """Tests for outliers: the limits that normalised residuals and groups of residuals are held against.
 
-With a known sigma0 a normalised residual w is normal and a group of k residuals chi-square distributed (Baarda 1968).
-With sigma0 from the same adjustment w follows the tau distribution (Pope 1976), and a group's statistic, freed of its
-own share in sigma0, Fisher's F. The quantiles come from scipy.special; scipy.stats would cost a second to import.
+An observation in use is tested by its normalised residual w, a group of k of them by the fall of the weighted square
+sum when it is left out; of one observation that fall is w². With a known sigma0 w is normal and the fall chi-square
+distributed (Baarda 1968). With sigma0 from the same adjustment w follows the tau distribution (Pope 1976), and the fall
+is a part of the square sum that Fisher's F limits.
+
+An observation that is left out has no share in sigma0: what it deviates from its prediction follows Student's t, and
+the rise of the square sum when a group is taken back Fisher's F. The quantiles come from scipy.special; scipy.stats
+would cost a second to import.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri, fdtri, ndtri, stdtrit
 
-from orip.arrays import FloatArray
+LEAST_SIGMA0 = 1e-6
+"""A sigma0 below it comes from observations without errors: their residuals are rounding, not blunders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +40,7 @@ class OutlierTest:
     redundancy: int | None
 
     def limit(self, among: int = 1) -> float:
-        """Return the limit of a normalised residual, or of the largest of several (Bonferroni)."""
+        """Return the limit of w of an observation in use, or of the largest of several (Bonferroni)."""
         alpha = self.alpha / among
         if self.redundancy is None:
             return float(-ndtri(alpha / 2.0))
@@ -45,36 +51,36 @@ class OutlierTest:
         return float(np.sqrt(freedom) * t / np.sqrt(freedom - 1 + t * t))
 
     def group_limit(self, size: int) -> float:
-        """Return the limit of `group_statistic` for groups of `size` residuals."""
+        """Return the limit of the root of the fall, in units of sigma0, when `size` observations are left out."""
         if self.redundancy is None:
             return float(np.sqrt(chdtri(size, self.alpha)))
-        if self.redundancy <= size:
+        left = self.redundancy - size
+        if left < 1:
             return float("inf")
         # fdtri takes the probability below the quantile
-        return float(np.sqrt(fdtri(size, self.redundancy - size, 1.0 - self.alpha)))
+        rise = size * float(fdtri(size, left, 1.0 - self.alpha))
+        return float(np.sqrt(self.redundancy * rise / (left + rise)))
 
-    def group_statistic(self, residuals: FloatArray, cofactor: FloatArray) -> float:
-        """Return the root of the test quantity of a group of k residuals.
-
-        Parameters
-        ----------
-        residuals : array (k,)
-            Divided by their a-priori errors.
-        cofactor : array (k, k)
-            Of these residuals, for sigma0 = 1.
-
-        Returns
-        -------
-        float
-            NaN where the residuals have no redundancy of their own.
-        """
-        size = len(residuals)
-        values = np.linalg.eigvalsh(cofactor)
-        if values[0] < 1e-6:
-            return float("nan")
-        quantity = float(residuals @ np.linalg.solve(cofactor, residuals))
+    def limit_of_left_out(self, among: int = 1) -> float:
+        """Return the limit of the deviation of an observation left out from its prediction, divided by its sd."""
+        alpha = self.alpha / among
         if self.redundancy is None:
-            return float(np.sqrt(quantity))
-        left = self.redundancy * self.sigma0**2 - quantity
-        freedom = self.redundancy - size
-        return float(np.sqrt(quantity / size / (left / freedom))) if left > 0.0 < freedom else float("nan")
+            return float(-ndtri(alpha / 2.0))
+        return float(stdtrit(self.redundancy, 1.0 - alpha / 2.0)) if self.redundancy > 0 else float("inf")
+
+    def group_limit_of_left_out(self, size: int) -> float:
+        """Return the limit of the root of the rise, in units of sigma0, when `size` observations are taken back."""
+        if self.redundancy is None:
+            return float(np.sqrt(chdtri(size, self.alpha)))
+        return float(np.sqrt(size * fdtri(size, self.redundancy, 1.0 - self.alpha))) if self.redundancy else np.inf
+
+    def after(self, fall: float, size: int) -> OutlierTest:
+        """Return the test once `size` observations are left out, by which the square sum falls.
+
+        Both are negative for observations that are taken back.
+        """
+        if self.redundancy is None:
+            return self
+        left = self.redundancy - size
+        variance = max(self.redundancy * self.sigma0**2 - fall, 0.0) / max(left, 1)
+        return replace(self, redundancy=max(left, 0), sigma0=max(float(np.sqrt(variance)), LEAST_SIGMA0))

@@ -62,11 +62,18 @@ def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
     """Return the cofactors of all unknowns and of all computed observations.
 
     With the points' rows B of the triangular factor and Q the inverse of the reduced system, a point block's cofactor
-    is H^T (I + B Q B^T) H, and an observation's a Q a^T follows from its row freed of the point: a_r - a_p H^T B.
+    is H^T (I + B Q B^T) H, and an observation's a Q a^T follows from its row freed of the point: a_r - a_p H^T B. Exact
+    constraints touch reduced unknowns alone: with these bound, all that follows from them is.
     """
     inverse: Symmetric = normals.factor.inverse()
     scale_matrix(inverse, 1.0 / normals.scale)
-    return Cofactors(inverse, *equations.rows.precision(normals.blocks, normals.coupling, inverse))
+    constraints = normals.constraints
+    if constraints is not None:
+        constraints.bind(inverse)
+    found = equations.rows.precision(normals.blocks, normals.coupling, inverse)
+    if constraints is not None:
+        found.leverage[equations.exact & equations.active] = constraints.leverage
+    return Cofactors(inverse, *found)
 
 
 def variance_of_unit_weight(

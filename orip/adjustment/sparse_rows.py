@@ -19,7 +19,7 @@ from orip.adjustment.elimination import (
     factorise_blocks,
 )
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000
 """Numbers gathered at a time: bounds the memory of the blockwise products."""
@@ -35,6 +35,10 @@ class SparseRows:
         """Return the design matrix."""
         return self.stored
 
+    def some(self, chosen: IntArray) -> csr_array:
+        """Return some rows of the design matrix."""
+        return self.stored[chosen]
+
     def eliminated(
         self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
@@ -44,7 +48,7 @@ class SparseRows:
         complete = (reduced_design.T @ reduced_design).tocsr()
         fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)
         blocks = diagonal_blocks(block_design) * (1.0 + damping * np.eye(3))
-        factors = factorise_blocks(blocks, fixed_places, max_lost_digits)
+        factors = factorise_blocks(blocks, _full_diagonals(block_design), fixed_places, max_lost_digits)
         half = block_diagonal(factors.half)
         coupling = (half @ (block_design.T @ reduced_design)).tocsr()
         block_right = half @ (block_design.T @ misclosure)
@@ -100,6 +104,14 @@ def diagonal_blocks(block_design: csr_array) -> FloatArray:
     result = np.zeros((columns // 3, 3, 3))
     np.add.at(result, block_of_row[used], dense[used][:, :, None] * dense[used][:, None, :])
     return result
+
+
+def _full_diagonals(block_design: csr_array) -> FloatArray:
+    """Return (b, 3) of each coordinate the squares of the rows of D in which it stands; see `factorise_blocks`."""
+    coordinates = block_design.tocoo()
+    squares = np.bincount(coordinates.row, coordinates.data**2, block_design.shape[0])
+    sums = np.bincount(coordinates.col, squares[coordinates.row], block_design.shape[1])
+    return np.asarray(sums.reshape(-1, 3), dtype=np.float64)
 
 
 def _blocks_of_rows(block_design: csr_array) -> NDArray[np.int64]:

@@ -141,7 +141,7 @@ class Block:
         sigma0 : {"apriori", "posteriori"}, optional
             With `snoop`: sigma0 is 1 (the default), or estimated.
         alpha : float, optional
-            With `snoop`: error probability of one test, 0.001 if not given.
+            With `snoop`: error probability of one test; if not given, 0.05 of all together, at most 0.001 of one.
         prune : bool
             Hold camera parameters at zero that are not significant or not determinable.
         on_iteration : callable, optional

@@ -28,6 +28,7 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
+from orip.records.a_priori_error import PHOTO_ERRORS
 from orip.records.control import Control, PreliminaryPoint
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
@@ -209,6 +210,8 @@ def _observations(given: Given) -> Parsed[PhotoObservations | None]:
     if error is not None:
         message = "an own a-priori error of 0 is not allowed; write one above 0, or below to disregard"
         columns.complain_of("error", [(tuple(index), message) for index in np.argwhere(error == 0.0).tolist()])
+        faults = ((index, PHOTO_ERRORS.fault(value)) for index, value in np.ndenumerate(error))
+        columns.complain_of("error", [(index, fault) for index, fault in faults if fault is not None])
     if photo is None or point is None or xy is None or error is None or columns.complaints:
         return Parsed(None, tuple(columns.complaints))
     first = {key: row for row, key in reversed(list(enumerate(map(record_key, photo))))}

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.methods import Method
-from orip.bundle.snooping import SnoopingSettings
+from orip.bundle.snooping.search import SnoopingSettings
 from orip.errors import UsageError
 
 Sigma0 = Literal["apriori", "posteriori"]
@@ -34,7 +34,7 @@ def method_of(snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bo
         message = f"alpha is {alpha!r}; it is a probability from {_ALPHA[0]:g} to {_ALPHA[1]:g}"
         raise UsageError(message)
     defaults = SnoopingSettings()
-    settings = SnoopingSettings(sigma0 or defaults.sigma0, alpha or defaults.alpha)
+    settings = SnoopingSettings(sigma0 or defaults.sigma0, alpha)
     return Method(settings if snoop else None, prune)
 
 

@@ -84,6 +84,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "singular": lambda solution: len(solution.singular),
     "blunders": lambda solution: len(solution.blunders),
     "diagnosis": lambda solution: len(solution.diagnosis),
+    "doubted_groups": lambda solution: sum(group.doubted for group in solution.groups),
     "warnings": lambda solution: len(solution.warnings),
     "max_standard_residual": lambda solution: _largest(solution.residuals.standard_residual[_taking_part(solution)]),
     "max_abs_w": lambda solution: _largest(np.abs(solution.residuals.w)),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from orip.adjustment.iteration import IterationRecord
 from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
+from orip.bundle.group_verdict import GroupVerdict, group_verdict
+from orip.bundle.group_words import group_diagnosis
 from orip.bundle.results import iteration_pass, solution_of
-from orip.bundle.snooping import SnoopingSettings, blunder_diagnosis, snoop, without_blunders
+from orip.bundle.snooping.findings import findings_told, without_blunders
+from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, solve_block
+from orip.bundle.verdict import global_test, headline
 from orip.records.block import Block
 from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
 
@@ -65,13 +69,19 @@ def adjust_block(
         on_iteration(iterations[-1])
 
     advice: list[Diagnosis] = []
-    solved, blunders = _solved(block, method, numbered, stop_asked)
-    advice += blunder_diagnosis(blunders, block.ground_unit)
+    blunders: tuple[Blunder, ...] = ()
+    if method.snooping is None:
+        solved = solve_block(block, numbered, stop_asked)
+    else:
+        snooped = snoop(block, method.snooping, numbered, stop_asked)
+        solved, blunders = snooped.solved, snooped.blunders
+        advice += findings_told(solved, snooped.findings)
     if method.prune and not stop_asked():
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
         advice += pruning_diagnosis(pruned.removed)
     solution = solution_of(solved)
+    groups = _grouped(solved, solution, blunders)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished
     cut_short = method != Method() and stop_asked()
     solution = replace(
@@ -79,15 +89,16 @@ def adjust_block(
         status="stopped" if cut_short else solution.status,
         iterations=tuple(iterations),
         blunders=blunders,
-        diagnosis=(*advice, *diagnose(solved)),
+        groups=groups.groups,
+        diagnosis=(*group_diagnosis(groups.contradictions, block.ground_unit), *advice, *diagnose(solved)),
     )
-    return solution, solved
+    _, verdict = headline(solution, 0, global_test(solution.sigma0, solution.redundancy_used))
+    return replace(solution, verdict=verdict), solved
 
 
-def _solved(
-    block: Block, method: Method, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]
-) -> tuple[SolvedBlock, tuple[Blunder, ...]]:
-    if method.snooping is None:
-        return solve_block(block, on_iteration, stop_asked), ()
-    snooped = snoop(block, method.snooping, on_iteration, stop_asked)
-    return snooped.solved, snooped.blunders
+def _grouped(solved: SolvedBlock, solution: Solution, blunders: Sequence[Blunder]) -> GroupVerdict:
+    """Return the verdict on the groups of observations; none of an adjustment that did not converge."""
+    if not solved.converged:
+        return GroupVerdict((), ())
+    left_out = {blunder.point for blunder in blunders}
+    return group_verdict(solved, {point.name for point in solution.check_points} - left_out)

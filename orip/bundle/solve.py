@@ -16,6 +16,7 @@ from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import BlockState
+from orip.bundle.undetermined_unknowns import with_undetermined_held
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
@@ -132,6 +133,7 @@ def solve_problem(
     with threads_that_pay(problem):
         with stage("adjusting"):
             adjustment = adjust(problem, start, settings, on_iteration, stop_asked)
+            adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
         return _with_precision(problem, adjustment)
 
 
@@ -146,7 +148,7 @@ def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
 
 def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:
     """Return the adjusted block with the precision of all unknowns."""
-    equations, normals = found.equations, found.normals
+    equations, normals = found.equations, found.normals.with_constraints(found.equations)
     if not np.isfinite(found.iterations[-1].enp) or not np.isfinite(equations.residual).all():
         message = (
             "the adjustment diverged to numbers that are not finite; check the preliminary values, the control and "

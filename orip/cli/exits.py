@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import typer
 
@@ -30,14 +30,14 @@ def exit_on_error(terminal: Terminal) -> Iterator[None]:
         finally:
             terminal.flush()
     except OripError as error:
-        _report(terminal, error)
+        report(terminal, error)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         message = "interrupted; stores and outputs are consistent; 'orip status' shows what remains to be done"
-        _report(terminal, OripError(message), INTERRUPTED)
+        report(terminal, OripError(message), INTERRUPTED)
         raise typer.Exit(INTERRUPTED) from None
     except (OSError, MemoryError) as error:
-        _report(terminal, OripError(f"the system refused: {error or 'out of memory'}"))
+        report(terminal, OripError(f"the system refused: {error or 'out of memory'}"))
         raise typer.Exit(OripError.exit_code) from None
     except (typer.Exit, typer.Abort):
         raise
@@ -55,12 +55,14 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
     message = " ".join(error.format_message().split()).replace("Value error, ", "").rstrip(".")
     context = getattr(error, "ctx", None)
     stop = "" if message.endswith("?") else ";"
-    _report(terminal, UsageError(f"{message}{stop} see '{context.command_path if context else 'orip'} --help'"))
-    terminal.flush()
+    report(terminal, UsageError(f"{message}{stop} see '{context.command_path if context else 'orip'} --help'"))
+    with suppress(OripError):
+        terminal.flush()
     return UsageError.exit_code
 
 
-def _report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> None:
+def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> int:
+    """Print an error with all its complaints, as JSON too if that is wanted, and return the exit code."""
     complaints = error.complaints if isinstance(error, InputError) else ()
     advice = f"; {_ADVICE[type(error)]}" if type(error) in _ADVICE else ""
     if terminal.json:
@@ -73,11 +75,14 @@ def _report(terminal: Terminal, error: OripError, exit_code: int | None = None) 
             }
             for complaint in complaints
         ] or [{"file": None, "line": None, "column": None, "message": f"{error}{advice}"}]
-        terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
+        with suppress(OripError):  # where stdout leads to is full, perhaps that is the error: stderr has it below
+            terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
+            terminal.flush()
     for text in [str(complaint) for complaint in complaints] or [str(error)]:
         terminal.error(f"{text}{advice}")
     if len(complaints) > 1:
         terminal.say(f"{len(complaints)} errors; nothing was written")
+    return exit_code or error.exit_code
 
 
 def _report_internal(terminal: Terminal, error: Exception) -> None:
@@ -85,6 +90,6 @@ def _report_internal(terminal: Terminal, error: Exception) -> None:
         f"internal error: {type(error).__name__}: {error}; this is a fault of orip, please report it "
         f"(set {_TRACEBACK_VARIABLE}=1 to see where)"
     )
-    _report(terminal, OripError(message))
+    report(terminal, OripError(message))
     if os.environ.get(_TRACEBACK_VARIABLE):
         traceback.print_exception(error)

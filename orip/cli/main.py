@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from orip.cli import adjust, control, digitise, drive, observations, project, records
-from orip.cli.exits import exit_on_error, report_usage
+from orip.cli.exits import exit_on_error, report, report_usage
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
-from orip.errors import INTERRUPTED
+from orip.cli.terminal import Terminal, output_taken
+from orip.errors import INTERRUPTED, OripError
 from orip.version import __version__
 
 app = typer.Typer(
@@ -87,7 +89,13 @@ def main() -> None:
     """Run the program."""
     _prepare_streams()
     try:
-        code = app(prog_name="orip", standalone_mode=False)
+        with output_taken():  # typer prints its help without a terminal of orip's
+            code = app(prog_name="orip", standalone_mode=False)
+            sys.stdout.flush()
+    except OripError as error:
+        code = report(Terminal(), error)
+    except BrokenPipeError:
+        code = 0
     except typer.Abort:
         code = INTERRUPTED
     except typer.TyperException as error:  # every fault of the command line that typer finds
@@ -96,11 +104,13 @@ def main() -> None:
 
 
 def _prepare_streams() -> None:
-    """Let no stream fail a command: one that is closed swallows what it is given, no character is unprintable."""
+    """Let no stream fail a command: a closed one swallows what it is given, a full one waits, all characters print."""
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  # open for as long as orip runs
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+        with suppress(OSError, ValueError):  # a pipe that does not wait for its reader would lose what it cannot take
+            os.set_blocking(stream.fileno(), True)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
 from orip.cli.progress_bar import ProgressBar
-from orip.errors import ProjectWarning
+from orip.errors import OripError, ProjectWarning
 from orip.progress import listening
 
 ColorChoice = Literal["auto", "always", "never"]
@@ -87,12 +87,12 @@ class Terminal:
 
     def data(self, text: str) -> None:
         """Print data on stdout."""
-        with _reader_may_leave(sys.stdout):
+        with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
     def flush(self) -> None:
         """Hand the data on to their reader."""
-        with _reader_may_leave(sys.stdout):
+        with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.flush()
 
     def document(self, content: dict[str, Any]) -> None:
@@ -147,9 +147,12 @@ class Terminal:
             lines = [self._styled(line, style, sys.stderr) for line in lines]
         else:
             lines[0] = f"{self._styled(lines[0][:styled], style, sys.stderr)}{lines[0][styled:]}"
-        with self._bars[-1].aside() if self._bars else nullcontext(), _reader_may_leave(sys.stderr):
-            sys.stderr.write("".join(f"{line}\n" for line in lines))
-            sys.stderr.flush()
+        with self._bars[-1].aside() if self._bars else nullcontext():
+            try:
+                sys.stderr.write("".join(f"{line}\n" for line in lines))
+                sys.stderr.flush()
+            except OSError:  # nobody reads it, or the disk is full: the work goes on
+                _send_nowhere(sys.stderr)
 
     def _styled(self, text: str, style: Style | None, stream: TextIO) -> str:
         if style is None or not self._has_color(stream):
@@ -168,9 +171,32 @@ def _reader_may_leave(stream: TextIO) -> Iterator[None]:
     try:
         yield
     except BrokenPipeError:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
+        _send_nowhere(stream)
+
+
+@contextmanager
+def output_taken() -> Iterator[None]:
+    """Explain that data cannot be written where stdout leads to; what still comes is not written either.
+
+    Raises
+    ------
+    OripError
+        In place of an OSError of the block.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _send_nowhere(sys.stdout)
+        message = f"the output cannot be written: {error.strerror or error}; send it to another file or disk"
+        raise OripError(message) from error
+
+
+def _send_nowhere(stream: TextIO) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def _wrapped(line: str, columns: int) -> list[str]:

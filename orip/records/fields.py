@@ -60,8 +60,8 @@ class Field:
         Heading in lists of records; without one it is not listed.
     units : tuple of str
         One, or with `names` one for each; `GROUND_UNIT` for that of the project.
-    above, least : float or None
-        Limits: greater than, at least.
+    above, least, most : float or None
+        Limits: greater than, at least, at most.
     names_record : bool
         The name of a record: case does not count.
     names : tuple of str
@@ -87,6 +87,7 @@ class Field:
     units: tuple[str, ...] = ("",)
     above: float | None = None
     least: float | None = None
+    most: float | None = None
     names_record: bool = False
     names: tuple[str, ...] = ()
     one_for_all: bool = False

@@ -32,6 +32,7 @@ GATE_FIGURES: Mapping[str, str] = {
     "singular": "unknowns that nothing determines",
     "blunders": "observations found to be wrong",
     "diagnosis": "weaknesses that were diagnosed",
+    "doubted_groups": "groups of observations that contradict the others",
     "warnings": "warnings",
     "max_standard_residual": "largest residual over its a-priori error",
     "max_abs_w": "largest normalised residual",

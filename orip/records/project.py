@@ -47,7 +47,8 @@ class BundleDefinition:
     max_standard_residual : float
         Standard residual above which the Danish method reduces a weight.
     max_lost_digits : float
-        Decimal digits that a diagonal element may lose before its unknown is removed.
+        Decimal digits that a movement of the unknowns may lose before an unknown is removed for it: 5 to 13. Rounding
+        leaves no more than 15, and sound unknowns lose up to 5.
     datum : {"control", "free"}
         What fixes the ground system.
     datum_points : tuple of str
@@ -63,7 +64,7 @@ class BundleDefinition:
     max_iterations: Annotated[int, Field(above=0, example="20")] = 20
     start_down_weight: Annotated[int, Field(above=1, example="2")] = 2
     max_standard_residual: Annotated[float, Field(above=0, example="5")] = 5.0
-    max_lost_digits: Annotated[float, Field(above=0, example="12")] = 12.0
+    max_lost_digits: Annotated[float, Field(least=5, most=13, example="12")] = 12.0
     datum: Annotated[Literal["control", "free"], Field(heading="Datum", example='"control"')] = "control"
     datum_points: Annotated[tuple[str, ...], Field(example='["1001", "1002"]')] = ()
     models: Annotated[tuple[StereoModel, ...], Field(key="model", own_records=True, heading="Models")] = ()

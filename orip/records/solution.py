@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.records.control import PointKind
+from orip.records.group_test import GroupTest
 
 Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 
@@ -46,7 +47,10 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True)
 class Blunder:
-    """An observation found to be wrong, in the order it was found; size and sd in the observation's unit."""
+    """An observation found to be wrong, in the order it was found; size and sd in the observation's unit.
+
+    `alternatives` names, separated by semicolons, what explains the same misfit nearly as well and was not left out.
+    """
 
     order: int
     kind: str
@@ -57,6 +61,7 @@ class Blunder:
     sd: float
     statistic: float
     limit: float
+    alternatives: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +184,8 @@ def _no_correlations() -> FloatArray:
 class Solution:
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
 
+    `verdict` is the sentence that comes first where no gate failed.
+
     `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
     where a coordinate has no standard deviation; without rows they are not known.
     """
@@ -214,5 +221,7 @@ class Solution:
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    verdict: str = ""
+    groups: tuple[GroupTest, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from orip.bundle.verdict import global_test
 from orip.records.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table
 from orip.report.ellipses import ellipse_views
+from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.precision import photo_table, point_table, spreads
@@ -22,7 +24,7 @@ from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
-from orip.report.trust import check_point_table, gate_table, global_test, verdict
+from orip.report.trust import check_point_table, gate_table, verdict
 from orip.version import __version__
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "test": test,
         "verdict": verdict(given, test),
         "gates": gate_table(given),
+        "groups": group_table(solution),
         "check_points": check_point_table(solution),
         "trouble": [
             table

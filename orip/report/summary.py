@@ -7,14 +7,15 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from orip.bundle.verdict import Level, global_test, group_findings, headline, sigma0_finding
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
 from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter
 from orip.report.precision import Spread, spreads
-from orip.report.trouble import SUSPICIOUS_SHARE, suspects, weak_spots
-from orip.report.trust import Level, check_point_finding, global_test, headline, sigma0_finding
+from orip.report.trouble import suspects, weak_spots
+from orip.report.trust import check_point_finding
 from orip.wording import agreeing
 
 MOST_LINES = 16
@@ -24,11 +25,18 @@ USUAL_COLUMNS = 80
 LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
-_WRONG = {"datum", "undetermined", "same-unknown", "behind", "diverging", "not-converged", "no-redundancy", "blunder"}
+_WRONG = {
+    "datum",
+    "undetermined",
+    "same-unknown",
+    "behind",
+    "diverging",
+    "not-converged",
+    "no-redundancy",
+    "blunder",
+    "blunder-kept",
+}
 """Diagnoses of what must be corrected; the others need attention only."""
-
-_MORE_THAN_CHANCE = 1.5
-"""Factor: residuals of few photo points are correlated."""
 
 _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (3, 3, frozenset()),
@@ -37,10 +45,10 @@ _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (2, 1, frozenset()),
     (1, 1, frozenset()),
     (1, 1, frozenset({"weak"})),
-    (1, 1, frozenset({"weak", "camera"})),
-    (1, 1, frozenset({"weak", "camera", "points", "photos"})),
+    (1, 1, frozenset({"weak", "points", "photos"})),
 )
-"""Entries of one kind, notes, and questions that only the report answers: until all fits."""
+"""Entries of one kind, notes, and questions that only the report answers: until all fits. What became of the camera is
+the purpose of a calibration, and is always told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +70,7 @@ class SummaryLine:
 
 
 def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> tuple[SummaryLine, ...]:
-    """Return the summary of an adjustment: 16 lines of 80 columns at most.
+    """Return the summary of an adjustment: 16 lines of 80 columns at most, or longer by the lines of a camera.
 
     Parameters
     ----------
@@ -116,6 +124,8 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     status = solution.status.replace("_", " ")
     finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
+    if contradicting := group_findings(solution):
+        yield SummaryLine("", contradicting[0].remedy)
     tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else "nothing is redundant to test it"
     yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
@@ -148,12 +158,6 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
     found = suspects(solution)
     if not found:
         return
-    if _is_chance(solution, sum(map(len, found.values()))):
-        worst = next(iter(found))
-        yield SummaryLine(
-            "misfit", f"{counted(len(found), 'observation')}, no more than chance explains; the worst: {worst}"
-        )
-        return
     level: Level = "bad" if solution.status == "doubtful" else "caution"
     do_not_fit = f"{counted(len(found), 'observation')} {agreeing(len(found), 'does', 'do')} not fit"
     title = f"{do_not_fit}; check names, measure again, or disregard"
@@ -164,14 +168,10 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
         yield SummaryLine("", f"+{len(found) - most} more in {error_listing}")
 
 
-def _is_chance(solution: Solution, components: int) -> bool:
-    """Tell whether so many conspicuous components, none of them down-weighted, are to be expected of good ones."""
-    down = (solution.residuals.weight_factor < 1.0).any()
-    return not down and components <= _MORE_THAN_CHANCE * SUSPICIOUS_SHARE * solution.observations
-
-
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
-    found = solution.diagnosis
+    # what comes first of all is not repeated
+    told = group_findings(solution)[:1]
+    found = [finding for finding in solution.diagnosis if finding not in told]
     for finding in found[:most]:
         yield SummaryLine("note", f"{finding.text}: {finding.remedy}", "bad" if finding.code in _WRONG else "caution")
     if len(found) > most:

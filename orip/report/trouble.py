@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray, IntArray
 from orip.records.observation_kinds import OBSERVATION_KINDS, unit_of_observation
 from orip.records.solution import Blunder, Residuals, Solution
@@ -16,10 +17,11 @@ from orip.wording import first_names
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
-SUSPICIOUS_W = 3.29
-"""Normalised residual that one good observation in a thousand exceeds."""
+_FAMILY_ALPHA = 0.05
+"""Probability that anything is listed as misfitting in a block in which all is right."""
 
-SUSPICIOUS_SHARE = 0.001
+_LARGEST_ALPHA = 0.001
+"""Error probability of one normalised residual in a block of few observations."""
 
 UNCHECKED = 0.10
 """Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
@@ -52,7 +54,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
 def suspect_table(solution: Solution) -> PageTable | None:
     """Return what was down-weighted, and what fits badly though it was not: the worst first."""
     residuals = solution.residuals
-    rows = suspect_rows(residuals)
+    rows = suspect_rows(solution)
     if not rows.size:
         return None
     down = residuals.weight_factor < 1.0
@@ -76,10 +78,20 @@ def suspect_table(solution: Solution) -> PageTable | None:
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
 
 
-def suspect_rows(residuals: Residuals) -> IntArray:
+def suspicious_w(solution: Solution) -> float:
+    """Return the limit of normalised residuals: it grows with the number of those that are tested."""
+    residuals = solution.residuals
+    tested = int(np.count_nonzero(np.isfinite(residuals.w) & (residuals.weight_factor > 0.0)))
+    alpha = min(_FAMILY_ALPHA / max(tested, 1), _LARGEST_ALPHA)
+    return OutlierTest(alpha, 1.0, max(solution.redundancy, 0)).limit()
+
+
+def suspect_rows(solution: Solution) -> IntArray:
     """Return the rows of what was down-weighted, or fits badly though it was not: the worst first."""
+    residuals = solution.residuals
     down = residuals.weight_factor < 1.0
-    rows = np.flatnonzero(down | (np.nan_to_num(np.abs(residuals.w)) > SUSPICIOUS_W) & (residuals.weight_factor > 0.0))
+    w = np.abs(np.nan_to_num(residuals.w))
+    rows = np.flatnonzero(down | (w > suspicious_w(solution)) & (residuals.weight_factor > 0.0))
     size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
     return rows[np.argsort(-size[rows], kind="stable")]
 
@@ -87,7 +99,7 @@ def suspect_rows(residuals: Residuals) -> IntArray:
 def suspects(solution: Solution) -> dict[str, list[str]]:
     """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
     found: dict[str, list[str]] = {}
-    for row in suspect_rows(solution.residuals).tolist():
+    for row in suspect_rows(solution).tolist():
         size, component = _size(solution.residuals, row), solution.residuals.component[row]
         text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}".rstrip()
         found.setdefault(_of(solution.residuals, row), []).append(text.strip())

@@ -2,45 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from orip.bundle.figures import figure
+from orip.bundle.verdict import GlobalTest, Level, headline, sigma0_finding
 from orip.records.gate import GATE_FIGURES
 from orip.records.solution import Solution
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
 from orip.wording import agreeing
-
-Level = Literal["good", "caution", "bad"]
-
-CONFIDENCE = 0.95
-_FAR_ABOVE = 2.0
-"""sigma0 from which on the a-priori errors are not just optimistic; the diagnosis has the same limit."""
-
-
-@dataclass(frozen=True, slots=True)
-class GlobalTest:
-    """The chi-square test of sigma0 against 1.
-
-    Parameters
-    ----------
-    lower, upper : float
-        Where sigma0 lies with probability 0.95 if the a-priori errors are right.
-    statistic : float
-        redundancy_used · sigma0².
-    p : float
-        Probability of a statistic so large or larger.
-    """
-
-    lower: float
-    upper: float
-    statistic: float
-    p: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,27 +23,6 @@ class Verdict:
     level: Level
     headline: str
     sentences: tuple[str, ...]
-
-
-def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
-    """Return the two-sided test of sigma0 = 1; None where nothing is redundant.
-
-    redundancy · sigma0² is chi-square distributed on as many degrees of freedom if the a-priori errors are right.
-
-    Parameters
-    ----------
-    sigma0 : float
-    redundancy : float
-        Of the observations that sigma0 is based on; not always a whole number.
-    """
-    from scipy.special import gammaincc, gammaincinv
-
-    if not (redundancy > 0.0 and math.isfinite(sigma0)):
-        return None
-    tail = (1.0 - CONFIDENCE) / 2.0
-    lower, upper = (math.sqrt(2.0 * gammaincinv(redundancy / 2.0, part) / redundancy) for part in (tail, 1.0 - tail))
-    statistic = redundancy * sigma0**2
-    return GlobalTest(lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
 
 
 def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
@@ -128,26 +80,6 @@ def check_point_table(solution: Solution) -> PageTable | None:
     return PageTable("check_points", "Check points", columns, note)
 
 
-def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
-    """Return whether all is well, and what comes first; `failed` gates were not passed."""
-    if solution.status in {"not_converged", "stopped"}:
-        how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
-        return "bad", f"The adjustment {how}: do not use its values"
-    if solution.singular:
-        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined"
-    if failed:
-        return "bad", f"Converged, but {counted(failed, 'gate')} failed"
-    if solution.blunders or solution.status == "doubtful":
-        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
-        why = f"{found} found and left out" if solution.blunders else "observations do not fit"
-        return "caution", f"Converged, with doubts: {why}"
-    if test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE):
-        return "caution", "Converged, but the residuals are far larger than the a-priori errors"
-    if solution.diagnosis:
-        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
-    return "good", "Converged, nothing conspicuous"
-
-
 def _about_status(solution: Solution) -> str:
     size = (
         f"{counted(solution.observations, 'observation')} of {counted(len(solution.photos.names), 'photo')} and "
@@ -181,18 +113,6 @@ def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
             f"a-priori errors too small, blunders, or a camera model that does not fit."
         )
     return found
-
-
-def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
-    """Return what the test says of sigma0."""
-    # of a large block the interval is narrower than 0.01
-    decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
-    between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
-    if sigma0 < test.lower:
-        return f"below the {between}: the observations are better than their a-priori errors"
-    if sigma0 > test.upper:
-        return f"above the {between}: the residuals are larger than the a-priori errors suggest"
-    return f"within the {between}: the a-priori errors are right"
 
 
 def check_point_finding(solution: Solution) -> str:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.text.atomic import remove_leftovers
+from orip.files.text.leftovers import remove_leftovers
 from orip.files.text.new_folder import write_new_folder
+from orip.files.text.regular_file import regular_bytes
 from orip.workflow.project.folder import PROJECT_FILE
 
 SAMPLES: Mapping[str, str] = {
@@ -99,4 +100,7 @@ def _was_left(path: Path, texts: Mapping[str, str]) -> bool:
     """Tell whether a killed run has written this: one of the texts, but not orip.toml that ends them."""
     if path.name == PROJECT_FILE or path.name not in texts:
         return False
-    return path.read_bytes() == texts[path.name].encode("utf-8")
+    try:
+        return regular_bytes(path) == texts[path.name].encode("utf-8")
+    except OSError:
+        return False

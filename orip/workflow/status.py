@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from orip.errors import ProjectWarning
+from orip.files.text.regular_file import beginning
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve import solve_step
 from orip.workflow.drive.table import DRIVEN_FROM, drive_step
@@ -100,8 +101,6 @@ def _old_reports(state: ProjectState) -> Iterator[ProjectWarning]:
         path, head = project.report(bundle), state.head(bundle)
         if head is None or not path.is_file():
             continue
-        with path.open(encoding="utf-8", errors="replace") as file:
-            run = run_of_page(file.read(_HEAD_OF_REPORT))
-        if run != head.run:
+        if run_of_page(beginning(path, _HEAD_OF_REPORT)) != head.run:
             text = "is older than the last adjustment; 'orip report' writes it again"
             yield ProjectWarning("old-report", project.shown(path), text)

@@ -42,8 +42,9 @@ def random_equations(
         rows.append(row)
     design = np.array(rows)
     design[:, held] = 0.0
-    # the unknowns have units of their own: millimetres beside radians
-    design *= 10.0 ** random.uniform(-3.0, 3.0, size)
+    # the unknowns have units of their own: millimetres beside radians; the coordinates of a point have the same
+    design[:, :reduced] *= 10.0 ** random.uniform(-3.0, 3.0, reduced)
+    design[:, reduced:] *= np.repeat(10.0 ** random.uniform(-3.0, 3.0, blocks), 3)
     return equations_of(design, random.normal(size=len(design))), Layout(reduced, blocks, held)
 
 

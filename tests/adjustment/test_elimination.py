@@ -18,7 +18,8 @@ def blocks_of(count, seed, rows=5):
 
 def factors_of(blocks, fixed=None):
     none = np.zeros(blocks.shape[:2], dtype=bool)
-    return factorise_blocks(blocks, none if fixed is None else fixed, MAX_LOST)
+    full = np.einsum("bii->bi", blocks)
+    return factorise_blocks(blocks, full, none if fixed is None else fixed, MAX_LOST)
 
 
 def inverse_of(factors):
@@ -86,3 +87,12 @@ def test_digits_lost_do_not_depend_on_units():
 
 def test_no_blocks():
     assert factors_of(np.zeros((0, 3, 3))).half.shape == (0, 3, 3)
+
+
+def test_a_coordinate_that_rounding_alone_moves_is_removed():
+    # a point on the base of two photos: both rays are along the first axis, but for rounding
+    design = np.array([[1e-16, 1.0, 0.0], [2e-16, 0.0, 1.0], [-1e-16, 1.0, 0.0], [1e-16, 0.0, 1.0]])
+    blocks = (design.T @ design)[None]
+    full = np.full((1, 3), np.trace(blocks[0]))
+    found = factorise_blocks(blocks, full, np.zeros((1, 3), dtype=bool), MAX_LOST)
+    assert found.removed.tolist() == [[True, False, False]]

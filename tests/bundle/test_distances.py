@@ -10,6 +10,8 @@ from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, noisy, redefined, rows, solution
 from support.synthetic_block import synthetic_block
 
+from orip.bundle.solve import solve_block
+from orip.errors import InputError
 from orip.records.control import ControlDistance
 
 MADE = aerial_block("distances", 6)
@@ -84,17 +86,65 @@ def test_a_constant_distance_does_not_slow_down_the_iterations(code):
     assert len(solution(with_distance(block, code, value, 0.0)).iterations) <= 5
 
 
-def test_standard_deviations_with_a_constant_distance_are_those_with_a_very_precise_one():
+def bordered_inverse(solved):
+    """Return all cofactors by Lagrange multipliers: the normal matrix without the constraints, bordered with them."""
+    design, exact = solved.equations.design.toarray(), solved.equations.exact
+    constraints = design[exact]
+    normals = design[~exact].T @ (solved.weight_factors[~exact, None] * design[~exact])
+    used = np.diag(normals) > 0.0
+    scale = 1.0 / np.sqrt(np.where(used, np.diag(normals), 1.0))
+    normals, constraints = normals * np.outer(scale, scale), (constraints * scale)[:, used]
+    count = len(constraints)
+    bordered = np.block([[normals[np.ix_(used, used)], constraints.T], [constraints, np.zeros((count, count))]])
+    found = np.zeros_like(normals)
+    found[np.ix_(used, used)] = np.linalg.inv(bordered)[:-count, :-count]
+    return found * np.outer(scale, scale)
+
+
+@pytest.mark.parametrize("codes", [("XYZ",), ("X", "YZ"), ("XY", "Z", "XYZ")])
+@pytest.mark.parametrize("geometry", ["distances", "convergent"])
+def test_cofactors_with_constant_distances_are_those_of_lagrange_multipliers(codes, geometry):
+    if geometry == "distances":
+        block, ends = redefined(noisy(MADE, 1), **OFF), [("102", "123"), ("103", "122"), ("112", "101")]
+    else:
+        block, ends = synthetic_block("convergent", "scale", noise_mm=0.005).block, [("130", "101"), ("110", "125")]
+    made = [(code, *pair) for code, pair in zip(codes, ends, strict=False)]
+    truth = MADE.points if geometry == "distances" else synthetic_block("convergent", "scale", noise_mm=0.005).points
+    distances = tuple(
+        ControlDistance(f"D{start}", start, end, code, float(CODES[code](difference(truth, block, start, end))), 0.0)
+        for code, start, end in made
+    )
+    solved = solve_block(replace(block, distances=distances), lambda _: None, lambda: False)
+    wanted = bordered_inverse(solved)
+    m = solved.problem.layout.reduced
+    scale = np.sqrt(np.diag(wanted))
+    # the bordered matrix has a condition of some 1e6 after scaling
+    reduced = np.asarray(solved.cofactors.reduced)
+    assert np.allclose(
+        reduced / np.outer(scale[:m], scale[:m]), wanted[:m, :m] / np.outer(scale[:m], scale[:m]), atol=1e-8
+    )
+    sd = np.sqrt(np.einsum("bii->bi", solved.cofactors.blocks).ravel())
+    assert np.allclose(sd, scale[m:], rtol=1e-8)
+    column = int(np.argmax(scale > 0.0))
+    unit = np.eye(len(wanted))[:, [column]]
+    assert np.allclose(solved.normals.solve(unit)[:, 0] / scale[column], wanted[:, column] / scale[column], atol=1e-8)
+    design = solved.equations.design.toarray()
+    numbers = 1.0 - solved.weight_factors * np.einsum("ij,jk,ik->i", design, wanted, design)
+    numbers[solved.equations.exact] = 0.0
+    found = solved.variance.redundancy_numbers
+    taking_part = np.isfinite(found)
+    assert np.allclose(found[taking_part], numbers[taking_part], atol=1e-8)
+    assert found[solved.equations.exact] == pytest.approx(0.0, abs=1e-12)
+    assert np.nansum(found) == pytest.approx(solved.variance.redundancy, abs=1e-7)
+
+
+def test_a_constant_distance_that_is_given_twice_is_checked_by_itself():
     block = redefined(noisy(MADE, 1), **OFF)
-    value = CODES["XYZ"](difference(MADE.points, block, "102", "123"))
-    constant = solution(with_distance(block, "XYZ", value, 0.0))
-    precise = solution(with_distance(block, "XYZ", value, 1e-4))
-    place = block.point_index()
-    for name in ("102", "123"):
-        row = place[name]
-        assert np.allclose(
-            constant.points.sd[row] / constant.sigma0, precise.points.sd[row] / precise.sigma0, rtol=1e-2
-        )
+    value = float(CODES["XYZ"](difference(MADE.points, block, "102", "123")))
+    twice = tuple(ControlDistance(name, "102", "123", "XYZ", value, 0.0) for name in ("D1", "D2"))
+    solved = solve_block(replace(block, distances=twice), lambda _: None, lambda: False)
+    assert solved.variance.redundancy_numbers[solved.equations.exact] == pytest.approx([0.5, 0.5])
+    assert np.nansum(solved.variance.redundancy_numbers) == pytest.approx(solved.variance.redundancy, abs=1e-7)
 
 
 def test_a_constant_distance_is_never_down_weighted():
@@ -137,3 +187,10 @@ def test_a_distance_scales_a_free_network():
     scaled = solution(replace(free, distances=(ControlDistance("D", "101", "130", "XYZ", float(2.0 * true), 0.001),)))
     size = np.linalg.norm(scaled.points.values - scaled.points.values.mean(axis=0))
     assert size / np.linalg.norm(made.points - made.points.mean(axis=0)) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_distance_may_not_be_ten_thousand_times_as_precise_as_the_photos():
+    block = noisy(MADE, 1)
+    value = CODES["XYZ"](difference(MADE.points, block, "102", "123"))
+    with pytest.raises(InputError, match=r"distance D1 has an a-priori error of 1e-07.*or 0 for a distance"):
+        solution(with_distance(block, "XYZ", value, 1e-7))

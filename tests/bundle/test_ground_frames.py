@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from workflow.small_projects import replace_in
 
 from orip.bundle.results import solution_of
-from orip.bundle.snooping import SnoopingSettings, snoop
+from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
 from orip.errors import InputError
 from orip.records.block import Block

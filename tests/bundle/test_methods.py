@@ -6,7 +6,7 @@ from bundle.aerial_block import aerial_block
 from bundle.solving import noisy, with_error
 
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.snooping import SnoopingSettings
+from orip.bundle.snooping.search import SnoopingSettings
 
 SNOOPING = Method(SnoopingSettings())
 

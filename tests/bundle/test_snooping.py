@@ -10,7 +10,8 @@ from bundle.aerial_block import CONTROL_ERROR, PRECISION_MM, aerial_block
 from bundle.solving import controlled, noisy, redefined, solution, started_off, with_error
 from support.synthetic_block import synthetic_block
 
-from orip.bundle.snooping import SnoopingSettings, snoop, without_blunders
+from orip.bundle.snooping.findings import without_blunders
+from orip.bundle.snooping.search import SnoopingSettings, snoop
 
 MADE = {"aerial": aerial_block("snooping"), "around an object": synthetic_block("convergent", "snooping")}
 APRIORI, POSTERIORI = SnoopingSettings("apriori", 0.001), SnoopingSettings("posteriori", 0.001)

@@ -153,12 +153,16 @@ def test_folders_in_place_of_files(project: Path) -> None:
         (project / name).rmdir()
         (project / name).write_bytes(text)
     (project / "FIRST.PHO").mkdir()
-    refused(orip(project, "run"), 3, "FIRST.PHO: this is no file; a record store is one file")
+    refused(orip(project, "run"), 3, "FIRST.PHO: this is a folder, not a file; a record store is one file")
 
 
 def test_an_output_that_cannot_be_written_is_made_up_for(project: Path) -> None:
     (project / "result.json").mkdir()
-    refused(orip(project, "run"), 1, "result.json cannot be written: Is a directory; the results are safe in the")
+    refused(
+        orip(project, "run"),
+        1,
+        "result.json cannot be written: this is a folder, not a file; the results are safe in the",
+    )
     assert "missing or older than the last adjustment: result.json" in orip(project, "status").out
     (project / "result.json").rmdir()
     assert orip(project, "init").code == 0

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from orip.files.project.record_checks import file_name_fault
+from orip.files.project.file_names import file_name_fault
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.names import name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import secrets
+import socket
 import stat
 import subprocess
 import sys
@@ -11,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from orip.files.text.atomic import remove_leftovers, replace_text
+from orip.files.text.atomic import replace_text
+from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.regular_file import NoRegularFileError
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and process numbers are those of POSIX")
 
@@ -46,12 +50,46 @@ def test_a_new_file_has_the_usual_permissions_and_an_old_one_keeps_its_own(tmp_p
 
 
 @posix
-def test_a_link_is_followed(tmp_path: Path) -> None:
-    (tmp_path / "target").write_text("old")
-    (tmp_path / "link").symlink_to("target")
-    replace_text(tmp_path / "link", "new")
-    assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "target").read_text() == "new"
+@pytest.mark.parametrize("target", ["target", "gone", "link"])
+def test_a_link_gives_way_and_what_it_leads_to_stays(tmp_path: Path, target: str) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "target").write_text("old")
+    (tmp_path / "link").symlink_to("link" if target == "link" else Path("elsewhere", target))
+    if target == "link":  # in a circle
+        with pytest.raises(OSError, match="symbolic links"):
+            replace_text(tmp_path / "link", "new")
+    else:
+        replace_text(tmp_path / "link", "new")
+        assert not (tmp_path / "link").is_symlink()
+        assert (tmp_path / "link").read_text() == "new"
+    assert names_in(tmp_path) == ["elsewhere", "link"]
+    assert names_in(tmp_path / "elsewhere") == ["target"]
+    assert (tmp_path / "elsewhere" / "target").read_text() == "old"
+
+
+@posix
+@pytest.mark.parametrize("is_linked", [False, True])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "socket"])
+def test_what_is_no_file_is_not_replaced(tmp_path: Path, kind: str, is_linked: bool) -> None:
+    target = Path("/dev/null") if kind == "device" else tmp_path / "target"
+    if kind == "pipe":
+        os.mkfifo(target)
+    elif kind == "folder":
+        target.mkdir()
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as bound:
+            bound.bind(str(target))
+    path = target
+    if is_linked:
+        path = tmp_path / "link"
+        path.symlink_to(target)
+    elif kind == "device":
+        pytest.skip("the device itself is not put at risk")
+    before = target.lstat()
+    with pytest.raises(NoRegularFileError, match=kind):
+        replace_text(path, "new")
+    assert (target.lstat().st_ino, target.lstat().st_mode) == (before.st_ino, before.st_mode)
+    assert not [name for name in names_in(tmp_path) if name.startswith(".orip")]
 
 
 @pytest.mark.parametrize("failing", ["fsync", "replace"])
@@ -96,19 +134,31 @@ def test_a_folder_in_the_way_is_an_error_without_leftovers(tmp_path: Path) -> No
     assert names_in(tmp_path) == ["a"]
 
 
-@posix
-def test_leftovers_of_gone_writers_and_old_ones_are_removed_and_no_others(tmp_path: Path) -> None:
-    gone = tmp_path / f".orip-{gone_process()}-{'0' * 16}.tmp"
-    impossible = tmp_path / f".orip-{'9' * 18}-{'3' * 16}.tmp"
-    old = tmp_path / f".orip-{os.getppid()}-{'1' * 16}.tmp"
-    running = tmp_path / f".orip-{os.getppid()}-{'2' * 16}.tmp"
-    others = [tmp_path / "orip.toml", tmp_path / ".orip-notes.tmp"]
-    for path in (gone, impossible, old, running, *others):
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="when a process began is told by /proc alone")
+def test_leftovers_of_gone_processes_are_removed_and_no_others(tmp_path: Path) -> None:
+    mine = temporary_beside(tmp_path / "a").name
+    _dot, host, process, began, _random = mine.split("-")
+
+    def temporary(host: str, process: object, began: object) -> Path:
+        path = tmp_path / f".orip-{host}-{process}-{began}-{secrets.token_hex(8)}.tmp"
         path.write_text("")
-    day_ago = time.time() - 86400
-    os.utime(old, (day_ago, day_ago))
-    assert sorted(remove_leftovers(tmp_path)) == sorted([gone.name, impossible.name, old.name])
-    assert names_in(tmp_path) == sorted([running.name, *(path.name for path in others)])
+        return path
+
+    gone = [
+        temporary(host, gone_process(), began),
+        temporary(host, "9" * 18, began),
+        temporary(host, process, int(began) + 1),  # its number is that of a later process
+        temporary("0" * 8, process, began),
+    ]
+    running = [temporary(host, process, began), temporary("0" * 8, gone_process(), began)]
+    others = [tmp_path / "orip.toml", tmp_path / ".orip-notes.tmp"]
+    for path in others:
+        path.write_text("")
+    old = time.time() - 90_000
+    for path in (gone[3], running[0]):  # age counts for those of other hosts alone
+        os.utime(path, (old, old))
+    assert sorted(remove_leftovers(tmp_path)) == sorted(path.name for path in gone)
+    assert names_in(tmp_path) == sorted(path.name for path in (*running, *others))
 
 
 @posix

@@ -179,3 +179,25 @@ def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tm
         "ZURICH.LEN",
         "ZURICH.DIR",
     ]
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "place", "words"),
+    [
+        (
+            read_points,
+            "P 1 2 3 0.1 1e-300 0.1",
+            "Z:1:13: ",
+            "1e-300 is smaller than any that makes sense",
+        ),
+        (read_points, "P 1 2 3 0.1 0.1 1e12", "Z:1:17: ", "or a negative one to disregard"),
+        (read_distances, "D A B XYZ 5 1e-9", "Z:1:13: ", "or 0 for what is exactly known"),
+        (read_elements, "O CAMERA C 8 1e5", "Z:1:14: ", "from 1e-06 to 1000 mm"),
+        (read_elements, "O PHOTO KAPPA 8 1e5", "Z:1:17: ", "360 degrees"),
+        (read_directions, "S A B 5 1e-12", "Z:1:9: ", "degrees"),
+    ],
+)
+def test_impossible_errors(tmp_path: Path, read: Any, text: str, place: str, words: str) -> None:
+    (complaint,) = complaints(read, tmp_path, text)
+    assert complaint.startswith(place)
+    assert words in complaint

@@ -14,14 +14,15 @@ from hypothesis import strategies as st
 from orip.files.result import json_text as module
 from orip.files.result.json_text import result_document, result_text, run_of_result
 from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.group_test import GroupTest
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Correlation, InteriorSummary, Solution
 
 TOP = [
-    *("schema", "run", "project", "bundle", "status", "ground_unit"),
+    *("schema", "run", "project", "bundle", "status", "verdict", "ground_unit"),
     *("sigma0", "sigma0_all", "redundancy", "redundancy_used", "observations", "unknowns", "enp"),
     *("iterations", "cameras", "photos", "points", "down_weighted", "singular", "correlations", "blunders"),
-    *("diagnosis", "check_points", "interior", "inputs", "warnings"),
+    *("diagnosis", "check_points", "groups", "interior", "inputs", "warnings"),
 ]
 
 
@@ -152,6 +153,33 @@ def test_what_is_wrong_with_the_block() -> None:
         "where": "ZURICH.PNT:12",
         "text": "no photo shows point 9004",
     }
+
+
+def test_groups_and_the_verdict() -> None:
+    group = GroupTest(
+        "element", "PHOTO", "Z0", 60, 2, 11.5, 3.25, 0.0, -0.125, 0.0625, 1e-5, 0.25, 0.02, "", NAN, NAN, doubted=True
+    )
+    document = parsed(replace(awkward(), verdict="Converged, but ...", groups=(group,)))
+    assert document["verdict"] == "Converged, but ..."
+    assert document["groups"] == [
+        {
+            "kind": "element",
+            "of": "PHOTO",
+            "component": "Z0",
+            "number": 60,
+            "down_weighted": 2,
+            "redundancy": 11.5,
+            "sigma0": 3.25,
+            "p_sigma0": 0.0,
+            "mean": {"value": -0.125, "sd": 0.0625},
+            "p_mean": 1e-5,
+            "shift": {"value": 0.25, "sd": 0.02},
+            "worst": "",
+            "worst_size": None,
+            "p_worst": None,
+            "doubted": True,
+        }
+    ]
 
 
 def test_check_points_interior_and_inputs() -> None:

@@ -17,7 +17,7 @@ from monte_carlo.simulated_blocks import (
 from support.synthetic_block import SyntheticBlock
 
 from orip.adjustment.convergence import TerminationReason
-from orip.bundle.snooping import SnoopingSettings, snoop
+from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 
 STARTS = (0.002, 0.004)

@@ -9,11 +9,14 @@ from functools import partial
 import numpy as np
 import pytest
 from report.sample_pages import SAMPLES, sample
+from scipy import stats
 
+from orip.bundle.group_words import CODE
 from orip.records.gate import Gate, GateResult
-from orip.records.solution import Blunder, Diagnosis, Estimates, SingularUnknown, Solution
+from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
+from orip.report.trouble import suspect_rows, suspicious_w
 
 ORDER = ["status", "sigma0", "check", "gate", "misfit", "note", "weak", "points", "photos", "camera"]
 HEIGHT = partial(textwrap.wrap, width=80 - 9, break_on_hyphens=False)
@@ -138,7 +141,10 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
         blunders=(Blunder(1, "photo", "1", "2", "x", 1.0, 0.1, 10.0, 3.3),),
     )
     lines = summary_of(wrong, *(gate(number, False) for number in range(5)))
-    assert height(lines) <= MOST_LINES
+    assert height(tuple(line for line in lines if line.label != "camera")) <= MOST_LINES
+    # what became of the camera is told, however much else there is to tell
+    assert under(lines, "camera").startswith("CAMERA0 C 35.361")
+    assert not {line.label for line in lines} & {"weak", "points", "photos"}
     assert lines[0].text == "doubtful: converged, but 1 unknown could not be determined"
     assert {"status", "sigma0", "check", "gate", "misfit", "note"} <= {line.label for line in lines}
     assert [line.level for line in lines if line.label == "note"] == ["bad"]
@@ -147,3 +153,37 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
 def test_without_redundancy_there_is_no_test() -> None:
     solution = replace(sample("dcs260_calibration").solution, redundancy=0, redundancy_used=0.0, sigma0=float("nan"))
     assert "nothing is redundant to test it" in under(summary_of(solution), "sigma0")
+
+
+def test_what_to_do_about_a_contradicting_group_follows_the_first_sentence() -> None:
+    contradicting = Diagnosis(CODE, "distances", "all distances are off by about +1.0 m", "check their unit")
+    other = Diagnosis("correlation", "", "something else", "remedy")
+    solution = replace(sample("dcs260_calibration").solution, diagnosis=(contradicting, other))
+    lines = summary_of(solution)
+    assert lines[0] == SummaryLine("status", "converged, but all distances are off by about +1.0 m", "caution")
+    assert lines[1] == SummaryLine("", "check their unit")
+    assert under(lines, "note") == "something else: remedy"
+
+
+def with_normalised_residuals(w: np.ndarray) -> Solution:
+    """Return a solution with these normalised residuals and much redundancy."""
+    ones = np.ones(len(w))
+    names = ("1",) * len(w)
+    of_photos = Residuals(
+        ("photo",) * len(w), names, names, ("x",) * len(w), w, w, ones, np.abs(w), ones, ones, np.abs(w)
+    )
+    return replace(sample(SAMPLES[0]).solution, residuals=of_photos, redundancy=1_000_000)
+
+
+def test_what_is_listed_as_misfitting_follows_the_number_of_observations() -> None:
+    # one good residual in a thousand is beyond 3.29: of 20 000 some twenty, of which a summary must not speak
+    random = np.random.default_rng(4)
+    many = random.normal(size=20_000)
+    assert np.count_nonzero(np.abs(many) > 3.29) > 10
+    assert suspect_rows(with_normalised_residuals(many)).size == 0
+    # 4.71 is the limit of 20 000 with 0.05 for all of them together (normal distribution)
+    assert suspicious_w(with_normalised_residuals(many)) == pytest.approx(stats.norm.isf(0.025 / 20_000), abs=0.01)
+    many[700] = -5.0
+    assert suspect_rows(with_normalised_residuals(many)).tolist() == [700]
+    # few observations: 0.001 for each
+    assert suspicious_w(with_normalised_residuals(many[:40])) == pytest.approx(stats.norm.isf(0.0005), abs=0.01)

@@ -9,12 +9,14 @@ import pytest
 from files.hand_built_solutions import awkward
 from scipy.stats import chi2
 
+from orip.bundle.group_words import CODE
+from orip.bundle.verdict import global_test, sigma0_finding
 from orip.files.text.gate import parse_gate
 from orip.records.gate import GateResult
 from orip.records.project import BundleDefinition
-from orip.records.solution import Blunder, Solution
+from orip.records.solution import Blunder, Diagnosis, Solution
 from orip.report.report_input import ReportInput
-from orip.report.trust import global_test, verdict
+from orip.report.trust import verdict
 
 QUIET = replace(
     awkward(), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,
@@ -72,8 +74,25 @@ def test_the_gravest_comes_first() -> None:
 
 
 def test_sigma0_is_put_in_words() -> None:
-    for sigma0, words in ((1.0, "the a-priori errors are right"), (0.8, "better than"), (1.2, "larger than")):
+    fits = "do not contradict the a-priori errors, p = 0.49"
+    for sigma0, words in ((1.0, fits), (0.8, "better than"), (1.2, "larger than")):
         solution = replace(QUIET, sigma0=sigma0)
         test = global_test(sigma0, solution.redundancy_used)
         said = verdict(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}), test).sentences[1]
         assert words in said
+
+
+def test_a_handful_of_redundancy_is_no_test_of_the_a_priori_errors() -> None:
+    test = global_test(1.0, 5.0)
+    assert test is not None
+    said = sigma0_finding(1.0, test)
+    assert said.endswith("but redundancy 5 is too little to test the a-priori errors")
+
+
+def test_a_group_that_contradicts_the_others_comes_first() -> None:
+    contradicting = Diagnosis(CODE, "distances", "all distances are off by about +1.0 ± 0.1 m (p < 0.0001)", "check")
+    blunder = Blunder(1, "photo", "P", "1", "x", 0.1, 0.01, 9.0, 3.3)
+    solution = replace(QUIET, blunders=(blunder,), diagnosis=(contradicting,))
+    assert headline(solution) == (
+        "caution", "Converged, but all distances are off by about +1.0 ± 0.1 m (p < 0.0001)",
+    )  # fmt: skip

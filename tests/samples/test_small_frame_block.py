@@ -21,7 +21,7 @@ from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.bundle.methods import Method
-from orip.bundle.snooping import SnoopingSettings
+from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.solution import Solution
 
@@ -332,3 +332,25 @@ def test_the_two_blunders_of_other_blocks_from_nothing(tmp_path: Path, seed: int
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     said = orip(tmp_path, "run", "--json")
     assert {(each["photo"], each["point"]) for each in said.document["down_weighted"]} == blunders_of(truth)
+
+
+def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
+    oriented: Path, truth: dict[str, Any], tmp_path: Path
+) -> None:
+    folder = shutil.copytree(oriented, tmp_path / "cliff")
+    random, sd = np.random.default_rng(3), 0.03
+    lines = []
+    for photo, orientation in truth["photos"].items():
+        station = np.array(orientation[:3]) + sd * random.normal(size=3) + (2.0 if photo == "203" else 0.0)
+        lines += [
+            f"{photo} PHOTO {name} {value:.4f} {sd}" for name, value in zip(("X0", "Y0", "Z0"), station, strict=True)
+        ]
+    (folder / "CLIFF.ELE").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = solve_quietly(folder, method=Method(SnoopingSettings("apriori"))).solution
+    assert {(each.kind, each.photo, each.component) for each in found.blunders if each.kind != "photo"} == {
+        ("element", "203", name) for name in ("X0", "Y0", "Z0")
+    }
+    assert {(each.photo, each.point) for each in found.blunders if each.kind == "photo"} == blunders_of(truth)
+    for each in found.blunders:
+        assert each.kind == "photo" or abs(each.size - 2.0) < 4.0 * each.sd
+    assert found.singular == ()

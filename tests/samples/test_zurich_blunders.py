@@ -16,7 +16,7 @@ from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import replace_in
 
 from orip.bundle.methods import Method
-from orip.bundle.snooping import SnoopingSettings
+from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.solution import Solution
 
 SIX = {"201", "202", "211", "212", "311", "312"}

@@ -35,7 +35,7 @@ COMMANDS = {"init": initialise, "measure": measure, "solve": solve_quietly}
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 OUTPUTS = ("INTERIOR_RESULT.OUT", "BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT", "result.json", "residuals.csv")
 # SQLite's rollback journals and the one that ties them together, and texts that had not got their name yet
-LEFTOVER = re.compile(r".*-journal|.*-mj[0-9A-F]{8,9}|\.orip-\d+-[0-9a-f]{16}\.tmp")
+LEFTOVER = re.compile(r".*-journal|.*-mj[0-9A-F]{8,9}|\.orip-[0-9a-f]{8}-\d+-\d+-[0-9a-f]{16}\.tmp")
 # SQLite never removes the file that ties journals together if it is killed before a journal names it: of no effect
 ORPHAN = re.compile(r".*-mj[0-9A-F]{8,9}")
 CASES = ("init-new", "init", "measure", "solve")

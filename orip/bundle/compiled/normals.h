@@ -37,20 +37,26 @@ typedef struct {
 } Normals;
 
 #define WELL_DETERMINED 1e-3
+#define WELL_SEEN 1e-4
 
 /* Factor a symmetric 3 x 3 block in the order of its coordinates; return whether that is as good as any other order.
  * half: H with H^T H = inverse of the block. */
-INLINE int factorise_in_order(const double *block, const uint8_t *fixed, double *half, double *pivots)
+INLINE int factorise_in_order(
+    const double *block, const double *full, const uint8_t *fixed, double least_pivot, double *half, double *pivots)
 {
-    if (fixed[0] || fixed[1] || fixed[2] || !(block[0] > 0.0 && block[4] > 0.0 && block[8] > 0.0))
+    if (fixed[0] || fixed[1] || fixed[2])
+        return 0;
+    if (!(block[0] > WELL_SEEN * full[0] && block[4] > WELL_SEEN * full[1] && block[8] > WELL_SEEN * full[2]))
         return 0;
     const double a = 1.0 / block[0], l10 = block[3] * a, l20 = block[6] * a;
     const double d1 = block[4] - l10 * block[3], b = 1.0 / d1, e = block[7] - l20 * block[3], l21 = e * b;
     const double d2 = block[8] - l20 * block[6] - l21 * e;
-    pivots[0] = 1.0;
-    pivots[1] = d1 / block[4];
-    pivots[2] = d2 / block[8];
-    if (!(pivots[1] > WELL_DETERMINED && pivots[2] > WELL_DETERMINED))
+    pivots[0] = block[0] / full[0];
+    pivots[1] = d1 / full[1];
+    pivots[2] = d2 / full[2];
+    if (!(d1 > WELL_DETERMINED * block[4] && d2 > WELL_DETERMINED * block[8]))
+        return 0;
+    if (!(pivots[0] >= least_pivot && pivots[1] >= least_pivot && pivots[2] >= least_pivot))
         return 0;
     const double roots[3] = {sqrt(a), sqrt(b), sqrt(1.0 / d2)};
     half[0] = roots[0], half[1] = half[2] = half[5] = 0.0;
@@ -61,7 +67,8 @@ INLINE int factorise_in_order(const double *block, const uint8_t *fixed, double 
 
 /* Factor a symmetric 3 x 3 block by largest pivots; see orip/adjustment/elimination.py. */
 static void factorise_by_size(
-    const double *block, const uint8_t *fixed, double least_pivot, double *half, double *pivots, uint8_t *removed)
+    const double *block, const double *full, const uint8_t *fixed, double least_pivot, double *half, double *pivots,
+    uint8_t *removed)
 {
     double scale[3], rest[3][3], accumulated[3][3];
     int open[3];
@@ -71,7 +78,7 @@ static void factorise_by_size(
         pivots[i] = empty ? 0.0 : 1.0;
         removed[i] = (uint8_t)empty;
         open[i] = !fixed[i] && !empty;
-        scale[i] = open[i] ? 1.0 / sqrt(diagonal) : 0.0;
+        scale[i] = open[i] ? 1.0 / sqrt(full[i]) : 0.0;
     }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -273,9 +280,9 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
         memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const int64_t block = p->block[place];
-            double V[9], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
+            double V[9] = {0.0}, full[3], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
+            const double *given_block = n->blocks + 9 * block;
             int32_t last[2] = {0, 0};
-            memcpy(V, n->blocks + 9 * block, sizeof V);
             memset(s.coupling, 0, sizeof(double) * 3 * (size_t)s.stride);
             for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
                 const int lane = ahead(b, p, n->factor, k, &a);
@@ -295,11 +302,19 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
                 add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
                 add_photo_point(&s, &at, a.row[lane], y);
             }
-            for (int i = 0; i < 3; i++)
+            /* every ray counts for all three coordinates, other observations for their own */
+            const double of_rays = V[0] + V[4] + V[8];
+            for (int i = 0; i < 9; i++)
+                V[i] += given_block[i];
+            for (int i = 0; i < 3; i++) {
+                full[i] = of_rays + given_block[4 * i];
                 V[4 * i] *= n->on_diagonal;
+            }
+            const uint8_t *fixed = n->fixed + 3 * block;
+            double *pivots = n->pivots + 3 * block;
             memset(n->removed + 3 * block, 0, 3);
-            if (!factorise_in_order(V, n->fixed + 3 * block, H, n->pivots + 3 * block))
-                factorise_by_size(V, n->fixed + 3 * block, n->least_pivot, H, n->pivots + 3 * block, n->removed + 3 * block);
+            if (!factorise_in_order(V, full, fixed, n->least_pivot, H, pivots))
+                factorise_by_size(V, full, fixed, n->least_pivot, H, pivots, n->removed + 3 * block);
             const double given[3] = {g[0], g[1], g[2]};
             multiply(H, given, g);
             eliminate_point(&s, local.size, H, g);

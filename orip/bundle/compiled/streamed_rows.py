@@ -13,7 +13,7 @@ from orip.adjustment.band import Symmetric
 from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling
 from orip.bundle.state import BlockState
 
@@ -43,6 +43,11 @@ class StreamedRows:
     def matrix(self) -> csr_array:
         """Return the design matrix."""
         return self.complete(self.state)
+
+    def some(self, chosen: IntArray) -> csr_array:
+        """Return some rows of the design matrix; without photo points they need not be computed."""
+        stored = np.isin(chosen, self.other_rows).all()
+        return self.others.some(np.searchsorted(self.other_rows, chosen)) if stored else self.matrix()[chosen]
 
     def eliminated(
         self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float

@@ -13,14 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
-from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
+from orip.bundle.kinds.exact_constraints import (
+    ExactObservations,
+    error_of_constant_lengths,
+    photo_error_on_ground,
+)
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
+from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.control import ControlDistance, DistanceCode
 from orip.records.ground import GroundSystem, ProjectCoordinates
 from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE, ObservationKind
+
+_LEAST_PART = 1e-4
+"""Of a photo error on the ground: least error of a distance. Its equation ties unknowns by the square of the inverse,
+10^8, and of 16 digits as many are left for what it does not say."""
 
 AXES: dict[DistanceCode, tuple[int, ...]] = {
     "X": (0,),
@@ -74,9 +83,22 @@ class ConstantDistanceObservations(ExactObservations, DistanceObservations):
 
 
 def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
-    """Return the weighted and the disregarded distances."""
+    """Return the weighted and the disregarded distances.
+
+    Raises
+    ------
+    InputError
+        For a distance that is so precise that its equation would leave the others too few digits.
+    """
     chosen = [distance for distance in block.distances if distance.error != 0.0]
     error = np.array([distance.error for distance in chosen], dtype=np.float64)
+    if chosen and 0.0 < error[error > 0.0].min(initial=np.inf) < (least := _LEAST_PART * photo_error_on_ground(block)):
+        name = chosen[int(np.argmin(np.where(error > 0.0, error, np.inf)))].name
+        message = (
+            f"distance {name} has an a-priori error of {error[error > 0.0].min():.2g}, less than a ten-thousandth of a "
+            f"photo error on the ground; write one above {least:.2g}, or 0 for a distance that is exactly known"
+        )
+        raise InputError.single(message)
     return DistanceObservations(*_between(block, unknowns, chosen, DISTANCE, np.abs(error), error > 0.0))
 
 

@@ -153,6 +153,12 @@ def observe_constant_elements(block: Block, unknowns: Unknowns) -> ConstantEleme
     return ConstantElementObservations(*_observed(block, unknowns, chosen, CONSTANT_ELEMENT, error, used))
 
 
+def bound_by_elements(block: Block) -> frozenset[int]:
+    """Return the points that constant elements bind: they stay in the reduced system, as all exact constraints do."""
+    place = block.point_index()
+    return frozenset(place[element.name] for element in block.constant_elements if element.group == "POINT")
+
+
 def _observed(
     block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: ObservationKind, error: FloatArray,
     used: NDArray[np.bool_],
@@ -229,4 +235,7 @@ def _columns(place: _Place, unknowns: Unknowns, ground: GroundSystem) -> IntArra
     return np.array([column, CONSTANT, CONSTANT])
 
 
-KINDS = (KindEquations(ELEMENT, observe_elements), KindEquations(CONSTANT_ELEMENT, observe_constant_elements))
+KINDS = (
+    KindEquations(ELEMENT, observe_elements),
+    KindEquations(CONSTANT_ELEMENT, observe_constant_elements, bound_by_elements),
+)

@@ -30,12 +30,17 @@ class ExactObservations(Observations):
         return np.asarray(state.memory.get(self.rows.kind.name, 0.0) + missing)
 
 
-def error_of_constant_lengths(block: Block) -> float:
-    """Return 1 % of the size of a photo error on the ground at the mean distance of the points from their photos."""
+def photo_error_on_ground(block: Block) -> float:
+    """Return the size of a photo error on the ground at the mean distance of the points from their photos."""
     points = block.photo_points
     distance = np.linalg.norm(block.point_start[points.point] - block.photo_orientation[points.photo, :3], axis=1)
     principal = np.array([camera.parameters[0] for camera in block.cameras])[block.photo_camera[points.photo]]
-    return float(_PART_OF_PHOTO_ERROR * np.mean(points.error) * np.mean(distance / principal))
+    return float(np.mean(points.error) * np.mean(distance / principal))
+
+
+def error_of_constant_lengths(block: Block) -> float:
+    """Return 1 % of the size of a photo error on the ground."""
+    return _PART_OF_PHOTO_ERROR * photo_error_on_ground(block)
 
 
 def error_of_constant_angles(block: Block) -> float:

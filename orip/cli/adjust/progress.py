@@ -12,10 +12,10 @@ from orip.cli.terminal import Style, Terminal
 from orip.errors import INTERRUPTED, GateError, NotSolvableError, ProjectWarning
 
 if TYPE_CHECKING:
+    from orip.bundle.verdict import Level
     from orip.records.block import Block
     from orip.records.preliminary import PreliminaryValues
     from orip.records.solution import IterationPass
-    from orip.report.trust import Level
     from orip.solving.solve import SolveWatcher
     from orip.workflow.adjust.solve import SolveOutcome
     from orip.workflow.project.commit import Committed

@@ -20,7 +20,12 @@ Sigma0 = Annotated[
 ]
 Alpha = Annotated[
     float | None,
-    typer.Option("--alpha", min=1e-9, max=0.5, help="With --snoop: error probability of one test (default 0.001)."),
+    typer.Option(
+        "--alpha",
+        min=1e-9,
+        max=0.5,
+        help="With --snoop: error probability of one test (default: 0.05 of all together).",
+    ),
 ]
 Prune = Annotated[
     bool, typer.Option("--prune", help="Hold camera parameters that are not significant at zero, one after the other.")
@@ -52,7 +57,7 @@ def register(app: typer.Typer) -> None:
         Example: orip solve --snoop --sigma0 posteriori
         """
         from orip.bundle.methods import Method
-        from orip.bundle.snooping import SnoopingSettings
+        from orip.bundle.snooping.search import SnoopingSettings
         from orip.files.result.json_text import result_text
         from orip.workflow.adjust.report import report_of
         from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
@@ -62,7 +67,7 @@ def register(app: typer.Typer) -> None:
         if not snoop and (sigma0 is not None or alpha is not None):
             message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
-        method = Method(SnoopingSettings(sigma0 or "apriori", alpha or 0.001) if snoop else None, prune)
+        method = Method(SnoopingSettings(sigma0 or "apriori", alpha) if snoop else None, prune)
         terminal = invocation.terminal
         with limited_threads(terminal):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -41,6 +42,7 @@ def register(app: typer.Typer) -> None:
         """
         from orip.errors import InputError
         from orip.files.stores.load import load
+        from orip.files.text.regular_file import open_regular
 
         if text is None or str(text) == "-":
             load(sys.stdin, invocation.folder / store, source="stdin")
@@ -49,6 +51,6 @@ def register(app: typer.Typer) -> None:
             if not path.is_file():
                 message = "there is no such file; name a text that 'orip dump' printed"
                 raise InputError.single(message, str(text))
-            with path.open(encoding="utf-8", errors="replace", newline="") as lines:
+            with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace", newline="") as lines:
                 load(lines, invocation.folder / store, source=str(text))
         invocation.terminal.say(f"load     {store} holds what the dump says")

@@ -11,6 +11,13 @@ from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
+from orip.records.a_priori_error import (
+    ANGLE_ERRORS,
+    COEFFICIENT_ERRORS,
+    GROUND_ERRORS,
+    PHOTO_ERRORS,
+    ErrorLimits,
+)
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import (
     Control,
@@ -98,8 +105,8 @@ def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
         found.complaints += reader.complaints
         return
     name = reader.name(0)
-    values = [reader.number_or_dash(index) for index in range(1, 7)]
-    coordinates, errors = values[:3], values[3:]
+    coordinates = [reader.number_or_dash(index) for index in range(1, 4)]
+    errors = [reader.error_or_dash(index, GROUND_ERRORS) for index in range(4, 7)]
     dashes = [reader.text(index) == "-" for index in range(1, 7)]
     for axis in range(3):
         _check_dashes(reader, axis, dashes)
@@ -151,13 +158,20 @@ def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> No
     name = reader.name(0)
     group = reader.word(1, _GROUPS, "an element group")
     kind = reader.word(2, ELEMENT_KINDS[group], f"a kind of {group}") if group is not None else None
-    value, error = reader.decimal(3), reader.decimal(4)
-    if group is None or kind is None:
+    value = reader.decimal(3)
+    error = reader.error(4, _error_limits(group, kind)) if group is not None and kind is not None else None
+    if group is None or kind is None or error is None:
         found.complaints += reader.complaints
         return
     compared = record_key(name) if group in {"CAMERA", "PHOTO"} else name
     element = ControlElement(name, group, kind, value, error, reader.number)
     found.add((compared, group, kind), f"{kind} of {group} '{reader.shown_text(0)}'", element, reader)
+
+
+def _error_limits(group: ElementGroup, kind: str) -> ErrorLimits:
+    if group == "CAMERA":
+        return PHOTO_ERRORS if kind in {"C", "DX", "DY"} else COEFFICIENT_ERRORS
+    return GROUND_ERRORS if kind in {"X0", "Y0", "Z0", *_AXES} else ANGLE_ERRORS
 
 
 def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]]:
@@ -179,7 +193,7 @@ def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> 
         return
     name, start, end = reader.name(0), reader.name(1), reader.name(2)
     code = reader.word(3, _CODES, "a distance code")
-    distance, error = reader.decimal(4), reader.decimal(5)
+    distance, error = reader.decimal(4), reader.error(5, GROUND_ERRORS)
     if start == end:
         reader.complain(
             f"distance '{reader.shown_text(0)}' goes from '{reader.shown_text(1)}' to itself; name two points", 2
@@ -231,8 +245,8 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
         found.complaints += reader.complaints
         return
     name, station, target = reader.name(0), reader.name(1), reader.name(2)
-    direction, direction_error = reader.decimal(3), reader.decimal(4)
-    zenith, zenith_error = (reader.decimal(5), reader.decimal(6)) if reader.count == 7 else (None, None)
+    direction, direction_error = reader.decimal(3), reader.error(4, ANGLE_ERRORS)
+    zenith, zenith_error = (reader.decimal(5), reader.error(6, ANGLE_ERRORS)) if reader.count == 7 else (None, None)
     if station == target:
         reader.complain(
             f"set '{reader.shown_text(0)}' points from '{reader.shown_text(1)}' to itself; name two points", 2

@@ -11,6 +11,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.files.text.field_reader import FieldReader
+from orip.records.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.measurement import LogRecord, MeasuredMarks
 
 BlockKind = Literal["TEMPLATE", "PHOTO", "POINTS", "FIDUCIALS", "TICKS"]
@@ -148,4 +149,7 @@ def _own_error(reader: FieldReader, position: int) -> tuple[float, bool]:
         return float("nan"), False
     if value == 0:
         reader.complain("an own a-priori error of 0 is not allowed; write one above 0, or below to disregard", position)
+    impossible = (PIXEL_ERRORS if in_pixels else PHOTO_ERRORS).fault(value)
+    if impossible is not None:
+        reader.complain(impossible, position)
     return value, in_pixels

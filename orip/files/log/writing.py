@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from orip.errors import InputError
-from orip.files.text.atomic import replace_text, reporting_failure
+from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
 from orip.files.text.lines import read_bytes
 from orip.records.measurement import TransformationKind
 from orip.records.photo import Stage
@@ -58,10 +58,14 @@ class LogFile:
     ------
     InputError
         If the file is there and cannot be read, or is not UTF-8.
+    OripError
+        If it is a link.
     """
 
     def __init__(self, path: Path, shown: str) -> None:
         self._path, self._shown = path, shown
+        with reporting_failure(shown, "name another log"):
+            require_no_link(path)
         self._before = self._written = self._read()
         self._chapter = "! digitised"
         self._blocks: dict[str, tuple[str, ...]] = {}

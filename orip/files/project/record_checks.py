@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Callable, Iterator, Sequence
 
 from orip.errors import ProjectWarning
+from orip.files.project.file_names import file_name_fault, fit_file_name, pattern_fault, store_path_fault
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable
 from orip.files.project.toml_faults import Fault
@@ -16,24 +17,11 @@ from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.project import BundleDefinition
 
-_UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
 _DISTORTION_FORMS = ("distortion", "distortion_isp", "distortion_curve")
 _LISTING_BASES = ("INTERIOR", "PRELIM")
 _LEAST_CURVE_RADII = 4
 
 LineOf = Callable[[KeyPath], int]
-
-
-def file_name_fault(name: str) -> str | None:
-    """Say why a name cannot be the base name of files, or return None if it can."""
-    if not name or not name.isprintable():
-        return "is empty or has characters that cannot be printed"
-    if any(character.isspace() for character in name):
-        return "has a blank"
-    unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
-    if unfit:
-        return f"has {' '.join(unfit)}, which file names cannot have"
-    return "is no file name" if name in {".", ".."} else None
 
 
 def check_project(table: ProjectTable) -> Iterator[Fault]:
@@ -49,20 +37,23 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
         if given is None:
             message = (
                 f"the project's name '{shown_token(table.name)}' {fault}, so it cannot be used in file names; "
-                f'set {key} to a base name without blanks, for example {key} = "{_fit_name(table.name)}"'
+                f'set {key} to a base name without blanks, for example {key} = "{fit_file_name(table.name)}"'
             )
             yield ("project", "name"), message
         else:
             message = f"{key} '{shown_token(given)}' {fault}; write a base name without folder and extension"
             yield ("project", key), message
-    if table.camera_file == table.temtick_file:
-        message = f"temtick_file '{shown_token(table.temtick_file)}' is the camera_file too; name two files"
-        yield ("project", "temtick_file"), message
-
-
-def _fit_name(name: str) -> str:
-    fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
-    return fit if fit.strip("._") else "PROJECT"
+    for key, path, extension in (
+        ("camera_file", table.camera_file, ".CAM"),
+        ("temtick_file", table.temtick_file, ".TIK"),
+    ):
+        fault = store_path_fault(path, extension)
+        if fault is not None:
+            yield ("project", key), f"{key} '{shown_token(path)}' {fault}"
+    for index, pattern in enumerate(table.measurement_files):
+        fault = pattern_fault(pattern)
+        if fault is not None:
+            yield ("project", "measurement_files", index), f"'{shown_token(pattern)}' of measurement_files {fault}"
 
 
 def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, create_model
 from pydantic import Field as Limits
 
 from orip.files.text.decimal_numbers import parse_photo_error
+from orip.records.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.fields import Field, Part, RecordField, fields_by_key, without_none
 from orip.records.project import RECORD_TYPES, Precision
 
@@ -84,6 +85,9 @@ def _precision(value: object) -> Precision:
     if number <= 0:
         message = "a precision is above 0"
         raise ValueError(message)
+    fault = (PIXEL_ERRORS if unit == "px" else PHOTO_ERRORS).fault(number)
+    if fault is not None:
+        raise ValueError(fault)
     return Precision(number, "px" if unit == "px" else "mm")
 
 
@@ -133,7 +137,7 @@ def _read_by(record_field: RecordField) -> Any:
 def _part(element: Any, part: Part) -> Any:
     if part.names:
         return _elements_table(part.names)
-    value = _limited(element, part.above, None)
+    value = _limited(element, above=part.above)
     return value if part.size == 1 else _list_of(value, part.size)
 
 
@@ -148,7 +152,7 @@ def _value(kind: Any, field: Field) -> Any:
         return _list_of(_value(items[0], field), None)
     if items:
         return _list_of(_value(items[0], field), len(items))
-    return _limited(kind, field.above, field.least)
+    return _limited(kind, above=field.above, least=field.least, most=field.most)
 
 
 def _elements_table(names: Sequence[str]) -> type[CheckedTable]:
@@ -160,10 +164,10 @@ def _list_of(item: Any, length: int | None) -> Any:
     return list[item] if length is None else Annotated[list[item], Limits(min_length=length, max_length=length)]
 
 
-def _limited(kind: Any, above: float | None, least: float | None) -> Any:
-    if above is None and least is None:
+def _limited(kind: Any, above: float | None = None, least: float | None = None, most: float | None = None) -> Any:
+    if above is None and least is None and most is None:
         return kind
-    return Annotated[kind, Limits(gt=above) if least is None else Limits(ge=least)]
+    return Annotated[kind, Limits(gt=above, ge=least, le=most)]
 
 
 TABLE_OF_KIND: Mapping[str, type[CheckedTable]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}

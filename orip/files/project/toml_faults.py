@@ -26,6 +26,7 @@ _ALLOWED: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "literal_error": lambda limits: str(limits["expected"]),
     "greater_than": lambda limits: f"a number above {limits['gt']:g}",
     "greater_than_equal": lambda limits: f"a number of at least {limits['ge']:g}",
+    "less_than_equal": lambda limits: f"a number of at most {limits['le']:g}",
     "too_short": lambda limits: f"a list of {limits['min_length']} elements",
     "too_long": lambda limits: f"a list of {limits['max_length']} elements",
     "string_too_short": lambda _: "a text that is not empty",

@@ -44,6 +44,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "project": solution.project,
         "bundle": solution.bundle,
         "status": solution.status,
+        "verdict": solution.verdict,
         "ground_unit": solution.ground_unit,
         **_key_figures(solution),
         "iterations": [
@@ -73,6 +74,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
             {"name": row.name, "dX": _number(row.dX), "dY": _number(row.dY), "dZ": _number(row.dZ)}
             for row in solution.check_points
         ],
+        "groups": _groups(solution),
         "interior": {
             group: {row.name: _interior(row) for row in solution.interior if row.group == group}
             for group in ("templates", "photos")
@@ -221,8 +223,32 @@ def _blunders(solution: Solution) -> list[dict[str, object]]:
             "sd": _number(row.sd),
             "statistic": _number(row.statistic),
             "limit": _number(row.limit),
+            "alternatives": row.alternatives.split("; ") if row.alternatives else [],
         }
         for row in solution.blunders
+    ]
+
+
+def _groups(solution: Solution) -> list[dict[str, object]]:
+    return [
+        {
+            "kind": row.kind,
+            "of": row.of,
+            "component": row.component,
+            "number": int(row.number),
+            "down_weighted": int(row.down_weighted),
+            "redundancy": _number(row.redundancy),
+            "sigma0": _number(row.sigma0),
+            "p_sigma0": _number(row.p_sigma0),
+            "mean": _estimate(row.mean, row.mean_sd),
+            "p_mean": _number(row.p_mean),
+            "shift": _estimate(row.shift, row.shift_sd),
+            "worst": row.worst,
+            "worst_size": _number(row.worst_size),
+            "p_worst": _number(row.p_worst),
+            "doubted": bool(row.doubted),
+        }
+        for row in solution.groups
     ]
 
 

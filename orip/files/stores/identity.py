@@ -7,6 +7,7 @@ from orip.files.stores.explain import opened
 from orip.files.stores.provenance import META
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES_OF_KIND
 from orip.files.stores.store import Store, damage
+from orip.files.stores.table import StoreTable
 
 
 def is_present(store: Store) -> bool:
@@ -25,7 +26,10 @@ def is_present(store: Store) -> bool:
         if application == version == 0 and not tables:
             return False
         _refuse_strangers(store, application, version)
-        missing = [table.name for table in TABLES_OF_KIND[store.kind] if table.name not in tables]
+        missing = [
+            table.name for table in TABLES_OF_KIND[store.kind]
+            if table.name not in tables or (version < SCHEMA_VERSION and not _has_columns(store, table))
+        ]  # fmt: skip
         kind = _kind(store) if META.name in tables else None
     if kind is not None and kind != store.kind:
         message = f"this store was made as .{kind} and is no .{store.kind}; give it back its extension"
@@ -33,7 +37,7 @@ def is_present(store: Store) -> bool:
     if missing and META.name in tables and 0 < version < SCHEMA_VERSION:
         message = (
             f"this store was written by an older orip (schema {version}; this one writes {SCHEMA_VERSION}) and has no "
-            f"{', '.join(missing)}; move it away, then 'orip run' creates a new one"
+            f"{', '.join(missing)} as they are now; move it away, then 'orip run' creates a new one"
         )
         raise InputError.single(message, str(store.path))
     if missing or kind is None or version < 1:
@@ -48,6 +52,11 @@ def create(store: Store) -> None:
     for table in TABLES_OF_KIND[store.kind]:
         store.connection.execute(table.ddl(store.schema))
     store.insert(META, [("kind", store.kind)])
+
+
+def _has_columns(store: Store, table: StoreTable) -> bool:
+    rows = store.connection.execute(f"PRAGMA {store.schema}.table_info({table.name})")
+    return {column.name for column in table.columns} <= {row[1] for row in rows}
 
 
 def _pragma(store: Store, name: str) -> int:

@@ -9,8 +9,10 @@ from orip.files.stores import cameras, exterior, observations, photos, provenanc
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 2
-"""1: solutions had no correlations of coordinates. A store of an older version is read as long as it has all tables."""
+SCHEMA_VERSION = 3
+"""1: solutions had no correlations of coordinates; 2: no groups of observations, no alternatives of a
+blunder.
+A store of an older version is read as long as it has all tables."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "CAM": (*provenance.TABLES, *cameras.TABLES),

@@ -12,6 +12,7 @@ from orip.files.stores.store import ColumnValues, Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, flag, integer, list_table, real, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PointKind
+from orip.records.group_test import GroupKind, GroupTest
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import (
     AdditionalEstimate,
@@ -53,6 +54,7 @@ SOLUTION = StoreTable(
         integer("observations"),
         integer("unknowns"),
         *_reals("enp"),
+        text("verdict"),
     ),
     key=("bundle",),
 )
@@ -106,10 +108,25 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
             integer("order"),
             *_texts("kind", "photo", "point", "component"),
             *_reals("size", "sd", "statistic", "limit"),
+            *_texts("alternatives"),
         ),
     ),
     "diagnosis": (Diagnosis, _list_of_solution("diagnosis", *_texts("code", "where", "text", "remedy"))),
     "check_points": (CheckPoint, _list_of_solution("check_point", *_texts("name"), *_reals("dX", "dY", "dZ"))),
+    "groups": (
+        GroupTest,
+        _list_of_solution(
+            "group_test",
+            text("kind", get_args(GroupKind)),
+            *_texts("of", "component"),
+            integer("number"),
+            integer("down_weighted"),
+            *_reals("redundancy", "sigma0", "p_sigma0", "mean", "mean_sd", "p_mean", "shift", "shift_sd"),
+            *_texts("worst"),
+            *_reals("worst_size", "p_worst"),
+            flag("doubted"),
+        ),
+    ),
     "interior": (
         InteriorSummary,
         _list_of_solution(

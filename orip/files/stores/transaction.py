@@ -13,6 +13,7 @@ from orip.files.stores.explain import explained, opened
 from orip.files.stores.identity import create, is_present
 from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
+from orip.files.text.regular_file import file_of, kind_of_no_file
 
 OLDEST_SQLITE = (3, 37, 0)
 """The first SQLite with STRICT tables."""
@@ -26,7 +27,7 @@ class Stores:
 
     def __getitem__(self, path: Path) -> Store:
         """Return the store of a file that the transaction was begun with."""
-        return self.by_file[path.resolve()]
+        return self.by_file[file_of(path)]
 
 
 @contextmanager
@@ -87,7 +88,7 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
         If there are more stores than SQLite can attach, or disk or permissions are in the way.
     """
     files = _files(paths)
-    there = {file: path for file, path in files.items() if file.is_file() and file.stat().st_size > 0}
+    there = {file: path for file, path in files.items() if _size(file) > 0}
     with closing(connected(":memory:", timeout)) as connection:
         # Opened for writing where permissions allow: SQLite rolls back what a killed run left half done.
         stores = dict(zip(there, _attached(connection, list(there.values()), "rw"), strict=True))
@@ -99,18 +100,38 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
 
 def _files(paths: Iterable[Path]) -> dict[Path, Path]:
     """Return the paths by the file that they lead to, each file once, in the order in which all processes lock them."""
-    files = {path.resolve(): path for path in paths}
-    for file, path in files.items():
+    files = {}
+    for path in paths:
         kind_of(path)
-        if file.exists() and not file.is_file():
-            message = "this is no file; a record store is one file"
-            raise InputError.single(message, str(path))
+        _require_regular(path)
+        files[file_of(path)] = path
     return dict(sorted(files.items()))
+
+
+def _require_regular(path: Path) -> None:
+    """Refuse what SQLite should not open: it would wait for a pipe, and make a file wherever a link leads to."""
+    if path.is_symlink() and not path.exists():
+        message = f"this link points to {path.readlink()}, which does not exist; repair or remove the link"
+        raise InputError.single(message, str(path))
+    file = file_of(path)
+    for beside in ("", "-journal", "-wal", "-shm"):
+        found = file.with_name(file.name + beside)
+        try:
+            kind = kind_of_no_file(found.stat())
+        except OSError:
+            continue  # what is absent is made, and of the rest SQLite tells
+        if kind is not None:
+            message = f"this is {kind}, not a file; a record store is one file"
+            raise InputError.single(message, f"{path}{beside}")
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size if file.is_file() else 0
 
 
 def _require_folders(paths: Iterable[Path]) -> None:
     for path in paths:
-        if not path.resolve().parent.is_dir():
+        if not file_of(path).parent.is_dir():
             message = f"the folder of '{path}' does not exist; make it first"
             raise UsageError(message)
 
@@ -150,7 +171,7 @@ def _store(path: Path, connection: sqlite3.Connection, schema: str) -> Store:
 
 
 def _uri(path: Path, mode: str) -> str:
-    return f"{path.resolve().as_uri()}?mode={mode}"
+    return f"{file_of(path).as_uri()}?mode={mode}"
 
 
 def _prepare(store: Store) -> None:

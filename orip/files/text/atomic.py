@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
-import re
-import secrets
-import shutil
 import stat
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from orip.errors import OripError
+from orip.files.text.leftovers import temporary_beside
+from orip.files.text.regular_file import NoRegularFileError, kind_of_no_file
 
-_LEFTOVER = re.compile(r"\.orip-([0-9]{1,18})-[0-9a-f]{16}\.tmp")
-_PROCESS_START = time.time()
-# A file's time may lag behind the clock by its system's tick, on network disks by more.
-_CLOCK_MARGIN_SECONDS = 2.0
 _BUFFER_BYTES = 1 << 20
 _LINES_AT_A_TIME = 1000
 
@@ -49,11 +44,14 @@ def reporting_failure(shown: str | Path, consequence: str) -> Iterator[None]:
 def replace_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8 so that it is whole at any instant, even if the process is killed.
 
-    The text goes to a temporary file in the same folder, to the disk, and only then takes the name. A link is
-    followed. An existing file's permissions are kept; a new one has those of any new file.
+    The text goes to a temporary file in the same folder, to the disk, and only then takes the name. A link gives way
+    to the text; the file that it leads to stays as it is. An existing file's permissions are kept; a new one has those
+    of any new file.
 
     Raises
     ------
+    NoRegularFileError
+        If a folder, a device or a pipe has the name, or a link leads to one.
     OSError
         If the folder or the disk refuses; the old file is then unchanged, and no temporary file is left behind.
     UnicodeEncodeError
@@ -70,21 +68,31 @@ def replace_text_in_pieces(path: Path, pieces: Iterable[str]) -> None:
     OSError, UnicodeEncodeError
         As `replace_text`.
     """
-    target = Path(os.path.realpath(path))
-    temporary = temporary_beside(target)
-    try:
-        _write_through(temporary, pieces, _mode_of(target))
-        temporary.replace(target)
-    except BaseException:  # an interrupt must not leave the temporary file behind either
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
-    _flush_folder(target.parent)
+    _replace(path, (piece.encode("utf-8") for piece in pieces))
 
 
-def temporary_beside(target: Path) -> Path:
-    """Return the name under which a file or folder may be made before it takes its own, in the same folder."""
-    return target.with_name(f".orip-{os.getpid()}-{secrets.token_hex(8)}.tmp")
+def replace_bytes(path: Path, data: bytes) -> None:
+    """Do what `replace_text` does with bytes.
+
+    Raises
+    ------
+    OSError
+        As `replace_text`.
+    """
+    _replace(path, [data])
+
+
+def require_no_link(path: Path) -> None:
+    """Refuse to edit a text through a link: a new text in the link's place would part what was shared unnoticed.
+
+    Raises
+    ------
+    OSError
+        With the place that the link leads to.
+    """
+    if path.is_symlink():
+        reason = f"it is a link to {path.readlink()}; change that file, or put the file itself in the place of the link"
+        raise OSError(errno.ELOOP, reason)
 
 
 def lines_in_pieces(lines: Iterable[str]) -> Iterator[str]:
@@ -94,43 +102,35 @@ def lines_in_pieces(lines: Iterable[str]) -> Iterator[str]:
         yield "\n".join(some) + "\n"
 
 
-def remove_leftovers(folder: Path) -> list[str]:
-    """Remove the temporary files and folders that killed runs have left in a folder, and return their names.
-
-    One is a leftover if its writer is gone, or if it is older than this process: a process number may by now
-    belong to another program.
-    """
-    removed = []
-    for path in sorted(folder.iterdir()):
-        match = _LEFTOVER.fullmatch(path.name)
-        if match is None:
-            continue
-        with suppress(OSError):  # another run may have removed it first
-            if _is_leftover(path, int(match.group(1))):
-                _remove(path)
-                removed.append(path.name)
-    return removed
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink()
-
-
-def _mode_of(target: Path) -> int | None:
-    """Return the permissions of an existing file, None of a new one."""
+def _replace(path: Path, pieces: Iterable[bytes]) -> None:
+    mode = _mode_of(path)
+    temporary = temporary_beside(path)
     try:
-        return stat.S_IMODE(target.stat().st_mode)
+        _write_through(temporary, pieces, mode)
+        temporary.replace(path)
+    except BaseException:  # an interrupt must not leave the temporary file behind either
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+    _flush_folder(path.parent)
+
+
+def _mode_of(path: Path) -> int | None:
+    """Return the permissions of an existing file, None of a new one; refuse what is no file."""
+    try:
+        kind = kind_of_no_file(path.stat())
+        if kind is not None:
+            raise NoRegularFileError(kind)
+        status = path.lstat()
+        return None if stat.S_ISLNK(status.st_mode) else stat.S_IMODE(status.st_mode)
     except FileNotFoundError:
         return None
 
 
-def _write_through(temporary: Path, pieces: Iterable[str], mode: int | None) -> None:
+def _write_through(temporary: Path, pieces: Iterable[bytes], mode: int | None) -> None:
     with temporary.open("xb", buffering=_BUFFER_BYTES) as stream:
         for piece in pieces:
-            stream.write(piece.encode("utf-8"))
+            stream.write(piece)
         stream.flush()
         if mode is not None:
             temporary.chmod(mode)
@@ -147,20 +147,3 @@ def _flush_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-def _is_leftover(path: Path, writer: int) -> bool:
-    older = path.stat().st_mtime < _PROCESS_START - _CLOCK_MARGIN_SECONDS
-    return older or not _is_running(writer)
-
-
-def _is_running(process: int) -> bool:
-    if os.name != "posix" or process == os.getpid():
-        return True  # elsewhere a signal of 0 is not harmless: age alone decides
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return True

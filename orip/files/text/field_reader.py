@@ -10,6 +10,7 @@ from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import TextLine, field_name_fault
 from orip.files.text.shown import printable, shown_token
+from orip.records.a_priori_error import ErrorLimits
 
 Word = TypeVar("Word", bound=str)
 
@@ -97,6 +98,18 @@ class FieldReader:
     def number_or_dash(self, index: int) -> float | None:
         """Return a field that is a number or ``-`` (not known: None)."""
         return None if self.text(index) == "-" else self.decimal(index)
+
+    def error(self, index: int, limits: ErrorLimits) -> float:
+        """Return a field that is an a-priori error: 0, or of a size within the limits."""
+        value = self.decimal(index)
+        fault = limits.fault(value)
+        if fault is not None:
+            self.complain(fault, index)
+        return value
+
+    def error_or_dash(self, index: int, limits: ErrorLimits) -> float | None:
+        """Return a field that is an a-priori error or ``-`` (not known: None)."""
+        return None if self.text(index) == "-" else self.error(index, limits)
 
     def word(self, index: int, allowed: Sequence[Word], meaning: str) -> Word | None:
         """Return the one of the allowed words that a field is, in any case; None, and a complaint kept, if none."""

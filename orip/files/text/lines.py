@@ -10,6 +10,7 @@ from pathlib import Path
 
 from orip.errors import Complaint
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import NoRegularFileError, regular_bytes
 from orip.files.text.shown import shown_token
 from orip.records.names import COMMENT_MARKS, name_fault
 
@@ -46,19 +47,15 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
     A file that is absent and may be so gives None and no complaint.
     """
     try:
-        return path.read_bytes(), ()
+        return regular_bytes(path), ()
     except FileNotFoundError:
         if may_be_absent:
             return None, ()
         message = "there is no such file; write it, or correct the name"
-    except IsADirectoryError:
-        message = "this is a folder, not a file; name the file itself"
+    except NoRegularFileError as fault:
+        message = f"{fault.strerror}; name the file itself"
     except PermissionError:
-        message = (
-            "this is a folder, not a file; name the file itself"
-            if path.is_dir()  # what Windows says when a folder is opened
-            else "the file may not be read; change its permissions"
-        )
+        message = "the file may not be read; change its permissions"
     except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
         reason = getattr(fault, "strerror", None) or str(fault)
         message = f"the file cannot be read ({reason}); check the name and the disk"

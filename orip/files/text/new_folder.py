@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from orip.files.text.atomic import remove_leftovers, replace_text, temporary_beside
+from orip.files.text.atomic import replace_text
+from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.regular_file import file_of
 
 
 def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
@@ -30,7 +32,7 @@ def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
     OSError
         If the folder or the disk refuses; what was written is taken away again.
     """
-    folder = Path(os.path.realpath(folder))
+    folder = file_of(folder)
     if folder.exists():
         _fill(folder, texts)
         return

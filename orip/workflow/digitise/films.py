@@ -16,6 +16,7 @@ import numpy as np
 
 from orip.errors import ProjectWarning, UsageError
 from orip.files.log.text import read_measurements
+from orip.files.text.regular_file import file_of
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
@@ -247,7 +248,7 @@ def position(transformation: PlaneTransformation, xy: Sequence[float] | np.ndarr
 def _files(state: ProjectState, log: Path) -> list[Path]:
     """Return the measurement files that exist, with the log."""
     listed = list(state.texts.measurement_files.value)
-    if log.exists() and log.resolve() not in {path.resolve() for path in listed}:
+    if log.exists() and file_of(log) not in {file_of(path) for path in listed}:
         listed.append(log)
     return listed
 

@@ -6,7 +6,6 @@ project's solution knows; the project's table then has to be the one that is loa
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,8 @@ import numpy as np
 
 from orip.errors import LinkError, UsageError
 from orip.files.drive.table_text import read_drive_table
+from orip.files.text.digest import file_digest
+from orip.files.text.regular_file import regular_bytes
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link, open_link
 from orip.link.reply_values import ProfilePoint
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
@@ -109,7 +110,7 @@ def download(folder: Path, bundle: str | None, url: str) -> Downloaded:
     """
     outcome = commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM))).outcome
     with open_link(url) as link:
-        link.download(outcome.path.read_bytes())
+        link.download(regular_bytes(outcome.path))
         return Downloaded(outcome, link.digest())
 
 
@@ -150,12 +151,12 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
 
 def _is_loaded(project: ProjectFolder, name: str, link: PlateProcessorLink) -> bool:
     path = project.beside_photos(name, "DRV")
-    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == link.digest()
+    return path.is_file() and file_digest(path) == link.digest()
 
 
 def _is_in_system(project: ProjectFolder, name: str, solution: Solution, ground: GroundSystem) -> bool:
     """Tell whether a table is in the object system of the solution: a later adjustment may have another origin."""
-    table = read_drive_table(project.beside_photos(name, "DRV").read_bytes()).table
+    table = read_drive_table(regular_bytes(project.beside_photos(name, "DRV"))).table
     if table is None:
         return False
     rows = {record_key(photo): row for row, photo in enumerate(solution.photos.names)}

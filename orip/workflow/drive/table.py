@@ -11,6 +11,7 @@ import numpy as np
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.drive.table_text import drive_table_text, read_drive_table
+from orip.files.text.regular_file import regular_bytes
 from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground
@@ -89,7 +90,7 @@ def drive_step(bundle: BundleState) -> Step | None:
 
 def _holds(path: Path, text: str) -> bool:
     with suppress(OSError):
-        return path.read_bytes() == text.encode("ascii")
+        return regular_bytes(path) == text.encode("ascii")
     return False
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError
+from orip.files.text.regular_file import regular_bytes
 from orip.link.watch import AXES, LOCAL_AXES, Watch
 from orip.link.watch_processor import LinkedProcessor, OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
@@ -41,7 +42,7 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     path = project.beside_photos(state.name, "DRV")
     if not path.is_file():
         commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM)))
-    data = path.read_bytes()
+    data = regular_bytes(path)
     loaded = load_drive_table(data)
     if not isinstance(loaded, Loaded):
         remedy = "run 'orip drive table' to make it again"

@@ -16,6 +16,7 @@ from orip.files.log.edits_text import EditsText, edit_line, read_edits
 from orip.files.log.text import read_measurements
 from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import file_of
 from orip.interior.replay import Replayed, replay
 from orip.records.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.records.names import record_key
@@ -146,7 +147,7 @@ def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Cha
     shown = project.shown(path)
     found = read_measurements(path, shown)
     raise_complaints(found.complaints)
-    if path.resolve() == before.edits.path.resolve():
+    if file_of(path) == file_of(before.edits.path):
         message = f"this is {EDITS_FILE} itself; name the file with the new measurements"
         raise InputError.single(message, shown)
     if not found.value:
@@ -159,7 +160,7 @@ def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Cha
 
 
 def _replayed_twice(before: _Log, path: Path) -> list[ProjectWarning]:
-    if path.resolve() not in {file.resolve() for file in before.log.files}:
+    if file_of(path) not in {file_of(file) for file in before.log.files}:
         return []
     text = f"is among the project's measurement files too, and is replayed twice; remove it: {EDITS_FILE} has it all"
     return [ProjectWarning("replayed-twice", before.state.project.shown(path), text)]

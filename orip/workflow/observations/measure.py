@@ -9,6 +9,7 @@ from pathlib import Path
 from orip.errors import ProjectWarning
 from orip.files.stores.definitions import StoredRecord
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import file_of
 from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
@@ -190,12 +191,12 @@ def with_digitised(definitions: StoredDefinitions, measured: Measured) -> Stored
 
 
 def _outside_project(state: ProjectState, files: Sequence[Path]) -> list[ProjectWarning]:
-    known = {path.resolve() for path in state.texts.measurement_files.value}
+    known = {file_of(path) for path in state.texts.measurement_files.value}
     text = "is not among the project's measurement_files: 'orip measure' and 'orip run' will not replay it"
     return [
         ProjectWarning("not-in-project", state.project.shown(path), text)
         for path in files
-        if path.resolve() not in known
+        if file_of(path) not in known
     ]
 
 

@@ -14,8 +14,9 @@ from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
-from orip.files.text.atomic import reporting_failure
+from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_link
 from orip.files.text.lock import locked
+from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
@@ -147,14 +148,11 @@ def commit(change: Change[T]) -> Committed[T]:
             if change.further is not None:
                 change.further(stores)
     elif change.edited_texts:
-        with (
-            reporting_failure(PROJECT_FILE, "nothing was written"),
-            locked(project.folder / PROJECT_FILE, PROJECT_FILE),
-        ):
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
             _write_edited_texts(project, change.edited_texts)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
-            backup.write_bytes(path.read_bytes())
+            replace_bytes(backup, regular_bytes(path))
     if change.outputs:
         with stage("writing the listings"):
             for output in change.outputs:
@@ -198,6 +196,8 @@ def _write_edited_texts(project: ProjectFolder, texts: tuple[EditedText, ...]) -
     for text in texts:
         if digest_of_text(text.path) != text.before:
             raise ChangedMeanwhileError(project.shown(text.path))
+        with reporting_failure(project.shown(text.path), text.remedy):
+            require_no_link(text.path)
     for text in texts:
         write_output(project, text.output())
 

@@ -16,7 +16,9 @@ from orip.files.result.json_text import result_pieces, run_of_result
 from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
-from orip.files.text.atomic import lines_in_pieces, remove_leftovers
+from orip.files.text.atomic import lines_in_pieces
+from orip.files.text.leftovers import remove_leftovers
+from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.solution import Solution
@@ -67,8 +69,8 @@ def interior_output(project: ProjectFolder, interior: Interior, run: str) -> Tex
 def stale_solution_outputs(project: ProjectFolder, bundle: str, run: str) -> tuple[Path, ...]:
     """Return the outputs of a bundle that are missing or not those of the run in the store."""
     files = project.outputs(bundle)
-    stale = [path for path in (files.listing, files.errors) if run_of_listing(_head(path)) != run]
-    if run_of_result(_head(files.result)) != run:
+    stale = [path for path in (files.listing, files.errors) if run_of_listing(beginning(path, _HEAD)) != run]
+    if run_of_result(beginning(files.result, _HEAD)) != run:
         stale += [files.result, files.residuals]
     elif not files.residuals.is_file():
         stale.append(files.residuals)
@@ -77,7 +79,7 @@ def stale_solution_outputs(project: ProjectFolder, bundle: str, run: str) -> tup
 
 def is_interior_listing_stale(project: ProjectFolder, run: str) -> bool:
     """Tell whether INTERIOR_RESULT.OUT is missing or not that of the run in the stores."""
-    return run_of_listing(_head(project.interior_listing)) != run
+    return run_of_listing(beginning(project.interior_listing, _HEAD)) != run
 
 
 def rewrite_stale_outputs(project: ProjectFolder) -> None:
@@ -116,10 +118,3 @@ def _rewrite_interior_listing(project: ProjectFolder) -> None:
     if run is not None and is_interior_listing_stale(project, run):
         interior = read_state(project, {"definitions", "marks"}, ()).interior
         write_output(project, interior_output(project, interior, run))
-
-
-def _head(path: Path) -> str:
-    if not path.is_file():
-        return ""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        return file.read(_HEAD)

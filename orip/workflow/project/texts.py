@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from orip.errors import Complaint, InputError
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.text import read_control
 from orip.files.log.text import read_measurements
+from orip.files.project.file_names import is_pattern
 from orip.files.text.digest import file_digest
 from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
@@ -26,6 +28,9 @@ from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_proje
 
 EDITS_FILE = "EDITS.MEA"
 CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR")
+
+MOST_FILES = 10_000
+"""Files that a pattern may find; with more it is one of the whole disk."""
 
 Digests = tuple[tuple[str, str], ...]
 """(name of an input, SHA-256)."""
@@ -183,8 +188,13 @@ def measurement_files(project: ProjectFolder) -> Parsed[tuple[Path, ...]]:
     found: dict[Path, None] = {}
     complaints: list[Complaint] = []
     for pattern in project.definition.measurement_files:
-        if any(mark in pattern for mark in "*?["):
-            matches = sorted(project.folder.glob(pattern), key=lambda path: natural_key(project.shown(path)))
+        if is_pattern(pattern):
+            listed = list(islice(project.folder.glob(pattern), MOST_FILES + 1))
+            if len(listed) > MOST_FILES:
+                message = f"'{pattern}' of measurement_files finds more than {MOST_FILES} files; write a narrower one"
+                complaints.append(Complaint(message, project.shown(project.text), project.lines.get(("project", ""))))
+                continue
+            matches = sorted(listed, key=lambda path: natural_key(project.shown(path)))
             found.update(dict.fromkeys(matches))
             complaints += _nearly_matching(project, pattern, matches)
         elif (project.folder / pattern).exists():

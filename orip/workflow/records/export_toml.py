@@ -13,6 +13,7 @@ from orip.files.project.text import project_document
 from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.commit import Change
@@ -161,10 +162,10 @@ def _not_applied(project: ProjectFolder, stored: StoredDefinitions) -> Iterator[
 def _bytes_of(project: ProjectFolder, path: Path) -> bytes | None:
     """Return what is in a file; None if there is none."""
     with reporting_failure(project.shown(path), _REMEDY):
-        return path.read_bytes() if path.exists() else None
+        return regular_bytes(path) if path.exists() else None
 
 
 def _free_name(path: Path) -> Path:
     """Return a name for what is in the way: FILE.bak, FILE.bak2, ..."""
     names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in range(1, 10_000))
-    return next(name for name in names if not name.exists())
+    return next(name for name in names if not (name.exists() or name.is_symlink()))

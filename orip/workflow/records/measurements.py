@@ -13,6 +13,7 @@ from orip.files.stores import observations, photos, templates
 from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
+from orip.files.text.regular_file import file_of
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.wording import counted
@@ -114,11 +115,11 @@ def _rename_observations(project: ProjectFolder, stores: Stores, renaming: Renam
     measured = observations.read(store)
     if measured is None:
         return
-    if new.resolve() != old.resolve() and observations.read(stores[new]) is not None:
+    if file_of(new) != file_of(old) and observations.read(stores[new]) is not None:
         message = f"{project.shown(new)} holds photo observations already; move it away"
         raise InputError.single(message)
     observations.write(stores[new], replace(measured, bundle=renaming.new))
-    if new.resolve() != old.resolve():
+    if file_of(new) != file_of(old):
         set_run(stores[new], run_of(store))
         _empty(store)
 

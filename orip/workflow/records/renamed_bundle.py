@@ -12,7 +12,8 @@ from pathlib import Path
 from orip.errors import InputError, OripError, ProjectWarning
 from orip.files.stores import solutions
 from orip.files.stores.transaction import Stores
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_bytes
+from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
 from orip.records.solution import Solution
 from orip.wording import agreeing
@@ -60,7 +61,7 @@ def require_free_file(project: ProjectFolder, renaming: Renaming) -> None:
     old, new = project.preliminary(renaming.old), project.preliminary(renaming.new)
     if record_key(renaming.old) == record_key(renaming.new) or not new.is_file():
         return
-    if not (old.is_file() and old.read_bytes() == new.read_bytes()):  # else a run was killed before it had renamed
+    if not (old.is_file() and regular_bytes(old) == regular_bytes(new)):  # else a run was killed before it had renamed
         message = f"{project.shown(new)} already exists; move it away, or choose another name"
         raise InputError.single(message)
 
@@ -78,9 +79,10 @@ def copy_preliminary(project: ProjectFolder, renaming: Renaming) -> None:
         return
     new = project.preliminary(renaming.new)
     try:
-        replace_text(new, old.read_bytes().decode("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        message = f"{project.shown(old)} cannot be copied to {project.shown(new)}: {error}; nothing was renamed"
+        replace_bytes(new, regular_bytes(old))
+    except OSError as error:
+        reason = error.strerror or error
+        message = f"{project.shown(old)} cannot be copied to {project.shown(new)}: {reason}; nothing was renamed"
         raise OripError(message) from error
 
 

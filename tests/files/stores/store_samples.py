@@ -10,6 +10,7 @@ from orip.files.stores import cameras, exterior, observations, photos, solutions
 from orip.files.stores.definitions import StoredRecord
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.control import PointKind
+from orip.records.group_test import GroupKind, GroupTest
 from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TemplateOrientation
 from orip.records.names import name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
@@ -269,6 +270,21 @@ def any_solution(draw):
         ),
         draw(tuples_of(st.tuples(texts, texts))),
         draw(tuples_of(st.tuples(texts, texts, texts))),
+        verdict=draw(texts),
+        groups=draw(tuples_of(any_group_test())),
+    )
+
+
+def any_group_test():
+    return st.builds(
+        GroupTest,
+        st.sampled_from(get_args(GroupKind)),
+        *[texts] * 2,
+        *[integers] * 2,
+        *[any_float] * 8,
+        texts,
+        *[any_float] * 2,
+        st.booleans(),
     )
 
 

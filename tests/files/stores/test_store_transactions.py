@@ -37,7 +37,7 @@ def names_in(path):
 def test_a_new_store_tells_what_it_is(tik):
     header = tik.read_bytes()[:100]
     assert header[68:72] == b"ORIP"
-    assert header[60:64] == (2).to_bytes(4, "big")
+    assert header[60:64] == (3).to_bytes(4, "big")
     assert header[18:20] == b"\x01\x01"  # rollback journal, not WAL
     with contextlib.closing(sqlite3.connect(tik)) as connection:
         tables = connection.execute("SELECT name, strict FROM pragma_table_list WHERE schema = 'main'").fetchall()
@@ -194,7 +194,7 @@ def not_utf8(path):
         (foreign_database, "belongs to another program"),
         (other_kind, r"made as \.PHO and is no \.TIK"),
         (newer, "newer orip .*update orip"),
-        (older, "older orip .schema 1.* has no tick; move it away, then 'orip run' creates a new one"),
+        (older, "older orip .schema 1.* has no tick as they are now; move it away, then 'orip run' creates a new one"),
         (without_table, "damaged .*tick.*last dump"),
         (cut_short, "damaged"),
         (cut_in_header, "damaged"),

@@ -1,0 +1,237 @@
+"""What a search found, in the user's names: blunders with their sizes, and what to do about each."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.adjustment.outlier_tests import LEAST_SIGMA0
+from orip.arrays import FloatArray
+from orip.bundle.solve import SolvedBlock
+from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.records.observation_kinds import (
+    CONTROL_POINT,
+    DIRECTION,
+    DISTANCE,
+    ELEMENT,
+    OBSERVATION_KINDS,
+    PHOTO_POINT,
+    unit_of_observation,
+)
+from orip.records.solution import Blunder, Diagnosis
+from orip.wording import first_names
+
+_NAMED = 6
+"""Alternatives and unknowns that a sentence names."""
+
+_SIZES = 6
+"""Sizes that a sentence has: the largest ones of a theodolite set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Observations that failed their test together.
+
+    Parameters
+    ----------
+    rows : tuple of int
+        Among all observations.
+    statistic, limit : float
+        Of the test they failed; NaN where the Danish method found them.
+    alternatives : tuple of tuples of int
+        Rows of other hypotheses that explain the same misfit nearly as well.
+    undetermined : tuple of str
+        What nothing determines without them.
+    kept : bool
+        They were not left out, since more than their own points would be undetermined.
+    """
+
+    rows: tuple[int, ...]
+    statistic: float
+    limit: float
+    alternatives: tuple[tuple[int, ...], ...] = ()
+    undetermined: tuple[str, ...] = ()
+    kept: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    """All observations of a block, by their rows: what the user calls them, and their a-priori errors."""
+
+    kind: tuple[str, ...]
+    photo: tuple[str, ...]
+    point: tuple[str, ...]
+    component: tuple[str, ...]
+    error: FloatArray
+
+    def names(self, rows: Sequence[int]) -> str:
+        """Return what observations that belong together are called."""
+        first = rows[0]
+        kind, photo, point = self.kind[first], self.photo[first], self.point[first]
+        components = ", ".join(dict.fromkeys(self.component[row] for row in rows))
+        if kind == PHOTO_POINT.name:
+            return f"photo {photo} point {point}"
+        if kind == CONTROL_POINT.name:
+            return f"control point {point}"
+        if kind == DIRECTION.name:
+            sights = dict.fromkeys(self.point[row] for row in rows)
+            return f"theodolite set {photo}" if len(sights) > 1 else f"{components} {point} of set {photo}"
+        if kind == ELEMENT.name:
+            return f"{components} of photo {photo}" if photo else f"{components} of {point}"
+        return f"{OBSERVATION_KINDS[kind].label} {point}"
+
+
+def _listed(solved: SolvedBlock) -> _Listed:
+    parts = [kind.rows for kind in solved.problem.observations]
+    return _Listed(
+        tuple(part.kind.name for part in parts for _ in part.photo),
+        tuple(name for part in parts for name in part.photo),
+        tuple(name for part in parts for name in part.point),
+        tuple(name for part in parts for name in part.component),
+        np.concatenate([part.error for part in parts]),
+    )
+
+
+def blunders_of(solved: SolvedBlock, findings: Sequence[Finding]) -> tuple[Blunder, ...]:
+    """Return the observations left out, with the size of each error and its standard deviation.
+
+    Of a photo point it is the worse component. Where the adjustment without them does not determine what they measure,
+    size and standard deviation are NaN.
+    """
+    listed = _listed(solved)
+    return tuple(
+        blunder
+        for order, finding in enumerate(_left_out(findings), start=1)
+        for blunder in _blunders(solved, listed, finding, order)
+    )
+
+
+def findings_told(solved: SolvedBlock, findings: Sequence[Finding]) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each finding, in the order they were found."""
+    listed = _listed(solved)
+    for finding in findings:
+        name, kind = listed.names(finding.rows), listed.kind[finding.rows[0]]
+        text = f"{name} {_WRONG[kind]}"
+        if finding.kept:
+            text += f" (test {finding.statistic:.1f}, limit {finding.limit:.1f})"
+        else:
+            text += f"; it is off by {_sizes(_blunders(solved, listed, finding, 0), solved.block.ground_unit)}"
+        if finding.alternatives:
+            others = first_names([listed.names(rows) for rows in finding.alternatives], _NAMED)
+            text += f"; it cannot be told apart from {others}: one of them is wrong"
+        if finding.undetermined:
+            unknowns = first_names(finding.undetermined, _NAMED)
+            text += f"; nothing else determines {unknowns}" + (", so it was not left out" if finding.kept else "")
+        yield Diagnosis("blunder-kept" if finding.kept else "blunder", name, text, _REMEDY[kind])
+
+
+def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
+    """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
+    wrong = {(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in blunders}
+    contradicting = {blunder.point for blunder in blunders if blunder.kind == CONTROL_POINT.name}
+    return replace(
+        block,
+        photo_points=_without_photo_points(block, blunders),
+        control_points=tuple(
+            _disregarded_point(point) if point.name in contradicting else point for point in block.control_points
+        ),
+        elements=tuple(
+            replace(element, error=-abs(element.error)) if _is_element(element, wrong) else element
+            for element in block.elements
+        ),
+        distances=tuple(
+            replace(distance, error=-abs(distance.error)) if _is_distance(distance, wrong) else distance
+            for distance in block.distances
+        ),
+        directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
+    )
+
+
+_WRONG = {
+    PHOTO_POINT.name: "is measured wrongly",
+    CONTROL_POINT.name: "contradicts the other observations",
+    ELEMENT.name: "contradicts the other observations",
+    DISTANCE.name: "contradicts the other observations",
+    DIRECTION.name: "contradicts the other observations",
+}
+_REMEDY = {
+    PHOTO_POINT.name: "measure it again, or disregard it; check its name",
+    CONTROL_POINT.name: "check the coordinates, and whether the feature measured in the photos is the one surveyed",
+    ELEMENT.name: "check its value and its a-priori error, and whose it is; or disregard it",
+    DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
+    DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
+}
+
+
+def _left_out(findings: Sequence[Finding]) -> list[Finding]:
+    return [finding for finding in findings if not finding.kept]
+
+
+def _blunders(solved: SolvedBlock, listed: _Listed, finding: Finding, order: int) -> list[Blunder]:
+    residual, leverage = solved.equations.residual, solved.cofactors.leverage
+    sigma0 = max(solved.deviation_scale, LEAST_SIGMA0)
+    rows = finding.rows
+    known = not solved.normals.removed[solved.equations.design[list(rows)].indices].any()
+    if listed.kind[rows[0]] == PHOTO_POINT.name:
+        rows = (max(rows, key=lambda row: abs(residual[row])),)
+    return [
+        Blunder(
+            order, listed.kind[row], listed.photo[row], listed.point[row], listed.component[row],
+            # the residual of an unused observation has its own error and that of its prediction
+            size=float(-residual[row] * listed.error[row]) if known else float("nan"),
+            sd=float(sigma0 * listed.error[row] * np.sqrt(1.0 + leverage[row])) if known else float("nan"),
+            statistic=finding.statistic,
+            limit=finding.limit,
+            alternatives="; ".join(listed.names(other) for other in finding.alternatives),
+        )
+        for row in rows
+    ]  # fmt: skip
+
+
+def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:
+    if not np.isfinite([blunder.sd for blunder in blunders]).all():
+        return "an amount that nothing determines"
+    largest = sorted(blunders, key=lambda blunder: -abs(blunder.size) / blunder.sd)[:_SIZES]
+    by_unit: dict[str, list[str]] = {}
+    for blunder in (each for each in blunders if each in largest):
+        unit = unit_of_observation(blunder.kind, blunder.component, ground_unit)
+        by_unit.setdefault(unit, []).append(f"{blunder.component} {blunder.size:+.4g} ± {blunder.sd:.2g}")
+    return ", ".join(f"{', '.join(sizes)} {unit}".rstrip() for unit, sizes in by_unit.items())
+
+
+def _without_photo_points(block: Block, blunders: Sequence[Blunder]) -> IndexedPhotoPoints:
+    photos = {photo.name: place for place, photo in enumerate(block.photos)}
+    place = block.point_index()
+    wrong = {(photos[blunder.photo], place[blunder.point]) for blunder in blunders if blunder.kind == PHOTO_POINT.name}
+    points = block.photo_points
+    keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
+    return replace(points, used=points.used & np.array(keep, dtype=bool)[:, None])
+
+
+def _disregarded_point(point: ControlPoint) -> ControlPoint:
+    x, y, z = (None if error is None else -abs(error) for error in point.errors)
+    return replace(point, errors=(x, y, z))
+
+
+def _is_element(element: ControlElement, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    of_photo = element.group == "PHOTO"
+    names = (element.name, "") if of_photo else ("", element.name)
+    return (ELEMENT.name, *names, element.kind) in wrong
+
+
+def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    return (DISTANCE.name, "", distance.name, distance.code) in wrong
+
+
+def _disregarded_direction(
+    direction: ControlDirection, wrong: Collection[tuple[str, str, str, str]]
+) -> ControlDirection:
+    name = (DIRECTION.name, direction.set, f"{direction.station}-{direction.target}")
+    if (*name, "direction") in wrong:
+        direction = replace(direction, direction_error=-abs(direction.direction_error))
+    if (*name, "zenith") in wrong and direction.zenith_error is not None:
+        direction = replace(direction, zenith_error=-abs(direction.zenith_error))
+    return direction

@@ -1,0 +1,240 @@
+"""The search: test all hypotheses, leave out the likeliest, adjust again; in the end take back what fits after all.
+
+Within one linearisation many blunders are left out one after the other, each judged without those before
+(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from orip.adjustment.iteration import IterationRecord, IterationSettings
+from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
+from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
+from orip.adjustment.sparse_rows import SparseRows
+from orip.arrays import IntArray
+from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.snooping.findings import Finding, blunders_of
+from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, FreedUnknowns, freed_unknowns
+from orip.bundle.snooping.hypotheses import hypotheses_of
+from orip.bundle.snooping.screening import Screening
+from orip.bundle.snooping.selection import Candidates, Choice, to_leave_out, to_take_back
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.bundle.state import BlockState
+from orip.progress import stage
+from orip.records.block import Block
+from orip.records.solution import Blunder
+
+FAMILY_ALPHA = 0.05
+"""Error probability of all tests of a block together, where that of one is not given."""
+
+LARGEST_ALPHA = 0.001
+"""Error probability of one test in a block of few observations."""
+
+_NEAR_THE_WORST = 0.1
+"""Statistics below this part of the largest are judged after the next adjustment: those of large blunders change the
+linearisation."""
+
+_MOST_AT_ONCE = 300
+"""Hypotheses that are judged together, the worst ones; their cofactors make a full matrix."""
+
+
+@dataclass(frozen=True, slots=True)
+class SnoopingSettings:
+    """Settings of data snooping.
+
+    Parameters
+    ----------
+    sigma0 : {"apriori", "posteriori"}
+        Known to be 1, or estimated from the same adjustment.
+    alpha : float or None
+        Error probability of one test. None: it follows the number of tests, so that of all that is right in a block
+        nothing is left out with a probability of 0.95; at most 0.001.
+    """
+
+    sigma0: Literal["apriori", "posteriori"] = "apriori"
+    alpha: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Snooped:
+    """The adjustment without its blunders, and what was found, in the order in which it was."""
+
+    solved: SolvedBlock
+    findings: tuple[Finding, ...]
+
+    @property
+    def blunders(self) -> tuple[Blunder, ...]:
+        """Return the observations left out, with the sizes of their errors."""
+        return blunders_of(self.solved, self.findings)
+
+
+def snoop(
+    block: Block,
+    settings: SnoopingSettings,
+    on_iteration: Callable[[IterationRecord], None],
+    stop_asked: Callable[[], bool],
+) -> Snooped:
+    """Adjust a block and leave out its blunders.
+
+    Parameters
+    ----------
+    block : Block
+    settings : SnoopingSettings
+    on_iteration, stop_asked : callables
+        See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
+
+    Returns
+    -------
+    Snooped
+    """
+    with stage("searching for blunders"):
+        search = _Search(block, settings, on_iteration, stop_asked)
+        while search.goes_on and (search.leave_out() or search.take_back()):
+            search.adjust_again()
+        findings = search.findings()
+    return Snooped(search.solved, findings)
+
+
+class _Search:
+    """A search: what is left out so far, and the last adjustment."""
+
+    def __init__(
+        self,
+        block: Block,
+        settings: SnoopingSettings,
+        on_iteration: Callable[[IterationRecord], None],
+        stop_asked: Callable[[], bool],
+    ) -> None:
+        self.sigma0 = settings.sigma0
+        self.on_iteration, self.stop_asked = on_iteration, stop_asked
+        self.iterations = replace(iteration_settings(block.definition), start_down_weight=None)
+        problem = pose_problem(block)
+        self.hypotheses = hypotheses_of(problem.observations)
+        tests = max(len(self.hypotheses), 1)
+        self.alpha = min(FAMILY_ALPHA / tests, LARGEST_ALPHA) if settings.alpha is None else settings.alpha
+        self.found: dict[int, Finding] = {}
+        self.out: set[int] = set()
+        self.kept: set[int] = set()
+        self.returned: set[int] = set()
+        self.solved = self._solved(problem, starting_state(block), self.iterations)
+        self.screening = Screening(self.hypotheses, len(self.solved.equations.residual))
+        if not self.solved.converged and not stop_asked():
+            robust = replace(self.iterations, start_down_weight=2)
+            self.solved = self._solved(problem, starting_state(block), robust)
+            self._leave_out_down_weighted()
+
+    @property
+    def goes_on(self) -> bool:
+        """Return whether there is a solution to test."""
+        return self.solved.converged and not self.stop_asked()
+
+    def adjust_again(self) -> None:
+        """Adjust without what is left out, from the last solution."""
+        excluded = np.zeros(len(self.solved.equations.residual), dtype=bool)
+        for index in self.out:
+            excluded[list(self.hypotheses.rows[index])] = True
+        problem = replace(self.solved.problem, excluded=excluded)
+        self.solved = self._solved(problem, self.solved.state, self.iterations)
+
+    def _solved(self, problem: BlockProblem, start: BlockState, iterations: IterationSettings) -> SolvedBlock:
+        return solve_problem(problem, start, iterations, self.on_iteration, self.stop_asked)
+
+    def _with_stored_design(self) -> SolvedBlock:
+        """Return the last adjustment with its design matrix, of which rows are asked for again and again."""
+        equations = self.solved.equations
+        if not isinstance(equations.rows, SparseRows):
+            self.solved = replace(self.solved, equations=replace(equations, rows=SparseRows(equations.design)))
+        return self.solved
+
+    def leave_out(self) -> bool:
+        """Leave out what fails; return whether there was something."""
+        test = self._test()
+        failing = self.screening.failing(self.solved, test)
+        if not len(failing.numbers):
+            return False
+        rest = float(failing.ratio[_MOST_AT_ONCE]) if len(failing.numbers) > _MOST_AT_ONCE else 0.0
+        # what is kept though it is wrong must not make others fail: they are judged without it
+        kept = list(self.kept)
+        numbers = kept + [index for index in failing.numbers[:_MOST_AT_ONCE].tolist() if index not in self.kept]
+        rows, candidates = self._candidates(numbers)
+        solved = self._with_stored_design()
+        factored = factored_rows(solved.equations, solved.normals, solved.problem.layout, rows)
+        effects = JointEffects(solved.equations.residual[rows], factored.cofactor(), solved.equations.active[rows])
+        for place in range(len(kept)):
+            effects = effects.changed(candidates.places[place])
+        out: list[int] = []
+        for choice, now in to_leave_out(effects, candidates, test, lambda ratio: max(_NEAR_THE_WORST * ratio, rest)):
+            own, freed = candidates.places[choice.candidate], NOTHING_FREED
+            if now.unchecked(own):
+                freed = freed_unknowns(solved, rows, factored, np.array(out, dtype=np.int64), own)
+            if freed.are_own:
+                out += own.tolist()
+            self._note(choice, numbers, freed)
+        return bool(out)
+
+    def _note(self, choice: Choice, numbers: Sequence[int], freed: FreedUnknowns) -> None:
+        """Note that a hypothesis is left out, or kept since more than its own points would be undetermined."""
+        index = numbers[choice.candidate]
+        (self.out if freed.are_own else self.kept).add(index)
+        self.found[index] = Finding(
+            self.hypotheses.rows[index],
+            choice.statistic,
+            choice.limit,
+            alternatives=tuple(self.hypotheses.rows[numbers[other]] for other in choice.alternatives),
+            undetermined=freed.names,
+            kept=not freed.are_own,
+        )
+
+    def take_back(self) -> bool:
+        """Use again what fits, each hypothesis at most once; return whether there was something."""
+        left_out = [index for index in self.found if index in self.out and index not in self.returned]
+        waiting = self.screening.may_fit(self.solved, self._test(), left_out)
+        if not waiting:
+            return False
+        rows, candidates = self._candidates(waiting)
+        solved = self._with_stored_design()
+        effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
+        back = [waiting[choice.candidate] for choice in to_take_back(effects, candidates, self._test())]
+        self.returned.update(back)
+        self.out.difference_update(back)
+        return bool(back)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what is left out, or kept though it fails, in the order in which it was found."""
+        if self.found:
+            self._with_stored_design()
+        return tuple(finding for index, finding in self.found.items() if index in self.out or index in self.kept)
+
+    def _leave_out_down_weighted(self) -> None:
+        """Leave out what the Danish method down-weights: blunders too large for the iterations to converge."""
+        down = self.solved.weight_factors < 1.0
+        for index in np.unique(self.screening.of_row[down & self.solved.equations.active]).tolist():
+            if index >= 0:
+                self.out.add(index)
+                self.found[index] = Finding(self.hypotheses.rows[index], np.nan, np.nan)
+        self.adjust_again()
+        # without these something is no longer determined: they cannot be judged, and are used again
+        removed = self.solved.normals.removed
+        design = self._with_stored_design().equations.design
+        needed = {index for index in self.out if removed[design[list(self.hypotheses.rows[index])].indices].any()}
+        if needed and self.goes_on:
+            self.out -= needed
+            self.adjust_again()
+
+    def _candidates(self, numbers: Sequence[int]) -> tuple[IntArray, Candidates]:
+        """Return the rows of hypotheses, and these as candidates among the rows."""
+        groups = [np.array(self.hypotheses.rows[index]) for index in numbers]
+        rows = np.unique(np.concatenate(groups))
+        places = [np.searchsorted(rows, group) for group in groups]
+        return rows, Candidates(places, self.hypotheses.by_component[list(numbers)])
+
+    def _test(self) -> OutlierTest:
+        variance = self.solved.variance
+        if self.sigma0 == "apriori" or not np.isfinite(variance.sigma0_all):
+            return OutlierTest(self.alpha, 1.0, None)
+        return OutlierTest(self.alpha, max(variance.sigma0_all, LEAST_SIGMA0), variance.redundancy)

@@ -1,0 +1,174 @@
+"""What is left out or taken back within one linearisation: the likeliest first, the others judged without it.
+
+Hypotheses of different size compete by the fall of the weighted square sum less the limit of their own test: a group
+wins over a single observation only if its further observations explain more than chance does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import log
+
+import numpy as np
+
+from orip.adjustment.joint_effects import JointEffects
+from orip.adjustment.outlier_tests import OutlierTest
+from orip.arrays import BoolArray, FloatArray, IntArray
+
+_SEPARABLE = 2.0 * log(100.0)
+"""Two hypotheses are told apart if one is a hundred times likelier than the other: the difference of square sums."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A hypothesis (number of the candidate) that is left out or taken back.
+
+    Parameters
+    ----------
+    candidate : int
+    statistic, limit : float
+        Those it failed or fitted by.
+    alternatives : tuple of int
+        Candidates that explain the same misfit nearly as well, the likeliest first.
+    """
+
+    candidate: int
+    statistic: float
+    limit: float
+    alternatives: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Hypotheses among the observations of a `JointEffects`.
+
+    Parameters
+    ----------
+    places : sequence of arrays of int
+        Of the observations of each.
+    by_component : array (u,) of bool
+        Tested by the largest w, and not as a whole.
+    """
+
+    places: Sequence[IntArray]
+    by_component: BoolArray
+
+    @cached_property
+    def sizes(self) -> IntArray:
+        """Return the number of observations (u,) of each."""
+        return np.array([len(places) for places in self.places], dtype=np.int64)
+
+    @cached_property
+    def by_size(self) -> tuple[tuple[IntArray, IntArray], ...]:
+        """Return candidates (v,) and their places (v, k) for each size k."""
+        members = [np.flatnonzero(self.sizes == size) for size in np.unique(self.sizes)]
+        return tuple((chosen, np.array([self.places[index] for index in chosen.tolist()])) for chosen in members)
+
+    def touching(self, candidate: int) -> BoolArray:
+        """Return which candidates (u,) share an observation with one."""
+        own = set(self.places[candidate].tolist())
+        return np.array([not own.isdisjoint(places.tolist()) for places in self.places])
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """Test of u candidates: statistic and limit (u,), and by how much the square sum exceeds the limit of its fall."""
+
+    statistic: FloatArray
+    limit: FloatArray
+    change: FloatArray
+    freedom: IntArray
+    excess: FloatArray
+
+    @property
+    def ratio(self) -> FloatArray:
+        """Return statistic over limit (u,); 0 where nothing can be tested."""
+        return np.where(np.isfinite(self.statistic), self.statistic, 0.0) / self.limit
+
+
+def assess(effects: JointEffects, candidates: Candidates, test: OutlierTest) -> Assessment:
+    """Test candidates: those in use for leaving out, those left out for taking back."""
+    count = len(candidates.places)
+    statistic, limit, change, excess = (np.zeros(count) for _ in range(4))
+    freedom = np.zeros(count, dtype=np.int64)
+    w = effects.normalised() / test.sigma0
+    for chosen, places in candidates.by_size:
+        found = effects.square_sum_changes(places)
+        used = effects.in_use[places[:, 0]]
+        limits = np.array([_group_limits(test, size) for size in range(places.shape[1] + 1)])
+        own = limits[found.freedom, np.where(used, 0, 1)]
+        root = np.sqrt(found.change) / test.sigma0
+        change[chosen], freedom[chosen] = found
+        excess[chosen] = root**2 - own**2
+        largest = np.fmax.reduce(w[places], axis=1)
+        of_one = np.where(used, test.limit(places.shape[1]), test.limit_of_left_out(places.shape[1]))
+        single = candidates.by_component[chosen]
+        statistic[chosen] = np.where(found.freedom > 0, np.where(single, largest, root), np.nan)
+        limit[chosen] = np.where(single, of_one, own)
+    return Assessment(statistic, limit, change, freedom, excess)
+
+
+def _group_limits(test: OutlierTest, size: int) -> tuple[float, float]:
+    return (test.group_limit(size), test.group_limit_of_left_out(size)) if size else (np.inf, np.inf)
+
+
+def to_leave_out(
+    effects: JointEffects,
+    candidates: Candidates,
+    test: OutlierTest,
+    least_ratio: Callable[[float], float],
+) -> Iterator[tuple[Choice, JointEffects]]:
+    """Yield what fails, the likeliest first, each with the effects before it is left out.
+
+    Parameters
+    ----------
+    effects : JointEffects
+        Candidates that have an observation not in use take no part.
+    candidates : Candidates
+    test : OutlierTest
+    least_ratio : callable
+        Given the ratio of statistic to limit of the first choice, returns that down to which this linearisation is
+        good enough.
+    """
+    open_ = np.array([effects.in_use[places].all() for places in candidates.places], dtype=bool)
+    floor = 0.0
+    now = assess(effects, candidates, test)
+    while True:
+        failing = open_ & (now.ratio > 1.0)
+        if not failing.any():
+            return
+        best = int(np.where(failing, now.excess, -np.inf).argmax())
+        floor = floor or least_ratio(float(now.ratio[best]))
+        if now.ratio[best] < floor:
+            return
+        after = effects.changed(candidates.places[best])
+        next_test = test.after(float(now.change[best]), int(now.freedom[best]))
+        open_ &= ~candidates.touching(best)
+        then = assess(after, candidates, next_test)
+        equal = failing & open_ & ~(then.ratio > 1.0) & (_difference(now, best, test, next_test) < _SEPARABLE)
+        others = np.flatnonzero(equal)
+        alternatives = tuple(others[np.argsort(-now.excess[others], kind="stable")].tolist())
+        yield Choice(best, float(now.statistic[best]), float(now.limit[best]), alternatives), effects
+        effects, test, now = after, next_test, then
+
+
+def _difference(now: Assessment, best: int, test: OutlierTest, after: OutlierTest) -> FloatArray:
+    """Return by how much less other hypotheses explain than the best, as square sums of normal variables."""
+    return np.asarray((now.excess[best] - now.excess) * (test.sigma0 / max(after.sigma0, 1e-300)) ** 2)
+
+
+def to_take_back(effects: JointEffects, candidates: Candidates, test: OutlierTest) -> Iterator[Choice]:
+    """Yield what fits although it was left out, the best first; each is in use when the next one is judged."""
+    waiting = np.ones(len(candidates.places), dtype=bool)
+    while waiting.any():
+        now = assess(effects, candidates, test)
+        ratio = np.where(waiting & np.isfinite(now.statistic), now.ratio, np.inf)
+        best = int(ratio.argmin())
+        if ratio[best] > 1.0:
+            return
+        yield Choice(best, float(now.statistic[best]), float(now.limit[best]))
+        waiting &= ~candidates.touching(best)
+        effects = effects.changed(candidates.places[best])
+        test = test.after(-float(now.change[best]), -int(now.freedom[best]))

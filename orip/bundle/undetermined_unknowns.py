@@ -1,0 +1,157 @@
+"""Unknowns that nothing determines keep their values: the block is adjusted again with them held.
+
+Which unknowns are removed is decided in each iteration, so that one that is not removed in all of them moves. Rotations
+of photos are unknowns about the ground axes; one of these held keeps no angle. Therefore it is decided once more at the
+solution, with omega, phi and kappa themselves as unknowns, and what is removed then is held where it started.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.iteration import Adjustment, IterationRecord, IterationSettings, adjust
+from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.problem import BlockProblem
+from orip.bundle.state import BlockState
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.geometry.rotation import rotation_from_angles
+from orip.records.ground import PlainGround
+
+_LEAST_COSINE_OF_PHI = 0.02
+"""Nearer to phi = ±90 degrees omega and kappa turn about the same axis; such photos keep rotations about the axes."""
+
+_SAME = 1e-9
+"""Values that differ by less, relative to 1 or their own size, have not been moved; angles are in radians."""
+
+
+def with_undetermined_held(
+    problem: BlockProblem,
+    start: BlockState,
+    found: Adjustment[BlockState],
+    settings: IterationSettings,
+    on_iteration: Callable[[IterationRecord], None],
+    stop_asked: Callable[[], bool],
+) -> Adjustment[BlockState]:
+    """Return an adjustment in which unknowns that nothing determines have the values that they started with.
+
+    Parameters
+    ----------
+    problem : BlockProblem
+    start : BlockState
+    found : Adjustment
+        Of the problem from that start.
+    settings : IterationSettings
+    on_iteration, stop_asked : callable
+        See `orip.adjustment.iteration.adjust`.
+
+    Returns
+    -------
+    Adjustment
+        `found` itself where everything is determined, in free networks (all of whose unknowns are placed by their
+        datum), and where the adjustment did not converge, before or with these unknowns held.
+    """
+    removed = found.normals.removed
+    if problem.datum is not None or not removed.any() or found.reason is not TerminationReason.CONVERGED:
+        return found
+    of_angles = _by_angles(problem, found, settings)
+    removed = of_angles.normals.removed
+    if not (_moved(start, of_angles.state, problem.unknowns) & removed).any():
+        return of_angles
+    count = int(np.count_nonzero(removed))
+    held = _holding(problem, removed)
+    again = adjust(
+        held,
+        _reset(of_angles.state, start, removed, problem.unknowns),
+        settings,
+        lambda record: on_iteration(_with_removed(record, count)),
+        stop_asked,
+    )
+    if again.reason is not TerminationReason.CONVERGED:
+        return found
+    return replace(
+        again,
+        normals=_with_removed_unknowns(again.normals, of_angles.normals),
+        iterations=tuple(_with_removed(record, count) for record in again.iterations),
+    )
+
+
+def _by_angles(
+    problem: BlockProblem, found: Adjustment[BlockState], settings: IterationSettings
+) -> Adjustment[BlockState]:
+    """Return the adjustment with omega, phi and kappa as unknowns of the photos, where these are the project's."""
+    turned = np.abs(np.cos(found.state.angles()[:, 1])) > _LEAST_COSINE_OF_PHI
+    plain = isinstance(problem.block.ground, PlainGround)
+    if not plain or not found.normals.removed[: problem.layout.reduced].any():
+        turned = found.state.turned_by_angles
+    if np.array_equal(turned, found.state.turned_by_angles):
+        return found
+    state = replace(found.state, turned_by_angles=turned)
+    equations = problem.linearise(state)
+    normals = solve_normals(equations, found.weight_factors, problem.layout, settings.max_lost_digits)
+    return replace(found, state=state, equations=equations, normals=normals)
+
+
+def _holding(problem: BlockProblem, removed: BoolArray) -> BlockProblem:
+    layout = replace(problem.layout, fixed=problem.layout.fixed | removed)
+    return replace(problem, unknowns=replace(problem.unknowns, layout=layout))
+
+
+def _with_removed(record: IterationRecord, count: int) -> IterationRecord:
+    return replace(record, singular=record.singular + count)
+
+
+def _with_removed_unknowns(normals: SolvedNormals, before: SolvedNormals) -> SolvedNormals:
+    return replace(
+        normals,
+        removed=normals.removed | before.removed,
+        lost_digits=np.where(before.removed, before.lost_digits, normals.lost_digits),
+    )
+
+
+def _moved(start: BlockState, end: BlockState, unknowns: Unknowns) -> BoolArray:
+    """Return which unknowns (m + 3 b,) have other values at the end."""
+    before, after = _values(start, unknowns), _values(end, unknowns)
+    return np.asarray(np.abs(after - before) > _SAME * np.maximum(np.abs(before), 1.0))
+
+
+def _values(state: BlockState, unknowns: Unknowns) -> FloatArray:
+    values = np.zeros(unknowns.layout.size)
+    for columns, table in _tables(state, unknowns):
+        values[columns[columns != CONSTANT]] = table[columns != CONSTANT]
+    return values
+
+
+def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, FloatArray]]:
+    return [
+        (unknowns.cameras, state.cameras),
+        (unknowns.additional, state.additional),
+        (unknowns.theodolites, state.theodolites),
+        (unknowns.photos[:, :3], state.centres),
+        (unknowns.photos[:, 3:], state.angles()),
+        (unknowns.points, state.points),
+    ]
+
+
+def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: Unknowns) -> BlockState:
+    """Return the state with the removed unknowns as they started."""
+    padded = np.append(removed, False)  # CONSTANT is the last place
+
+    def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
+        return np.where(padded[columns], started, values)
+
+    cameras, additional, theodolites, centres, angles, points = (
+        table(columns, values, started)
+        for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
+    )
+    rotations = state.rotations.copy()
+    turned = padded[unknowns.photos[:, 3:]].any(axis=1)
+    rotations[turned] = rotation_from_angles(angles[turned])
+    return replace(
+        state, cameras=cameras, additional=additional, theodolites=theodolites, centres=centres, rotations=rotations,
+        points=points, memory={},
+    )  # fmt: skip

@@ -1,0 +1,105 @@
+"""The verdict on an adjustment: the chi-square test of sigma0, and the sentence that comes first."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from orip.bundle.group_words import CODE
+from orip.records.solution import Diagnosis, Solution
+from orip.wording import counted
+
+Level = Literal["good", "caution", "bad"]
+
+CONFIDENCE = 0.95
+_FAR_ABOVE = 2.0
+"""sigma0 from which on the a-priori errors are not just optimistic; the diagnosis has the same limit."""
+
+_HANDFUL = 10.0
+"""Redundancy below which sigma0 says nothing of the a-priori errors: by chance it is anything from a half to twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalTest:
+    """The chi-square test of sigma0 against 1.
+
+    Parameters
+    ----------
+    freedom : float
+        Degrees of freedom, redundancy_used.
+    lower, upper : float
+        Where sigma0 lies with probability 0.95 if the a-priori errors are right.
+    statistic : float
+        redundancy_used · sigma0².
+    p : float
+        Probability of a statistic so large or larger.
+    """
+
+    freedom: float
+    lower: float
+    upper: float
+    statistic: float
+    p: float
+
+
+def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
+    """Return the two-sided test of sigma0 = 1; None where nothing is redundant.
+
+    redundancy · sigma0² is chi-square distributed on as many degrees of freedom if the a-priori errors are right.
+
+    Parameters
+    ----------
+    sigma0 : float
+    redundancy : float
+        Of the observations that sigma0 is based on; not always a whole number.
+    """
+    from scipy.special import gammaincc, gammaincinv
+
+    if not (redundancy > 0.0 and math.isfinite(sigma0)):
+        return None
+    tail = (1.0 - CONFIDENCE) / 2.0
+    lower, upper = (math.sqrt(2.0 * gammaincinv(redundancy / 2.0, part) / redundancy) for part in (tail, 1.0 - tail))
+    statistic = redundancy * sigma0**2
+    return GlobalTest(redundancy, lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
+
+
+def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
+    """Return whether all is well, and what comes first; `failed` gates were not passed."""
+    if solution.status in {"not_converged", "stopped"}:
+        how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
+        return "bad", f"The adjustment {how}: do not use its values"
+    if solution.singular:
+        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined"
+    if failed:
+        return "bad", f"Converged, but {counted(failed, 'gate')} failed"
+    if contradicting := group_findings(solution):
+        return "caution", f"Converged, but {contradicting[0].text}"
+    if solution.blunders or solution.status == "doubtful":
+        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
+        why = f"{found} found and left out" if solution.blunders else "observations do not fit"
+        return "caution", f"Converged, with doubts: {why}"
+    if test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE):
+        return "caution", "Converged, but the residuals are far larger than the a-priori errors"
+    if solution.diagnosis:
+        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
+    return "good", "Converged, nothing conspicuous"
+
+
+def group_findings(solution: Solution) -> list[Diagnosis]:
+    """Return the diagnoses of groups of observations that contradict the others, the gravest first."""
+    return [found for found in solution.diagnosis if found.code == CODE]
+
+
+def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
+    """Return what the test says of sigma0."""
+    # of a large block the interval is narrower than 0.01
+    decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
+    between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
+    if sigma0 < test.lower:
+        return f"below the {between}: the observations are better than their a-priori errors"
+    if sigma0 > test.upper:
+        return f"above the {between}: the residuals are larger than the a-priori errors suggest"
+    if test.freedom < _HANDFUL:
+        return f"within the {between}, but redundancy {test.freedom:.2g} is too little to test the a-priori errors"
+    return f"within the {between}: the residuals do not contradict the a-priori errors, p = {test.p:.2f}"

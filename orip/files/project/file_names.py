@@ -1,0 +1,66 @@
+"""What the names of a project's files must be, before any file is looked for."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+
+_UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
+_WILDCARDS = frozenset("*?[")
+_LONGEST_NAME = 200
+"""Bytes; file systems take 255, and what stands before and after it (_PRELIM_RESULT.OUT, -journal) needs its room."""
+_LONGEST_PATH = 1000
+"""Bytes; the folder before it needs its room in the 4096 that systems take."""
+
+
+def file_name_fault(name: str) -> str | None:
+    """Say why a name cannot be the base name of files, or return None if it can."""
+    if not name or not name.isprintable():
+        return "is empty or has characters that cannot be printed"
+    if any(character.isspace() for character in name):
+        return "has a blank"
+    unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
+    if unfit:
+        return f"has {' '.join(unfit)}, which file names cannot have"
+    return "is no file name" if name in {".", ".."} else _length_fault(name)
+
+
+def fit_file_name(name: str) -> str:
+    """Return the file name nearest to a name that is none."""
+    fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
+    return fit if fit.strip("._") else "PROJECT"
+
+
+def store_path_fault(path: str, extension: str) -> str | None:
+    """Say why a text cannot be the path of a store that has the extension, or return None if it can."""
+    if not path.isprintable():
+        return f"has characters that cannot be printed; write a file name such as NAME{extension}"
+    if PurePath(path).suffix.upper() != extension:
+        return f"does not end in {extension}, as this store does; write a file name such as NAME{extension}"
+    fault = _length_fault(path)
+    return None if fault is None else f"{fault}; choose a shorter one"
+
+
+def pattern_fault(pattern: str) -> str | None:
+    """Say why a text cannot be the pattern of files, or return None if it can."""
+    if not pattern.isprintable():
+        return 'has characters that cannot be printed; write a pattern such as "*.MEA"'
+    parts = PurePath(pattern).parts
+    if is_pattern(pattern) and PurePath(pattern).anchor:
+        return "has wildcards and begins at the top of the disk; write it from the project folder, or name each file"
+    if any("**" in part and part != "**" for part in parts):
+        return "has ** beside other characters; ** stands alone between two slashes, for folders"
+    fault = _length_fault(pattern)
+    return None if fault is None else f"{fault}; choose a shorter one"
+
+
+def is_pattern(name: str) -> bool:
+    """Tell whether a name has wildcards."""
+    return not _WILDCARDS.isdisjoint(name)
+
+
+def _length_fault(path: str) -> str | None:
+    longest = max((len(part.encode("utf-8", "surrogatepass")) for part in PurePath(path).parts), default=0)
+    if longest > _LONGEST_NAME:
+        return f"has {longest} bytes, and names of files have up to {_LONGEST_NAME}"
+    size = len(path.encode("utf-8", "surrogatepass"))
+    return f"has {size} bytes, and paths have up to {_LONGEST_PATH}" if size > _LONGEST_PATH else None

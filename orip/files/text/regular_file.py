@@ -1,0 +1,123 @@
+"""Opening files of the user's: regular files alone, of a size that a text can have.
+
+A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are refused by
+what they are, before anything is read.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from functools import cache
+from io import BufferedReader
+from pathlib import Path
+
+LARGEST_FILE = 1 << 30
+"""Bytes that are read of a file: some ten million lines."""
+
+_OPENING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
+_SYSTEM_FOLDERS = ("/proc", "/sys")
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe (FIFO)"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+class NoRegularFileError(OSError):
+    """What has the name of a file is something else; `kind` says what."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(errno.EINVAL, f"this is {kind}, not a file")
+        self.kind = kind
+
+
+def file_of(path: Path) -> Path:
+    """Return the file that a name leads to through all links, as an absolute path; links in a circle stay as they are.
+
+    Raises
+    ------
+    ValueError
+        If the name has a zero character.
+    """
+    return Path(os.path.realpath(path))
+
+
+def kind_of_no_file(status: os.stat_result) -> str | None:
+    """Say what something is that is no regular file on a disk; None of one that is."""
+    for is_kind, name in _KINDS:
+        if is_kind(status.st_mode):
+            return name
+    return "a file of the running system" if status.st_dev in _system_devices() else None
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a regular file for reading.
+
+    Raises
+    ------
+    NoRegularFileError
+        If it is anything else; nothing waits for a pipe.
+    OSError
+        If it cannot be opened, or is larger than `LARGEST_FILE`.
+    ValueError
+        If the name has a zero character.
+    """
+    # looked at before it is opened: opening alone may do something to a device
+    _require_regular(os.stat(path))  # noqa: PTH116  # the same look at the name as at the descriptor below
+    descriptor = os.open(path, _OPENING)
+    try:
+        _require_regular(os.fstat(descriptor))
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def regular_bytes(path: Path) -> bytes:
+    """Return the bytes of a regular file.
+
+    Raises
+    ------
+    OSError, ValueError
+        As `open_regular`; also if the file has grown beyond `LARGEST_FILE`.
+    """
+    with open_regular(path) as stream:
+        data = stream.read(LARGEST_FILE + 1)
+    if len(data) > LARGEST_FILE:
+        raise _too_large()
+    return data
+
+
+def beginning(path: Path, size: int) -> str:
+    """Return the first characters of a text file, at most `size`; none of what is missing or no regular file."""
+    try:
+        with open_regular(path) as stream:
+            return stream.read(4 * size).decode("utf-8", errors="replace")[:size]
+    except (OSError, ValueError):
+        return ""
+
+
+def _require_regular(status: os.stat_result) -> None:
+    kind = kind_of_no_file(status)
+    if kind is not None:
+        raise NoRegularFileError(kind)
+    if status.st_size > LARGEST_FILE:
+        raise _too_large()
+
+
+def _too_large() -> OSError:
+    return OSError(errno.EFBIG, f"it is larger than {LARGEST_FILE >> 20} MiB")
+
+
+@cache
+def _system_devices() -> frozenset[int]:
+    """Return the devices of what the system shows of itself as files, where it does."""
+    devices = set()
+    for folder in map(Path, _SYSTEM_FOLDERS):
+        if folder.is_mount():
+            devices.add(folder.stat().st_dev)
+    return frozenset(devices)

@@ -1,0 +1,82 @@
+"""Tests of groups of observations: whether those of one kind, camera and axis agree with all others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+GroupKind = Literal["photo", "control", "element", "distance", "direction", "check"]
+
+ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
+"""An error common to a group; residuals too large; one check point; too many observations that lost weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupTest:
+    """A group of observations of one kind and component, and how it agrees with the others.
+
+    Residuals are adjusted minus observed, in the unit of the observation. Probabilities are those of figures as large
+    or larger by chance if the a-priori errors are right; NaN where nothing can be tested.
+
+    Parameters
+    ----------
+    kind : GroupKind
+    of : str
+        The camera of photo points; PHOTO, CAMERA, POINT or THEODOLITE of elements; else empty.
+    component : str
+        As in residuals.csv: ``x``, ``Z``, ``Z0``, ``XYZ``, ``zenith``.
+    number, down_weighted : int
+        Observations, and those with a weight factor below 1.
+    redundancy : float
+        Sum of the redundancy numbers of those with weight factor 1; of check points, their number.
+    sigma0, p_sigma0 : float
+        Root of the square sum of the standard residuals over the redundancy, of those with weight factor 1; of check
+        points, with the covariances of their differences.
+    mean, mean_sd, p_mean : float
+        Weighted mean of the residuals. Its standard deviation takes their correlation into account; that of photo
+        points is an upper bound.
+    shift, shift_sd : float
+        The error common to all observations that explains the mean best: observed minus what all others predict.
+    worst : str
+        The check point that differs most for its standard deviation, or the only observation of a group.
+    worst_size, p_worst : float
+        Its difference, and the probability that the largest of so many is so large; NaN except for check points.
+    doubted : bool
+        One of the probabilities is too small, given how many groups are tested.
+    """
+
+    kind: GroupKind
+    of: str
+    component: str
+    number: int
+    down_weighted: int
+    redundancy: float
+    sigma0: float
+    p_sigma0: float
+    mean: float
+    mean_sd: float
+    p_mean: float
+    shift: float
+    shift_sd: float
+    worst: str
+    worst_size: float
+    p_worst: float
+    doubted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """What contradicts all other observations.
+
+    Parameters
+    ----------
+    what : ContradictionKind
+    groups : tuple of GroupTest
+        Of a shift there are several where they cannot be told apart.
+    p : float
+        Probability of so much or more by chance.
+    """
+
+    what: ContradictionKind
+    groups: tuple[GroupTest, ...]
+    p: float

@@ -1,0 +1,70 @@
+"""Blocks with unknowns that nothing determines: how many are removed, and what the others are then."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import orip
+from orip.bundle.results import solution_of
+from orip.bundle.solve import solve_block
+from orip.records.photo import PHOTO_PARAMETERS
+
+BLOCKS = Path(__file__).parent / "undetermined_blocks"
+
+
+def solved(folder: Path, name: str) -> orip.Solution:
+    shutil.copytree(BLOCKS / name, folder / name)
+    return orip.open_project(folder / name).solve()
+
+
+def started_with(folder: Path) -> dict[tuple[str, str], float]:
+    """Return the values of orip.toml by photo and element."""
+    blocks = (folder / "orip.toml").read_text().split("[[photo]]")[1:]
+    return {
+        (re.search(r'name = "(\w+)"', block)[1], element): float(re.search(rf"^{element} = (\S+)", block, re.M)[1])
+        for block in blocks
+        for element in PHOTO_PARAMETERS
+    }
+
+
+def test_no_determined_unknown_is_removed_beside_weakly_determined_ones(tmp_path):
+    found = solved(tmp_path, "lost_digits_sound_removed")
+    # the singular values of its design matrix have a gap from 6e-16 to 8e-4, and eleven are below it
+    assert len(found.singular) == 11
+    assert found.redundancy == 27
+    assert found.status == "converged"
+
+
+def test_a_removed_angle_keeps_its_value(tmp_path):
+    found = solved(tmp_path, "removed_angle_moves")
+    given = started_with(tmp_path / "removed_angle_moves")
+    photos = found.photos
+    assert any(unknown.kind == "PHI" for unknown in found.singular)
+    for unknown in found.singular:
+        value = photos.orientations[photos.names.index(unknown.name)][PHOTO_PARAMETERS.index(unknown.kind)]
+        assert value == pytest.approx(given[unknown.name, unknown.kind], abs=1e-9)
+
+
+def test_others_are_as_precise_as_if_the_removed_ones_were_constant(tmp_path):
+    found = solved(tmp_path, "removed_angle_moves")
+    block = found._solved.block
+    held = {}
+    for unknown in found.singular:
+        held.setdefault(unknown.name, set()).add(unknown.kind)
+    photos = tuple(
+        replace(photo, constant=tuple(kind for kind in PHOTO_PARAMETERS if kind in held.get(photo.name, ())))
+        for photo in block.photos
+    )
+    constant = solution_of(solve_block(replace(block, photos=photos), lambda _: None, lambda: False))
+    record = found._record
+    others = np.isfinite(record.photos.sd)
+    # angles of photos without removed ones are unknowns about the axes there: the iterations end a little differently
+    assert np.allclose(record.photos.sd[others], constant.photos.sd[others], rtol=1e-4)
+    assert np.allclose(record.points.sd, constant.points.sd, rtol=1e-4)
+    assert np.allclose(record.points.values, constant.points.values, atol=1e-3 * record.points.sd.min())

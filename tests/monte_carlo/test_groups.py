@@ -1,0 +1,66 @@
+"""How often groups of observations with an error common to all of them are named, and clean blocks doubted.
+
+The figures of the long study are in docs/monte-carlo.md; `--log-cli-level=INFO` shows them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+
+import pytest
+from monte_carlo.grouped_blocks import Grouped, Planted, grouped_block, verdict_of
+from monte_carlo.simulated_blocks import in_parallel
+
+LOG = logging.getLogger(__name__)
+
+
+def outcome(case: tuple[Planted, int]) -> str:
+    """Return what a block is said to be: clean, rightly or wrongly accused, or accused as one of several groups."""
+    planted, run = case
+    given = grouped_block(planted, run)
+    _, verdict = verdict_of(given.block)
+    if not verdict.contradictions:
+        return "clean"
+    first = verdict.contradictions[0]
+    if not _is_named(given, {(group.kind, group.component) for group in first.groups}):
+        return "wrong"
+    return "named" if len(first.groups) == 1 else "one of several"
+
+
+def _is_named(given: Grouped, groups: set[tuple[str, str]]) -> bool:
+    return (given.planted, given.component) in groups
+
+
+def counted(planted: Planted, runs: int, processes: int) -> Counter[str]:
+    found = Counter(in_parallel(outcome, [(planted, run) for run in range(runs)], processes))
+    LOG.info("%s, %d blocks: %s", planted, runs, dict(found))
+    return found
+
+
+@pytest.mark.parametrize("planted", ["control", "element", "check", "distance"])
+def test_a_group_that_is_shifted_is_named(planted):
+    # of 200 blocks at least 95 % are named; of 4 blocks one more may fail by chance less than once in a hundred times
+    found = counted(planted, 4, 1)
+    assert found["named"] + found["one of several"] >= 3
+
+
+def test_clean_blocks_are_not_doubted():
+    # at most 3 %: two of 8 are a chance of one in fifty
+    assert counted("none", 8, 1)["clean"] >= 7
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("planted", ["control", "element", "check", "distance"])
+def test_a_group_that_is_shifted_is_named_in_95_percent_of_200_blocks(planted):
+    found = counted(planted, 200, 2)
+    assert found["named"] + found["one of several"] >= 190
+    assert found["one of several"] <= 40
+    assert found["wrong"] <= 4
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_at_most_5_percent_of_500_clean_blocks_are_doubted():
+    assert counted("none", 500, 2)["clean"] >= 475
