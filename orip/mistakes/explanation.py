@@ -25,11 +25,12 @@ from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
 from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, is_good, misfit, removes_misfits
+from orip.mistakes.given_orientations import misgiven_as_a_whole
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.hypotheses.released_control import without_control
-from orip.mistakes.hypotheses.unknown_orientations import misgiven, without_orientations
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
 from orip.records.solution import Solution
 
@@ -58,21 +59,27 @@ def explain_misfit(
     readjuster : Readjuster
     """
     given = fit_of_adjustment(solved)
-    if not is_good(given) and (found := _with_found_orientations(readjuster)):
+    elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
+    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
         return found
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
+    if elsewhere is not None:
+        return misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
     return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
 
 
-def _with_found_orientations(readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what a block shows that fits if its orientations are found, and not if they start as given."""
+def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
+    """Return a block that fits if its orientations are found; None where they do not matter, or none are given."""
     released = without_orientations(readjuster.block)
     solved = readjuster.adjust(released) if readjuster.is_worthwhile and released is not None else None
-    if solved is None or not is_good(fit_of_adjustment(solved)):
-        return []
+    return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
+
+
+def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what a block shows that fits with other orientations than the given ones."""
     return misgiven(solved, readjuster.block) or _shown_by_itself(solution_of(solved), solved, readjuster)
 
 
@@ -119,12 +126,13 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     """
     if not readjuster.is_worthwhile:
         return []
-    if found := _with_found_orientations(readjuster):
+    elsewhere = _with_found_orientations(readjuster)
+    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
         return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.hypothesis.findings(tried.solved)
-    return []
+    return [] if elsewhere is None else misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
 
 
 @dataclass(frozen=True, slots=True)

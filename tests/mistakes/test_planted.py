@@ -36,7 +36,7 @@ FIXED = [
     ("check_point_far_off", "strip"),
     ("two_check_points_exchanged", "object"),
     ("one_number_for_two_points", "two strips"),
-    ("two_numbers_for_one_point", "strip"),
+    ("two_numbers_for_one_point", "two strips"),
     ("another_number_in_a_photo", "object"),
     ("wrong_distance", "facade"),
     ("distance_to_another_point", "object"),

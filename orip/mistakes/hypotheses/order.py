@@ -26,7 +26,6 @@ from orip.mistakes.hypotheses.other_cameras import other_cameras
 from orip.mistakes.hypotheses.principal_distance import other_principal_distance
 from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
 from orip.mistakes.hypotheses.released_control import released_control
-from orip.mistakes.hypotheses.unknown_orientations import orientations_wrong_as_a_whole
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.solution import Solution
@@ -70,10 +69,9 @@ def hypotheses_of_misfit(
             yield from control_axes(block)
             yield from control_units(block)
         yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
+        yield from _of_cameras(oriented)
         yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT])
         yield from control_of_free_network(readjuster)
-        yield from _of_cameras(oriented)
-        yield from orientations_wrong_as_a_whole(block)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
         yield from mirrored_control(block)
     if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
@@ -100,7 +98,6 @@ def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -
     yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
     yield from control_of_free_network(readjuster)
     yield from _of_cameras(block)
-    yield from orientations_wrong_as_a_whole(block)
 
 
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +12,8 @@ from orip.mistakes.after_adjustment.angle_unit import ANGLE_UNITS, angle_unit_te
 from orip.mistakes.given_orientations import (
     ComparedOrientations,
     compared_orientations,
-    misgiven_as_a_whole,
     misgiven_orientations,
 )
-from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.records.block import Block
 
 
@@ -34,17 +31,11 @@ def misgiven(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
     for factor in ANGLE_UNITS:
         if is_nearer(block.photo_orientation[:, 3:], factor, solved.state.rotations):
             return [ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))]
-    return misgiven_orientations(_compared(solved, block))
+    return misgiven_orientations(compared_with_adjusted(solved, block))
 
 
-def orientations_wrong_as_a_whole(block: Block) -> Iterator[Hypothesis]:
-    """Yield a block without its orientations, to be told where nothing else explains why these do not fit."""
-    changed = without_orientations(block)
-    if changed is not None:
-        yield Hypothesis(changed, lambda solved: misgiven_as_a_whole(_compared(solved, block)), concerns_start=True)
-
-
-def _compared(solved: SolvedBlock, block: Block) -> ComparedOrientations:
+def compared_with_adjusted(solved: SolvedBlock, block: Block) -> ComparedOrientations:
+    """Compare the orientations given in a block with those of an adjustment."""
     place = solved.block.point_index()
     points = solved.state.points[[place[name] for name in block.point_names]]
     return compared_orientations(block, solved.state.centres, solved.state.rotations, points)
