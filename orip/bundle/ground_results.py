@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.undetermined_points import undetermined_coordinates
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.names import record_key
@@ -39,7 +40,7 @@ class PointResults(NamedTuple):
 def adjusted_points(solved: SolvedBlock) -> PointResults:
     """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
     local = solved.state.points
-    sd = _place_deviations(solved, solved.problem.unknowns.points, local)
+    sd = _place_deviations(solved, solved.problem.unknowns.points, local, _undetermined_points(solved))
     index = solved.block.point_index()
     for element in solved.block.constant_elements:
         if element.group == "POINT":
@@ -53,9 +54,10 @@ def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
     centres = ground.to_project(state.centres)
     angles = angles_from_rotation(ground.axes_at(centres) @ state.rotations)
     shown, about_axes = rotation_partials(solved)
+    centre = solved.problem.unknowns.photos[:, :3]
     sd = np.hstack(
         [
-            _place_deviations(solved, solved.problem.unknowns.photos[:, :3], state.centres),
+            _place_deviations(solved, centre, state.centres, _removed(solved, centre)),
             deviations(solved, solved.problem.unknowns.photos[:, 3:]),
         ]
     )
@@ -104,28 +106,51 @@ def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> 
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
-def place_correlations(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
+def point_correlations(solved: SolvedBlock) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the points; see `_place_correlations`."""
+    columns = solved.problem.unknowns.points
+    return _place_correlations(solved, columns, solved.state.points, _undetermined_points(solved))
+
+
+def photo_correlations(solved: SolvedBlock) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the projection centres; see `_place_correlations`."""
+    columns = solved.problem.unknowns.photos[:, :3]
+    return _place_correlations(solved, columns, solved.state.centres, _removed(solved, columns))
+
+
+def _place_correlations(
+    solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray
+) -> FloatArray:
     """Return the correlation coefficients XY, XZ, YZ (n, 3) of places with unknowns at `columns` (n, 3).
 
-    Coordinates are those of the project; NaN where one of the two is constant or was removed.
+    Coordinates are those of the project; NaN where one of the two is constant or not determined.
     """
     covariance = _project_cofactors(solved, columns, local)
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
-    deviation[~np.isfinite(_place_deviations(solved, columns, local))] = np.nan
+    deviation[~np.isfinite(_place_deviations(solved, columns, local, undetermined))] = np.nan
     a, b = [0, 0, 1], [1, 2, 2]
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
         return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
 
 
-def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
-    """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3)."""
+def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
+    return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])
+
+
+def _undetermined_points(solved: SolvedBlock) -> BoolArray:
+    return undetermined_coordinates(solved, _place_cofactors(solved, solved.problem.unknowns.points))
+
+
+def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray) -> FloatArray:
+    """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3).
+
+    `undetermined` (n, 3) marks local coordinates that are not determined.
+    """
     ground = solved.block.ground
     variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
     deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
-    unknown = columns != CONSTANT
-    removed = unknown & solved.normals.removed[columns]
-    deviation[removed @ ground.dependence.T] = UNDETERMINED
-    deviation[~(unknown @ ground.dependence.T)] = np.nan
+    deviation[undetermined @ ground.dependence.T] = UNDETERMINED
+    deviation[~((columns != CONSTANT) @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)
 
 

@@ -24,7 +24,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.geometry.rays import intersect_rays
+from orip.geometry.rays import intersect_rays, without_near_points
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 
@@ -45,6 +45,10 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
     seen = points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
     found = intersect_rays(
         state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
+    )
+    distances = np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)
+    found = without_near_points(
+        found, state.centres[points.photo[seen]], points.point[seen], float(np.median(distances))
     )
     observed = {point.name for point in block.control_points}
     observed |= {element.name for element in block.elements if element.group == "POINT"}

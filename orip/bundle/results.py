@@ -9,7 +9,13 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.bundle.ground_results import adjusted_photos, adjusted_points, deviations, place_correlations
+from orip.bundle.ground_results import (
+    adjusted_photos,
+    adjusted_points,
+    deviations,
+    photo_correlations,
+    point_correlations,
+)
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
@@ -72,8 +78,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
         correlations=_camera_correlations(solved),
         check_points=_check_points(block, points),
         remarks=tuple(Remark(line) for line in block.ground.description()),
-        photo_correlations=place_correlations(solved, solved.problem.unknowns.photos[:, :3], state.centres),
-        point_correlations=place_correlations(solved, solved.problem.unknowns.points, state.points),
+        photo_correlations=photo_correlations(solved),
+        point_correlations=point_correlations(solved),
     )
 
 

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.geometry.rays import intersect_rays
+from orip.geometry.rays import intersect_rays, without_near_points
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 
 _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""
+
+_ROUNDING = 1e-9
+"""Of the largest coordinate: a point that is nearer to its projection centre is at it."""
 
 
 def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
@@ -35,7 +38,7 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     start = block.ground.to_local(start)
     missing = np.isnan(start).any(axis=1)
     if missing.any():
-        start[missing] = _intersections(block)[missing]
+        start[missing] = _intersections(block, start)[missing]
         # check points may be written wrong: they start there only if no rays meet
         missing = np.isnan(start).any(axis=1)
         start[missing] = block.ground.to_local(checks)[missing]
@@ -43,15 +46,21 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     single: NDArray[np.bool_] = np.asarray(np.isnan(start).any(axis=1))
     if single.any():
         start[single] = _points_on_first_ray(block, start, single)
+        used = block.photo_points.point[block.photo_points.used.all(axis=1)]
+        rays = np.bincount(used, minlength=len(start))
         warnings = [
             ProjectWarning(
                 "one-ray", f"point {block.point_names[index]}",
-                "is seen by one ray and has no preliminary coordinates: its distance from the photo is assumed",
+                f"{_seen(rays[index])} and has no preliminary coordinates: its distance from the photo is assumed",
             )
             for index in np.flatnonzero(single)
         ]  # fmt: skip
     _hold(block, start)
     return replace(block, point_start=start), warnings
+
+
+def _seen(rays: int) -> str:
+    return "is seen by one ray" if rays <= 1 else "is seen by rays that do not meet"
 
 
 def _hold(block: Block, start: FloatArray) -> None:
@@ -74,18 +83,31 @@ def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
     return block.photo_orientation[points.photo, :3], direction
 
 
-def _intersections(block: Block) -> FloatArray:
+def _intersections(block: Block, known: FloatArray) -> FloatArray:
+    """Return where rays meet (number of points, 3), NaN where they do not; `known` coordinates tell how far points are.
+
+    Rays from one place are no intersection.
+    """
     origins, directions = _rays(block)
     seen = block.photo_points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
-    return intersect_rays(origins[seen], directions[seen], block.photo_points.point[seen], len(block.point_names))
+    points = block.photo_points.point[seen]
+    found = intersect_rays(origins[seen], directions[seen], points, len(block.point_names))
+    placed = found if np.isnan(known).all() else known
+    return without_near_points(found, origins[seen], points, _typical_distance(placed, block, origins))
+
+
+def _typical_distance(positions: FloatArray, block: Block, origins: FloatArray) -> float:
+    """Return the median distance of points from their photos, at which some are not; 1 if none is known."""
+    distances = np.linalg.norm(positions[block.photo_points.point] - origins, axis=1)
+    distances = distances[distances > _ROUNDING * np.abs(origins).max(initial=1.0)]
+    return float(np.median(distances)) if len(distances) else 1.0
 
 
 def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
     """Return positions of points without coordinates: on their first ray, at the median distance of the others."""
     origins, directions = _rays(block)
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    distances = np.linalg.norm(start[block.photo_points.point] - origins, axis=1)
-    typical = float(np.nanmedian(distances)) if np.isfinite(distances).any() else 1.0
+    typical = _typical_distance(start, block, origins)
     indices, first = np.unique(block.photo_points.point, return_index=True)
     position = np.full_like(start, np.nan)
     position[indices] = (origins + typical * directions)[first]

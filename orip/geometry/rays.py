@@ -10,6 +10,9 @@ from orip.arrays import FloatArray
 _PARALLEL = 1e-10
 """Smallest ratio of eigenvalues at which rays still meet; below it they are parallel to working precision."""
 
+_AT_ORIGIN = 1e-3
+"""Of a typical distance: points of one block differ less in distance."""
+
 
 def intersect_rays(
     origins: FloatArray, directions: FloatArray, point_index: NDArray[np.int64], point_count: int
@@ -47,3 +50,16 @@ def intersect_rays(
     result = np.linalg.solve(matrix, right[:, :, None])[:, :, 0] + base
     result[~meets] = np.nan
     return np.asarray(result)
+
+
+def without_near_points(
+    positions: FloatArray, origins: FloatArray, point_index: NDArray[np.int64], typical: float
+) -> FloatArray:
+    """Return positions (p, 3), NaN for points that are at the origin of one of their rays.
+
+    Rays from one place meet there, and nowhere else: a position nearer than a thousandth of a typical distance is none.
+    """
+    distance = np.linalg.norm(positions[point_index] - origins, axis=1)
+    found = positions.copy()
+    found[point_index[distance < _AT_ORIGIN * typical]] = np.nan
+    return found

@@ -115,6 +115,19 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
     return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
 
 
+def explain_start(solved: SolvedBlock, gathered: Block) -> list[ProjectWarning]:
+    """Return what was probably mistaken in given orientations that led an adjustment astray.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+        Adjusted from other starting values.
+    gathered : Block
+        With the given orientations.
+    """
+    return misgiven(solved, gathered) if is_good(fit_of_adjustment(solved)) else []
+
+
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
     """Return what probably keeps a block from being adjusted at all.
 

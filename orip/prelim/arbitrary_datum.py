@@ -15,7 +15,7 @@ from orip.wording import counted
 
 
 def with_arbitrary_datum(
-    grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]
+    grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance], reason: str
 ) -> tuple[GrowingBlock, str]:
     """Transform a block to the system of its first photo, at the scale of measured distances if there are any.
 
@@ -27,6 +27,8 @@ def with_arbitrary_datum(
     distances : sequence of ControlDistance
         Those in space between known points count, in ground units. Without any the scale is such that the mean
         distance from a photo to the nearest other one is 1.
+    reason : str
+        Why there is no other datum.
 
     Returns
     -------
@@ -45,7 +47,7 @@ def with_arbitrary_datum(
     to_photo = grown.rotations[first].T
     similarity = Similarity(scale, to_photo, -scale * (to_photo @ grown.centres[first]))
     name = rays.photos[first]
-    finding = f"no ground coordinates are known: origin and axes of the block are those of photo {name}, {size}"
+    finding = f"{reason}: origin and axes of the block are those of photo {name}, {size}"
     return grown.transformed(similarity), finding
 
 

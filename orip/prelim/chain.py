@@ -16,9 +16,19 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.found_values import found_values
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
+from orip.prelim.joint_route import LOOKING_DOWN, UPRIGHT, by_parts
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
-from orip.prelim.routes import Route, by_control, by_given, by_models, by_pairs, photos_with_control
+from orip.prelim.routes import (
+    LEAST_RESECTION,
+    SAFE_RESECTION,
+    Route,
+    by_control,
+    by_given,
+    by_models,
+    by_pairs,
+    control_points_seen,
+)
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
@@ -45,7 +55,8 @@ def preliminary_values(block: Block) -> PreliminaryValues:
     Parameters
     ----------
     block : Block
-        As gathered. Orientations in it that are not NaN are used only where control does not suffice.
+        As gathered. Orientations in it that are not NaN are used only where control does not suffice, preliminary
+        coordinates of points for the datum of a free network.
 
     Returns
     -------
@@ -97,7 +108,8 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
 
 def _routes(measured: MeasuredBlock) -> Iterator[Route]:
     free, with_control = measured.grower(), measured.grower(measured.full_control())
-    seeing = photos_with_control(with_control)
+    seen = control_points_seen(with_control)
+    seeing = seen >= SAFE_RESECTION
     models = measured.block.definition.models
     if models:
         yield by_models(free, models)
@@ -107,7 +119,12 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
         yield by_pairs(free, choice)
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
             yield by_control(with_control)
+    if not seeing.any() and (seen >= LEAST_RESECTION).any():
+        yield by_control(with_control)
     given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
+    if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
+        for axis in (LOOKING_DOWN, UPRIGHT):
+            yield by_parts(free, with_control, measured.partial_control(), axis)
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)

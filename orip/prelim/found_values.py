@@ -52,6 +52,7 @@ def found_values(
         findings,
         tuple(_cameras(measured, grown)) if on_ground else (),
         best.reading if best is not None else None,
+        best is not None and best.has_arbitrary_datum,
     )
 
 

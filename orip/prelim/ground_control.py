@@ -35,6 +35,22 @@ def known_points(block: Block) -> KnownPositions:
     return KnownPositions(names, _in_frame(block, given[rows]), errors[rows])
 
 
+def approximate_points(block: Block) -> KnownPositions:
+    """Return the points of a free network with approximate coordinates: preliminary ones, else those of .PNT.
+
+    Returns
+    -------
+    KnownPositions
+        In the frame of the block, without a-priori errors: all count alike.
+    """
+    of_control = (point for point in block.control_points if None not in point.coordinates and not point.rejected)
+    given = {point.name: point.coordinates for point in of_control}
+    measured = block.point_index()
+    given |= {point.name: point.coordinates for point in block.preliminary if point.name in measured}
+    coordinates = np.array(list(given.values()), dtype=np.float64).reshape(-1, 3)
+    return KnownPositions(tuple(given), block.ground.to_local(coordinates), np.full(coordinates.shape, np.nan))
+
+
 def known_centres(block: Block) -> KnownPositions:
     """Return the projection centres that are given, in the frame of the block, without a-priori errors."""
     centres = block.photo_orientation[:, :3]

@@ -40,7 +40,7 @@ _NEARLY_MOST = 0.7
 _SCALE_CHECKED = 3
 """Known points of a model: three reveal a wrong one."""
 
-_FITTING = 0.6
+FITTING = 0.6
 """Part of the known points that has to fit a resection."""
 
 _FEWEST_FOR_MODEL = 5
@@ -240,7 +240,7 @@ class BlockGrower:
         found = resect(seen.vectors[rows], current.coordinates[points], deviation, error_mm=error)
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
-        if np.mean(found.weight_factor >= 1.0) < _FITTING:
+        if np.mean(found.weight_factor >= 1.0) < FITTING:
             return None
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
@@ -286,7 +286,7 @@ class BlockGrower:
         """
         for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
                 continue
             known = np.count_nonzero(current.known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
@@ -309,7 +309,7 @@ class BlockGrower:
         """
         for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < _FITTING:
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
                 continue
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~current.oriented

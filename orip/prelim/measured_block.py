@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.ground_control import known_centres, known_points
+from orip.prelim.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing import BlockGrower
 from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.photo_index import PhotoIndex, photo_index
@@ -29,7 +29,8 @@ class MeasuredBlock:
     ----------
     block : Block
     control, centres : KnownPositions
-        Control points and projection centres known on the ground.
+        Control points and projection centres known on the ground; in a free network, points with approximate
+        coordinates: they give it its datum, and hold nothing.
     all_rays, rays : ImageRays
         All rays, and those of as many points as suffice.
     index : PhotoIndex
@@ -57,8 +58,8 @@ class MeasuredBlock:
 
     @property
     def is_free(self) -> bool:
-        """Return whether nothing is known on the ground, and nothing has to be."""
-        return self.block.definition.datum == "free" and not (self.control.names or self.centres.names)
+        """Return whether the block is a free network, which needs nothing that is known on the ground."""
+        return self.block.is_free_network
 
     @property
     def known_coordinates(self) -> int:
@@ -68,16 +69,29 @@ class MeasuredBlock:
     def full_control(self, wanted: frozenset[str] | None = None) -> FloatArray:
         """Return the coordinates (number of points, 3) of control points known in full; NaN for others.
 
+        A free network has none.
+
         Parameters
         ----------
         wanted : frozenset of str, optional
             Names of the control points that are meant; otherwise all.
         """
         held = np.full((len(self.rays.points), 3), np.nan)
+        if self.is_free:
+            return held
         for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
             if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
                 held[self.row_of[name]] = xyz
         return held
+
+    def partial_control(self) -> FloatArray:
+        """Return all known coordinates (number of points, 3) of control points; NaN where not known."""
+        known = np.full((len(self.rays.points), 3), np.nan)
+        rows = [self.row_of[name] for name in self.control.names if name in self.row_of]
+        known[rows] = [
+            xyz for name, xyz in zip(self.control.names, self.control.coordinates, strict=True) if name in self.row_of
+        ]
+        return known
 
     def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
         """Return the control as `full_control`, without points that the absolute orientation weighted down."""
@@ -101,8 +115,8 @@ class MeasuredBlock:
 
 
 def measured_block(block: Block) -> MeasuredBlock:
-    """Return the rays and the control of a block."""
-    control = known_points(block)
+    """Return the rays and the control of a block; preliminary coordinates stand for control in a free network."""
+    control = approximate_points(block) if block.is_free_network else known_points(block)
     all_rays = image_rays(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)

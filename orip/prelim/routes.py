@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing import BlockGrower
 from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
 from orip.prelim.image_rays import ImageRays
@@ -30,8 +30,8 @@ _PAIRS_COMPARED = 12
 _GOOD_ANGLE = np.radians(20.0)
 """Rays that meet at this angle fix depths as well as any."""
 
-_KNOWN_POINTS = 6
-"""Control points in a photo that orient it on their own, one of them wrong."""
+SAFE_RESECTION, LEAST_RESECTION = 6, 3
+"""Control points in a photo that orient it on their own: one of them may be wrong; nothing checks them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +136,10 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
     return Route(tuple(systems), relative=tuple(relative))
 
 
-def photos_with_control(grower: BlockGrower) -> BoolArray:
-    """Return which photos see enough control points for a resection that a wrong one does not spoil."""
+def control_points_seen(grower: BlockGrower) -> IntArray:
+    """Return how many control points each photo sees."""
     known = grower.held_points
-    return np.array([int(known[points].sum()) >= _KNOWN_POINTS for points in grower.index.points], dtype=np.bool_)
+    return np.array([np.count_nonzero(known[points]) for points in grower.index.points], dtype=np.int64)
 
 
 def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> RelativeOrientation | None:

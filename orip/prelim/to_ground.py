@@ -12,7 +12,7 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.misplaced_photos import residual_lengths
-from orip.prelim.routes import Route
+from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
@@ -24,6 +24,9 @@ _TO_THE_END = 1e-9
 
 _DOUBTFUL = 20.0
 """Times the a-priori error: rays that miss each other by no more place a control point where none can be spared."""
+
+_LOOKING_UP = -0.5
+"""Mean cosine of the angle between the photos' z axes and the vertical below which photos are said to look up."""
 
 _NAMED = 6
 """Photos of a part of a block that are named one by one."""
@@ -45,6 +48,8 @@ class Outcome:
         In what system the block is without control.
     reading : ControlReading or None
         How the control would have to be read to fit; the block is not taken to the ground then.
+    has_arbitrary_datum : bool
+        It is a free network in a system of its own.
     """
 
     route: Route
@@ -54,6 +59,7 @@ class Outcome:
     reason: str
     findings: tuple[str, ...] = ()
     reading: ControlReading | None = None
+    has_arbitrary_datum: bool = False
 
     @property
     def is_final(self) -> bool:
@@ -66,15 +72,16 @@ def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
     if not route.systems:
         return None
     if route.on_ground:
-        return Outcome(route, route.systems[0], True, None, "")
+        (grown,) = route.systems
+        reading = _reading_from_below(measured, grown)
+        return Outcome(route, grown, True, None, "") if reading is None else _misread(route, grown, reading)
     first, *others = route.systems
     if not np.isfinite(measured.full_control()).any():
         # no point will hold it on the ground, where its shape would go on to change
         first = measured.grower().refined(first, _TO_THE_END)
-    if measured.is_free:
-        grown, finding = with_arbitrary_datum(first, measured.rays, measured.block.distances)
-        return Outcome(route, grown, True, None, "", (finding,))
     outcome = _absolute(measured, route, first)
+    if measured.is_free and not outcome.is_final:
+        return _with_arbitrary_datum(measured, outcome)
     if outcome.on_ground:
         return _grown_further(measured, outcome, others)
     if others and not outcome.is_final:
@@ -92,7 +99,7 @@ def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Out
     """Take a block to the ground, unless another reading of the control would fit it better."""
     reading = other_reading(grown.partial_block(), measured.rays, measured.control, measured.centres)
     if reading is not None:
-        return Outcome(route, grown, False, None, "its control fits only in another reading", reading=reading)
+        return _misread(route, grown, reading)
     found = _joined_to_ground(measured, grown)
     if not isinstance(found, Joined):
         grown = _with_all_control(measured, grown)
@@ -101,6 +108,39 @@ def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Out
             return Outcome(route, grown, False, None, found.reason)
         found = again
     return Outcome(route, grown.transformed(found.similarity), True, found.step, "")
+
+
+def _misread(route: Route, grown: GrowingBlock, reading: ControlReading) -> Outcome:
+    return Outcome(route, grown, False, None, "its control fits only in another reading", reading=reading)
+
+
+def _reading_from_below(measured: MeasuredBlock, grown: GrowingBlock) -> ControlReading | None:
+    """Return the other reading of control by which photos were resected that then look up from below it, if any.
+
+    Resections fit control that is a mirror image nearly as well as the right one where it is nearly plane; a block that
+    is made without control shows its relief.
+    """
+    oriented = grown.oriented
+    known = np.isfinite(measured.control.coordinates[:, 2])
+    ground = measured.control.coordinates[known, 2]
+    if not oriented.any() or not len(ground):
+        return None
+    looks_up = grown.rotations[oriented, 2, 2].mean() < _LOOKING_UP
+    if not looks_up or grown.centres[oriented, 2].mean() > ground.mean():
+        return None
+    systems = by_pairs(measured.grower(), 0).systems
+    if not systems:
+        return None
+    return other_reading(systems[0].partial_block(), measured.rays, measured.control, measured.centres)
+
+
+def _with_arbitrary_datum(measured: MeasuredBlock, outcome: Outcome) -> Outcome:
+    """Return a free network in a system of its own."""
+    reason = "no ground coordinates are known"
+    if measured.control.names or measured.centres.names:
+        reason = f"the given coordinates give the free network no datum ({outcome.reason})"
+    grown, finding = with_arbitrary_datum(outcome.grown, measured.rays, measured.block.distances, reason)
+    return replace(outcome, grown=grown, on_ground=True, findings=(finding,), has_arbitrary_datum=True)
 
 
 def _joined_to_ground(measured: MeasuredBlock, grown: GrowingBlock) -> Joined | NotOriented:

@@ -298,6 +298,8 @@ class PreliminaryValues:
         Unknown cameras, as the orientations of the photos ask for.
     reading : ControlReading or None
         The reading of the control that the block would fit; it has not been taken to the ground then.
+    has_arbitrary_datum : bool
+        The block is a free network in a system of its own: no coordinates that are given go with it.
     """
 
     relative: tuple[RelativeOrientation, ...]
@@ -310,3 +312,4 @@ class PreliminaryValues:
     findings: tuple[str, ...]
     cameras: tuple[CameraStart, ...] = ()
     reading: ControlReading | None = None
+    has_arbitrary_datum: bool = False

@@ -6,18 +6,21 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.solve import SolvedBlock
-from orip.errors import NotSolvableError
-from orip.mistakes.explanation import explain_failure, explain_misfit
+from orip.errors import NotSolvableError, ProjectWarning
+from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
 from orip.records.solution import IterationPass, Solution
+from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
-from orip.solving.starting_values import started_block
+from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 
 PLAIN = Method()
 """All observations, weights by the Danish method as the bundle's definition says."""
@@ -31,6 +34,10 @@ class SolveWatcher:
     ----------
     oriented : callable
         Told the preliminary values, if some were missing and had to be found.
+    doubted : callable
+        Told what is wrong with the adjustment from given values, before it is repeated from the chain's.
+    replaced : callable
+        Told the values of the chain if the adjustment from them was better.
     started : callable
         Told the block before the first iteration.
     passed : callable
@@ -41,6 +48,8 @@ class SolveWatcher:
     """
 
     oriented: Callable[[PreliminaryValues], None]
+    doubted: Callable[[str], None]
+    replaced: Callable[[PreliminaryValues], None]
     started: Callable[[Block], None]
     passed: Callable[[IterationPass], None]
     stoppable: Callable[[], AbstractContextManager[Callable[[], bool]]]
@@ -51,7 +60,7 @@ def _never_stopped() -> Iterator[Callable[[], bool]]:
     yield lambda: False
 
 
-NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, _never_stopped)
+NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, lambda _: None, lambda _: None, _never_stopped)
 """Progress is not shown, and the adjustment is not stopped."""
 
 
@@ -64,6 +73,9 @@ def solve_bundle(
 
 def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> tuple[Solution, SolvedBlock]:
     """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
+
+    Where the adjustment from given values fails or its end is suspicious, it is repeated from values that the chain
+    finds, and the better minimum is taken. Photos that cannot be oriented are left out, with a warning for each.
 
     Parameters
     ----------
@@ -84,22 +96,118 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
     NotSolvableError
         With the probable causes first.
     """
-    not_found: list[str] = []
-    readjuster = Readjuster(gathered, lambda block: started_block(block, lambda _: None)[0])
-
-    def oriented(values: PreliminaryValues) -> None:
-        not_found.extend(photo.name for photo in values.photos if photo.rotation is None)
-        watcher.oriented(values)
-
+    adjuster = _Adjuster(gathered, method, watcher)
     try:
-        block, start_warnings = started_block(gathered, oriented)
-        watcher.started(block)
-        with watcher.stoppable() as stop_asked:
-            solution, solved = adjust_block(block, method, watcher.passed, stop_asked)
+        adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
-        causes = explain_failure(readjuster, not_found)
+        causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
-    explained = () if solution.status == "stopped" else explain_misfit(solution, solved, block, readjuster)
-    warnings = (*explained, *gathered.warnings, *start_warnings, *forewarnings(block))
+    start, solution = adjusted.start, adjusted.solution
+    if start.left_out:
+        mistaken += explain_failure(_readjuster(gathered), adjuster.not_oriented)
+    mistaken += start.left_out
+    if solution.status != "stopped":
+        mistaken += explain_misfit(solution, adjusted.solved, start.block, _readjuster(start.gathered))
+    warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows), solved
+    return replace(solution, warnings=rows), adjusted.solved
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjusted:
+    """A start, and where the adjustment from it ended."""
+
+    start: StartedBlock
+    solution: Solution
+    solved: SolvedBlock
+
+
+@dataclass(slots=True)
+class _Adjuster:
+    """Adjusts a gathered block from one start or another; the chain is asked once, `values` is what it found."""
+
+    gathered: Block
+    method: Method
+    watcher: SolveWatcher
+    values: PreliminaryValues | None = None
+
+    @property
+    def not_oriented(self) -> list[str]:
+        """Return the photos that the chain could not orient."""
+        return [] if self.values is None else [photo.name for photo in self.values.photos if photo.rotation is None]
+
+    @property
+    def is_misread(self) -> bool:
+        """Return whether the control fits in another reading only: nothing else has to be looked for."""
+        return self.values is not None and self.values.reading is not None
+
+    def from_given(self) -> _Adjusted:
+        """Adjust from the given values, and from those of the chain where some are missing."""
+        return self._from(started_block(self.gathered, self._oriented))
+
+    def from_own(self, doubt: str) -> _Adjusted | None:
+        """Adjust from the values of the chain alone; None where it finds none, or none that lead to an adjustment."""
+        if self.values is None:
+            self.values = explained_preliminary_values(self.gathered)
+        try:
+            start = own_start(self.gathered, self.values)
+            self.watcher.doubted(doubt)
+            return self._from(start)
+        except NotSolvableError:
+            return None
+
+    def replaced_by(self, own: _Adjusted, doubt: str) -> ProjectWarning:
+        """Say that the adjustment from the chain's values is the result."""
+        assert self.values is not None, "they are what it started from"
+        self.watcher.replaced(self.values)
+        text = (
+            f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
+            f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
+        )
+        return ProjectWarning("given-values", "", text)
+
+    def _oriented(self, values: PreliminaryValues) -> None:
+        self.values = values
+        self.watcher.oriented(values)
+
+    def _from(self, start: StartedBlock) -> _Adjusted:
+        self.watcher.started(start.block)
+        with self.watcher.stoppable() as stop_asked:
+            return _Adjusted(start, *adjust_block(start.block, self.method, self.watcher.passed, stop_asked))
+
+
+def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
+    """Adjust from the given values and, if that ends suspiciously, from the chain's own.
+
+    If those were better: also what was probably mistaken in the given ones, and a sentence that they were taken.
+    """
+    gathered = adjuster.gathered
+    if not (gathered.preliminary or np.isfinite(gathered.photo_orientation).any()):
+        return adjuster.from_given(), [], []
+    try:
+        given = adjuster.from_given()
+    except NotSolvableError as error:
+        own = adjuster.from_own("failed")
+        if own is None:
+            raise
+        return own, [], [adjuster.replaced_by(own, f"failed ({error})")]
+    doubt = doubt_about(given.solved)
+    if not doubt or given.solution.status == "stopped":
+        return given, [], []
+    own = adjuster.from_own(doubt)
+    if own is None or own.start.left_out != given.start.left_out or not is_better(own.solved, given.solved):
+        return given, [], []
+    mistaken = explain_start(own.solved, given.start.gathered)
+    return own, mistaken, [adjuster.replaced_by(own, doubt)]
+
+
+def _readjuster(gathered: Block) -> Readjuster:
+    """Return what adjusts a block again, complete or not at all."""
+
+    def start(changed: Block) -> Block:
+        started = started_block(changed, lambda _: None)
+        if started.left_out:
+            raise NotSolvableError("\n".join(map(str, started.left_out)))
+        return started.block
+
+    return Readjuster(gathered, start)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.assemble import with_starting_values
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
@@ -14,11 +16,42 @@ from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_frame, points_in_project
 from orip.records.block import Block
 from orip.records.camera import Camera
-from orip.records.preliminary import CameraStart, PreliminaryValues
+from orip.records.control import PreliminaryPoint
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
+from orip.solving.reduced_block import without_photos
+
+_ADVICE = (
+    "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"
+)
 
 
-def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> tuple[Block, list[ProjectWarning]]:
-    """Return a gathered block as its adjustment starts.
+@dataclass(frozen=True, slots=True)
+class StartedBlock:
+    """A block as its adjustment starts.
+
+    Parameters
+    ----------
+    block : Block
+        With starting values of all photos and points.
+    gathered : Block
+        The same photos and points as measured and given.
+    left_out : tuple of ProjectWarning
+        One for each photo that could not be oriented and is not in the block: what it lacks.
+    warnings : tuple of ProjectWarning
+        All others.
+    """
+
+    block: Block
+    gathered: Block
+    left_out: tuple[ProjectWarning, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()
+
+
+def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
+    """Return a gathered block as its adjustment starts: at given values, and at those of the chain where some miss.
+
+    Photos that can be oriented neither way are left out, with a warning for each.
 
     Parameters
     ----------
@@ -29,26 +62,65 @@ def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> t
     Raises
     ------
     NotSolvableError
-        With the reason for each photo that could not be oriented.
+        Where no photo, or none on the ground, could be oriented: with the reason for each.
     """
     if np.isfinite(block.photo_orientation).all():
-        return with_starting_values(block)
+        started, warnings = with_starting_values(block)
+        return StartedBlock(started, block, warnings=tuple(warnings))
     values = explained_preliminary_values(block)
     found(values)
-    if complaint := not_oriented(values):
-        raise NotSolvableError(complaint)
-    orientation = np.where(
-        np.isnan(block.photo_orientation), orientations_in_frame(values.photos), block.photo_orientation
-    )
+    if values.has_arbitrary_datum:
+        # what is given is in another system than the block
+        return own_start(block, values)
+    given = block.photo_orientation
+    orientation = np.where(np.isnan(given), orientations_in_frame(values.photos), given)
+    return _started_at(block, values, orientation, block.preliminary)
+
+
+def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
+    """Return a gathered block that starts at what the chain found, wherever nothing is held constant.
+
+    Given orientations start the photos that the chain could not orient, and given coordinates the points that it could
+    not determine.
+
+    Raises
+    ------
+    NotSolvableError
+        Where no photo, or none on the ground, could be oriented.
+    """
+    own = orientations_in_frame(values.photos)
+    if values.has_arbitrary_datum:
+        return _started_at(block, values, own, ())
+    given = block.photo_orientation
+    constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
+    placed = set(values.points.names)
+    others = [point for point in block.preliminary if point.name not in placed]
+    return _started_at(block, values, np.where(constant | np.isnan(own), given, own), others)
+
+
+def _started_at(
+    block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
+) -> StartedBlock:
+    missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
+    oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
+    if missing.all() or (missing.any() and not oriented_by_chain):
+        raise NotSolvableError(not_oriented(values))
+    reduced = without_photos(block, missing) if missing.any() else block
     # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
-    placed = {point.name for point in block.preliminary}
+    placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
-    cameras = cameras_as_found(block.cameras, values.cameras)
-    preliminary = (*block.preliminary, *points)
+    cameras = cameras_as_found(reduced.cameras, values.cameras)
     started, warnings = with_starting_values(
-        replace(block, photo_orientation=orientation, cameras=cameras, preliminary=preliminary)
+        replace(reduced, photo_orientation=orientation[~missing], cameras=cameras, preliminary=(*preliminary, *points))
     )
-    return started, [*(ProjectWarning("preliminary-values", "", finding) for finding in values.findings), *warnings]
+    findings = (ProjectWarning("preliminary-values", "", finding) for finding in values.findings)
+    left_out = tuple(_left_out(photo) for photo in compress(values.photos, missing))
+    return StartedBlock(started, reduced, left_out, (*findings, *warnings))
+
+
+def _left_out(photo: PhotoStart) -> ProjectWarning:
+    text = f"photo {photo.name} is left out, since it could not be oriented: {photo.how}"
+    return ProjectWarning("photo-left-out", "", text)
 
 
 def explained_preliminary_values(block: Block) -> PreliminaryValues:
@@ -64,18 +136,17 @@ def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) ->
 
 
 def not_oriented(values: PreliminaryValues) -> str:
-    """Return what is wrong with the control, else why photos could not be oriented, a line each; "" if all could."""
+    """Return why photos could not be oriented, a line each, then what else was found; "" if all could.
+
+    Where the control fits in another reading only, that is why, for all photos.
+    """
     reasons = [photo.how for photo in values.photos if photo.rotation is None]
     if not reasons:
         return ""
-    if values.findings:
+    if values.reading is not None:
         return "\n".join(values.findings)
     title = f"{len(reasons)} of {len(values.photos)} photos could not be oriented"
-    advice = (
-        "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows "
-        "each step"
-    )
     different = list(dict.fromkeys(reasons))
     if len(different) == 1:
-        return f"{title}: {different[0]}; {advice}"
-    return "\n".join([f"{title}; {advice}", *different])
+        return "\n".join([f"{title}: {different[0]}; {_ADVICE}", *values.findings])
+    return "\n".join([f"{title}; {_ADVICE}", *different, *values.findings])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.bundle.methods import Method, adjust_block
-from orip.errors import ProjectWarning
+from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
@@ -26,7 +26,10 @@ def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list
     )
 
     def start(other: Block) -> Block:
-        return started_block(other, lambda _: None)[0]
+        started = started_block(other, lambda _: None)
+        if started.left_out:
+            raise NotSolvableError("\n".join(map(str, started.left_out)))
+        return started.block
 
     started = start(gathered)
     solution, solved = adjust_block(started, Method(), lambda _: None, lambda: False)

@@ -62,7 +62,7 @@ def _drawn(family: str, run: int, photos: int, random: np.random.Generator) -> S
             cameras = {record_key(true.name): true}
             records = replace(records, inputs=replace(records.inputs, cameras=cameras))
             found = true_minimum(records)
-        if reason := _weakness(found):
+        if reason := weakness(found):
             return reason
         records = replace(records, self_calibrating=self_calibrating)
         return with_blunders(records, found, random)
@@ -75,10 +75,10 @@ def _calibrated(found: SolvedBlock) -> bool:
     columns = found.problem.unknowns.cameras[0, [0, 1, 2]]
     deviations = found.deviation_scale * np.sqrt(np.diag(found.cofactors_of(columns)))
     c = found.block.cameras[0].parameters[0]
-    return not _weakness(found) and bool((deviations < [1e-3 * c, 0.1, 0.1]).all())
+    return not weakness(found) and bool((deviations < [1e-3 * c, 0.1, 0.1]).all())
 
 
-def _weakness(found: SolvedBlock) -> str:
+def weakness(found: SolvedBlock) -> str:
     """Return what makes a block without blunders unfit for the study, or nothing."""
     if found.reason is not TerminationReason.CONVERGED:
         return "does not converge from the truth"

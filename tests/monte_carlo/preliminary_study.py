@@ -132,7 +132,11 @@ def from_nothing(block: Block) -> tuple[Block, tuple[str, ...]]:
 
 def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
     """Make the block of a run, adjust it from nothing, and compare."""
-    records = simulated_records(run, family, largest)
+    return outcome_of(simulated_records(run, family, largest))
+
+
+def outcome_of(records: SimulatedRecords) -> Outcome:
+    """Adjust a block from nothing, and compare."""
     reference = true_minimum(records)
     block = gathered(records)
     comparison, found, start, reason, bundle_seconds = None, None, None, "", 0.0
@@ -157,7 +161,7 @@ def outcome(run: int, family: str | None = None, largest: int = 200) -> Outcome:
         if found is not None and end == "other" and compared(found, true).end == "reached":
             end = "as from the truth"
     return Outcome(
-        run=run,
+        run=records.run,
         family=records.family,
         redrawn=records.rejected,
         photos=len(block.photos),

@@ -62,7 +62,7 @@ def aerial_strips(random: np.random.Generator, photos: int) -> Scene:
     strips = int(random.integers(1, min(8, photos // 4) + 1)) if photos >= 8 else 1
     base = (1.0 - random.uniform(0.55, 0.80)) * frame[0] * per_mm
     spacing = (1.0 - random.uniform(0.20, 0.40)) * frame[1] * per_mm
-    row, column = _rows_and_columns(photos, strips)
+    row, column = rows_and_columns(photos, strips)
     flown = np.column_stack([base * column, spacing * row, np.full(photos, height)])
     flown += random.normal(size=(photos, 3)) * [0.03 * base, 0.02 * spacing, 0.01 * height]
     azimuth = random.uniform(-180.0, 180.0)
@@ -71,8 +71,8 @@ def aerial_strips(random: np.random.Generator, photos: int) -> Scene:
     kappa = azimuth + crab + 180.0 * (row % 2)
     along = (-0.5 * frame[0] * per_mm, base * column.max() + 0.5 * frame[0] * per_mm)
     across = (-0.5 * frame[1] * per_mm, spacing * row.max() + 0.5 * frame[1] * per_mm)
-    relief = _relief(random, height * np.exp(random.uniform(np.log(0.002), np.log(0.12))), height)
-    surface, normals = _height_field(random, along, across, relief, _places(photos, strips))
+    hills = relief(random, height * np.exp(random.uniform(np.log(0.002), np.log(0.12))), height)
+    surface, normals = height_field(random, along, across, hills, _places(photos, strips))
     turn = Rotation.from_euler("Z", azimuth, degrees=True).as_matrix()
     origin = np.array([*random.uniform(1e5, 9e5, 2), 400.0]) if random.random() < 0.5 else np.zeros(3)
     return Scene(
@@ -91,7 +91,7 @@ def convergent(random: np.random.Generator, photos: int) -> Scene:
     c, frame = _close_range_camera(random)
     size = np.exp(random.uniform(np.log(0.3), np.log(20.0)))
     rings = int(random.integers(1, 4)) if photos >= 12 else 1
-    ring, place = _rows_and_columns(photos, rings)
+    ring, place = rows_and_columns(photos, rings)
     step = min(random.uniform(15.0, 40.0), 360.0 / max(place.max() + 1, 1))
     around = np.radians(random.uniform(0.0, 360.0) + step * place + 0.1 * step * random.normal(size=photos))
     lowest = random.uniform(-5.0, 40.0)
@@ -106,14 +106,14 @@ def convergent(random: np.random.Generator, photos: int) -> Scene:
         surface, normals = _ellipsoid(random, 0.5 * size, 150 * photos + 1500)
     else:
         reach = (-0.5 * size, 0.5 * size)
-        relief = _relief(random, size * np.exp(random.uniform(np.log(0.01), np.log(0.25))), size)
-        surface, normals = _height_field(random, reach, reach, relief, 40 * photos + 600)
+        hills = relief(random, size * np.exp(random.uniform(np.log(0.01), np.log(0.25))), size)
+        surface, normals = height_field(random, reach, reach, hills, 40 * photos + 600)
         # a plate is seen from one side: photos of the rings come from there
         direction = _direction(around, np.radians(np.clip(np.degrees(elevation), 25.0, 85.0)))
     scene = Scene(
-        c, frame, distance[:, None] * direction, _looking(aimed - distance[:, None] * direction, roll), surface, normals
+        c, frame, distance[:, None] * direction, looking(aimed - distance[:, None] * direction, roll), surface, normals
     )
-    return _placed(scene, random, 10.0 * size)
+    return placed(scene, random, 10.0 * size)
 
 
 def oblique_strips(random: np.random.Generator, photos: int) -> Scene:
@@ -124,7 +124,7 @@ def oblique_strips(random: np.random.Generator, photos: int) -> Scene:
     distance = np.exp(random.uniform(np.log(60.0), np.log(600.0)))
     per_mm = distance / c
     strips = int(random.integers(1, min(4, photos // 4) + 1)) if photos >= 8 else 1
-    row, column = _rows_and_columns(photos, strips)
+    row, column = rows_and_columns(photos, strips)
     overlap = random.uniform(0.60, 0.75)
     bases = (1.0 - overlap) * frame[0] * per_mm * random.uniform(0.6, 1.2, column.max() + 1)
     along = np.cumsum(bases)[column] + 0.1 * bases.mean() * random.normal(size=photos)
@@ -139,27 +139,27 @@ def oblique_strips(random: np.random.Generator, photos: int) -> Scene:
     towards = np.column_stack([np.sin(sideways), -np.cos(sideways) * np.sin(tilt), np.cos(sideways) * np.cos(tilt)])
     away = distance * (1.0 + random.uniform(0.05, 0.2) * (-1.0) ** (row + column) * random.uniform(0.5, 1.0, photos))
     aimed = np.column_stack([along, spacing * row, np.zeros(photos)]) @ axes
-    relief = _relief(random, distance * random.uniform(0.03, 0.12), distance)
+    hills = relief(random, distance * random.uniform(0.03, 0.12), distance)
     margin = 0.7 * frame * per_mm
-    surface, normals = _height_field(
+    surface, normals = height_field(
         random,
         (along.min() - margin[0], along.max() + margin[0]),
         (-margin[1], spacing * row.max() + margin[1]),
-        relief,
+        hills,
         _places(photos, strips),
     )
     roll = 5.0 * random.normal(size=photos)
     scene = Scene(
-        c, frame, aimed + away[:, None] * towards, _looking(-towards, roll), surface @ axes, normals @ axes,
+        c, frame, aimed + away[:, None] * towards, looking(-towards, roll), surface @ axes, normals @ axes,
         _pairs(row, column),
     )  # fmt: skip
-    return _placed(scene, random, 1e5)
+    return placed(scene, random, 1e5)
 
 
 def all_round(random: np.random.Generator, photos: int) -> Scene:
     """Return pairs of horizontal photos of plane walls: out of a courtyard at all of it, or all around a building."""
     scene = (_courtyard, _building)[random.integers(2)](random, photos)
-    return _placed(scene, random, 1000.0)
+    return placed(scene, random, 1000.0)
 
 
 def _courtyard(random: np.random.Generator, photos: int) -> Scene:
@@ -181,7 +181,7 @@ def _courtyard(random: np.random.Generator, photos: int) -> Scene:
     centres[:, 2] = 0.4 * high + 0.08 * high * random.normal(size=photos)
     tilt = np.radians(4.0) * random.normal(size=photos) * (random.random() < 0.7)
     surface, normals = _walls(random, half, high, 60 * photos + 800, inside=True)
-    return Scene(c, frame, centres, _looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
+    return Scene(c, frame, centres, looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
 
 
 def _building(random: np.random.Generator, photos: int) -> Scene:
@@ -210,7 +210,7 @@ def _building(random: np.random.Generator, photos: int) -> Scene:
     looking = angle + np.pi + np.radians(5.0) * random.normal(size=photos)
     tilt = np.radians(4.0) * random.normal(size=photos) * (random.random() < 0.7)
     surface, normals = _walls(random, half, high, 80 * photos + 1500, inside=False)
-    return Scene(c, frame, centres, _looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
+    return Scene(c, frame, centres, looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
 
 
 SCENES: dict[str, Callable[[np.random.Generator, int], Scene]] = {
@@ -221,7 +221,7 @@ SCENES: dict[str, Callable[[np.random.Generator, int], Scene]] = {
 }
 
 
-def _rows_and_columns(photos: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+def rows_and_columns(photos: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Return row and column of each photo; rows differ in length by one at the most."""
     parts = np.array_split(np.arange(photos), rows)
     return (
@@ -255,7 +255,7 @@ def _direction(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
     )
 
 
-def _looking(direction: np.ndarray, roll: np.ndarray) -> np.ndarray:
+def looking(direction: np.ndarray, roll: np.ndarray) -> np.ndarray:
     """Return rotations (n, 3, 3) of cameras that look along vectors (n, 3), rolled (degrees) out of the upright."""
     back = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
     right = np.cross(UP, back)
@@ -264,7 +264,7 @@ def _looking(direction: np.ndarray, roll: np.ndarray) -> np.ndarray:
     return np.asarray(upright @ Rotation.from_euler("Z", roll[:, None], degrees=True).as_matrix())
 
 
-def _relief(
+def relief(
     random: np.random.Generator, amplitude: float, extent: float
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """Return heights of hills about `amplitude` high and some tenths of `extent` wide."""
@@ -278,7 +278,7 @@ def _relief(
     return height
 
 
-def _height_field(
+def height_field(
     random: np.random.Generator,
     along: tuple[float, float],
     across: tuple[float, float],
@@ -321,7 +321,7 @@ def _walls(
     return surface, -normals if inside else normals
 
 
-def _placed(scene: Scene, random: np.random.Generator, reach: float) -> Scene:
+def placed(scene: Scene, random: np.random.Generator, reach: float) -> Scene:
     """Return the scene turned about the vertical (half of them) and shifted (half of them)."""
     turned = random.uniform(0.0, 360.0) if random.random() < 0.5 else 0.0
     turn = Rotation.from_euler("Z", turned, degrees=True).as_matrix()

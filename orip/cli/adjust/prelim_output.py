@@ -9,7 +9,7 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import NotSolvableError
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.wording import first_names
+from orip.wording import counted, first_names
 
 if TYPE_CHECKING:
     from orip.records.preliminary import (
@@ -53,8 +53,10 @@ def tell_chain(terminal: Terminal, outcome: PrelimOutcome) -> None:
         terminal.say("update   unchanged: photos and points have these values already")
     else:
         terminal.say("update   nothing: no photo is oriented absolutely")
+    preliminary = project.shown(project.preliminary(outcome.given.bundle))
+    if outcome.typed:
+        terminal.say(f"kept     {counted(outcome.typed, 'point')} of {preliminary} typed by hand (no sX sY sZ)")
     if outcome.others:
-        preliminary = project.shown(project.preliminary(outcome.given.bundle))
         terminal.say(f"kept     {outcome.others} points of {preliminary} that were not computed")
     terminal.say(f"wrote    {project.shown(outcome.listing)}")
 

@@ -6,7 +6,9 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from orip.cli.terminal import Style, Terminal
 from orip.errors import INTERRUPTED, GateError, NotSolvableError, ProjectWarning
@@ -28,12 +30,19 @@ _NARROW_HEADING = "pass    ENP   down  sing      sigma0"
 """Of pass lines on a terminal that has no room for the other."""
 
 
+AllPhotos = Annotated[
+    bool, typer.Option("--all", help="Exit code 4 if a photo could not be oriented and was left out.")
+]
+
+
 def solve_watcher(terminal: Terminal) -> SolveWatcher:
     """Return who tells the terminal of an adjustment and lets Ctrl-C stop it."""
     from orip.solving.solve import SolveWatcher
 
     return SolveWatcher(
         oriented=partial(tell_preliminary_values, terminal),
+        doubted=partial(tell_doubt, terminal),
+        replaced=lambda _values: None,
         started=partial(tell_start, terminal),
         passed=partial(tell_pass, terminal),
         stoppable=partial(stopping, terminal),
@@ -81,6 +90,11 @@ def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> No
         terminal.detail(f"         camera {camera.name}: starts with C {camera.parameters[0]:.3f}")
 
 
+def tell_doubt(terminal: Terminal, doubt: str) -> None:
+    """Say that the adjustment from given values is repeated from others, and why."""
+    terminal.say(f"prelim   from the given values the adjustment {doubt}; now from orip's own preliminary values")
+
+
 def tell_start(terminal: Terminal, block: Block) -> None:
     """Say what is adjusted, and head the pass lines."""
     points = len(block.photo_points.photo)
@@ -126,11 +140,11 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
     terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
 
 
-def exit_code(outcome: SolveOutcome) -> int:
-    """Return the exit code of an adjustment."""
+def exit_code(outcome: SolveOutcome, *, all_wanted: bool) -> int:
+    """Return the exit code of an adjustment; `all_wanted`: no photo may have been left out."""
     status = outcome.solution.status
     if status == "stopped":
         return INTERRUPTED
-    if status == "not_converged":
+    if status == "not_converged" or (all_wanted and outcome.left_out):
         return NotSolvableError.exit_code
     return 0 if all(gate.passed for gate in outcome.gates) else GateError.exit_code

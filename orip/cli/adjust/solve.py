@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
@@ -48,6 +48,7 @@ def register(app: typer.Typer) -> None:
         alpha: Alpha = None,
         prune: Prune = False,
         check: Check = None,
+        all_photos: AllPhotos = False,
         report: Report = True,
     ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
@@ -78,4 +79,4 @@ def register(app: typer.Typer) -> None:
             tell_report(terminal, commit(report_of(given.state, outcome.solution, outcome.gates)).outcome)
         if terminal.json:
             terminal.data(result_text(outcome.solution))
-        raise typer.Exit(exit_code(outcome))
+        raise typer.Exit(exit_code(outcome, all_wanted=all_photos))

@@ -7,7 +7,7 @@ from functools import partial
 
 import typer
 
-from orip.cli.adjust.progress import exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.drive.commands import tell_no_table, tell_table
 from orip.cli.observations import measure
@@ -19,7 +19,9 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "run")
-    def run_command(invocation: Invocation, prefer: init.PreferOption = None, report: Report = True) -> None:
+    def run_command(
+        invocation: Invocation, prefer: init.PreferOption = None, all_photos: AllPhotos = False, report: Report = True
+    ) -> None:
         """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
 
         All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
@@ -54,4 +56,4 @@ def register(app: typer.Typer) -> None:
             terminal.data(result_text(solutions[0]))
         elif terminal.json:
             terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
-        raise typer.Exit(max(map(exit_code, outcomes), default=0))
+        raise typer.Exit(max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0))

@@ -20,7 +20,7 @@ from typing import Any
 
 from orip.files.stores.explain import explained
 from orip.files.stores.provenance import META, run_of
-from orip.files.stores.schema import SCHEMA_VERSION, TABLES_OF_KIND
+from orip.files.stores.schema import DUMP_VERSION, summed_tables
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
 from orip.files.stores.transaction import reading
@@ -36,17 +36,20 @@ def dump(path: Path) -> Iterator[str]:
     Raises
     ------
     InputError
-        If the file is no store of its kind, newer or damaged.
+        If the file is no store of its kind, of another version or damaged; before the first line.
     """
     with reading([path]) as stores:
         store = stores[path]
-        yield _line({"format": FORMAT, "kind": store.kind, "schema": SCHEMA_VERSION, "run": run_of(store)})
+        if store.present:
+            with explained([path]):
+                store.verify()
+        yield _line({"format": FORMAT, "kind": store.kind, "schema": DUMP_VERSION, "run": run_of(store)})
         yield from _body(store)
 
 
 def dumped_tables(kind: str) -> tuple[StoreTable, ...]:
     """Return the tables of a dump in their order; the contents of `meta` are in the header."""
-    return tuple(table for table in TABLES_OF_KIND[kind] if table is not META)
+    return tuple(table for table in summed_tables(kind) if table is not META)
 
 
 def _body(store: Store) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from orip.errors import Complaint, InputError
 from orip.files.stores.dump import FORMAT, dumped_tables
-from orip.files.stores.schema import SCHEMA_VERSION
+from orip.files.stores.schema import DUMP_VERSION
 from orip.files.stores.store import Store, stored_fault
 from orip.files.stores.table import StoreColumn, StoreTable
 from orip.files.text.shown import printable
@@ -108,8 +108,8 @@ class _Reader:
         kind, schema, self.run = header.get("kind"), header.get("schema"), header.get("run")
         if kind != self.store.kind:
             self.complaints.stop(line, f"this is a dump of a .{kind}; load it as such, '{self.store.path}' is none")
-        if schema != SCHEMA_VERSION or isinstance(schema, bool):
-            known = f"this orip knows schema {SCHEMA_VERSION}"
+        if schema != DUMP_VERSION or isinstance(schema, bool):
+            known = f"this orip knows schema {DUMP_VERSION}"
             self.complaints.stop(line, f"this dump has schema {schema!r}, {known}; load it with the orip that made it")
         if not isinstance(self.run, str | None):
             self.complaints.add(line, f"the run {self.run!r} is neither text nor null")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from orip.files.stores.checksum import CHECKSUM
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, position, text
 
@@ -13,8 +14,9 @@ TEXT_INPUT = StoreTable(
     (text("command"), position(), text("file"), text("sha256")),
     key=("command", "position"),
     unique=(("command", "file"),),
+    by_owner=True,
 )
-TABLES = (META, TEXT_INPUT)
+TABLES = (META, TEXT_INPUT, CHECKSUM)
 
 
 def read_meta(store: Store) -> dict[str, str]:

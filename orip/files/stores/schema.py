@@ -6,13 +6,15 @@ from pathlib import Path
 
 from orip.errors import UsageError
 from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
+from orip.files.stores.checksum import CHECKSUM
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 3
-"""1: solutions had no correlations of coordinates; 2: no groups of observations, no alternatives of a
-blunder.
-A store of an older version is read as long as it has all tables."""
+SCHEMA_VERSION = 4
+"""3: there were no checksums; 2: no groups of observations, no alternatives of a blunder; 1: no correlations of
+coordinates. A store of an older version is refused."""
+DUMP_VERSION = 3
+"""Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "CAM": (*provenance.TABLES, *cameras.TABLES),
@@ -23,6 +25,11 @@ TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "EXO": (*provenance.TABLES, *observations.TABLES),
 }
 """Tables by kind of store, parents before their lists."""
+
+
+def summed_tables(kind: str) -> tuple[StoreTable, ...]:
+    """Return the tables that have checksums: all but that of the checksums."""
+    return tuple(table for table in TABLES_OF_KIND[kind] if table is not CHECKSUM)
 
 
 def kind_of(path: Path) -> str:

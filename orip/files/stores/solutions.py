@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from orip.files.stores.store import ColumnValues, Row, Store
-from orip.files.stores.table import StoreColumn, StoreTable, flag, integer, list_table, real, record_name, text
+from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PointKind
 from orip.records.group_test import GroupKind, GroupTest
@@ -35,7 +35,7 @@ POINT_COORDINATES = ("X", "Y", "Z")
 
 def _reals(*names: str) -> tuple[StoreColumn, ...]:
     """Return columns of figures; any figure of a solution may be NaN."""
-    return tuple(real(name, "nan") for name in names)
+    return tuple(figure(name) for name in names)
 
 
 def _texts(*names: str) -> tuple[StoreColumn, ...]:
@@ -61,7 +61,7 @@ SOLUTION = StoreTable(
 
 
 def _list_of_solution(name: str, *columns: StoreColumn) -> StoreTable:
-    return list_table(name, "bundle", columns, parent="solution")
+    return list_table(name, "bundle", columns, parent="solution", by_owner=True)
 
 
 def _estimates_table(name: str, parameters: Sequence[str], *further: StoreColumn) -> StoreTable:

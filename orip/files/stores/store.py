@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.errors import InputError
-from orip.files.stores.table import StoreColumn, StoreTable
+from orip.files.stores.checksum import CHECKSUM, ContentSums, RunningSum, Sum, part_of
+from orip.files.stores.table import StoreColumn, StoreTable, quoted
 from orip.records.names import record_key
 
 Row = tuple[Any, ...]
@@ -51,6 +52,8 @@ class Store:
         Name under which the file is attached.
     present : bool
         False where there is no file yet: all tables are empty.
+    sums : ContentSums or None
+        What is read is held against them, what is written changes them; None: neither, as in a private database.
     """
 
     path: Path
@@ -58,23 +61,38 @@ class Store:
     connection: sqlite3.Connection
     schema: str
     present: bool
+    sums: ContentSums | None = None
 
     def insert(self, table: StoreTable, rows: Iterable[Sequence[Any]]) -> None:
         """Insert rows of single values; NaN becomes NULL."""
-        self._insert(table, (tuple(map(_plain, row)) for row in rows))
+        self._insert(table, self._noted(table, (tuple(map(_plain, row)) for row in rows)))
 
     def insert_columns(self, table: StoreTable, *columns: ColumnValues) -> None:
-        """Insert many rows given as one array or tuple per column, all of one length."""
+        """Insert many rows given as one array or tuple per column, all of one length.
+
+        They come in reading order, and of a table that is read by owner all are of one owner.
+        """
         self._insert(table, _rows_of(columns))
+        if self.sums is not None and len(columns[0]):
+            running = RunningSum(table)
+            running.add(columns)
+            self.sums.filled(table, columns[0][0], running)
 
     def delete(self, table: StoreTable, owner: str | None = None) -> None:
         """Delete all rows, or those whose first column is `owner`."""
         of_owner = owner is not None
         self.connection.execute(table.delete(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
+        if self.sums is not None:
+            self.sums.emptied(table, owner)
 
     def rows(self, table: StoreTable, owner: str | None = None) -> Iterator[Row]:
         """Yield rows in reading order with NULL as None or NaN; those whose first column is `owner`, or all."""
-        for row in self._checked(table, self._cursor(table, owner)):
+        rows = list(self._checked(table, self._cursor(table, owner)))
+        running = RunningSum(table)
+        if rows:
+            running.add(list(zip(*rows, strict=True)))
+        self._require_sum(table, owner, running.value())
+        for row in rows:
             yield tuple(map(_read, table.columns, row))
 
     def stored_rows(self, table: StoreTable) -> Iterator[Row]:
@@ -87,6 +105,7 @@ class Store:
         chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
         # A block has far more observations than names: each name is kept once, not once a row.
         known: dict[str, str] = {}
+        running = RunningSum(table)
         cursor = self._cursor(table, owner)
         while rows := cursor.fetchmany(ROWS_AT_A_TIME):
             for column, values, parts in zip(table.columns, zip(*rows, strict=True), chunks, strict=True):
@@ -94,6 +113,8 @@ class Store:
                     parts.append(_column_values(column, values, known))
                 except (TypeError, ValueError, OverflowError) as error:
                     raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
+            running.add([parts[-1] for parts in chunks])
+        self._require_sum(table, owner, running.value())
         return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
 
     def lists(self, table: StoreTable) -> dict[str, list[Row]]:
@@ -107,6 +128,70 @@ class Store:
         """Return the name in the table's first column that is `name` when case is ignored."""
         # NOCASE knows the letters of ASCII only; record names may have others.
         return next((row[0] for row in self.rows(table) if record_key(row[0]) == record_key(name)), None)
+
+    def verify(self) -> None:
+        """Read all rows, and hold them against their checksums.
+
+        Raises
+        ------
+        InputError
+            If the store is damaged.
+        """
+        if self.sums is None:
+            return
+        for table in self.sums.tables:
+            owners = self._owners(table)
+            for owner in owners:
+                self._require_sum(table, owner, self._sum_of(table, owner))
+            gone = self.sums.parts(table) - {part_of(table, owner) for owner in owners}
+            if gone:
+                raise damage(self.path, f"table {table.name}: the rows of {min(gone)} are missing")
+
+    def seal(self) -> None:
+        """Write the checksums of what has changed; the last thing that a transaction does."""
+        sums = self.sums
+        if sums is None or not sums.is_changed:
+            return
+        for table in sums.tables:
+            parts = {part for name, part in sums.unsummed if name == table.name}
+            for owner in self._owners(table) if parts else ():
+                part = part_of(table, owner)
+                if part in parts:
+                    total = self._sum_of(table, owner)
+                    sums.known.pop((table.name, part), None)
+                    sums.known |= {} if total is None else {(table.name, part): total}
+        rows = [(*key, *total) for key, total in sorted(sums.known.items())]
+        self.connection.execute(CHECKSUM.delete(self.schema))
+        self.connection.executemany(CHECKSUM.insert(self.schema), rows)
+
+    def _owners(self, table: StoreTable) -> list[str | None]:
+        """Return the owners whose rows have checksums of their own, None for those of a whole table."""
+        if not table.by_owner:
+            return [None]
+        owner = quoted(table.columns[0].name)
+        query = f"SELECT DISTINCT {owner} FROM {self.schema}.{quoted(table.name)} ORDER BY 1"
+        return [row[0] for row in self.connection.execute(query)]
+
+    def _sum_of(self, table: StoreTable, owner: str | None) -> Sum | None:
+        running = RunningSum(table)
+        cursor = self._cursor(table, owner)
+        while rows := cursor.fetchmany(ROWS_AT_A_TIME):
+            running.add(list(zip(*rows, strict=True)))
+        return running.value()
+
+    def _require_sum(self, table: StoreTable, owner: str | None, found: Sum | None) -> None:
+        if self.sums is None or not self.present:
+            return
+        expected, is_known = self.sums.expected(table, owner)
+        if is_known and found != expected:
+            of_owner = f" of {owner}" if owner is not None else ""
+            raise damage(self.path, f"table {table.name}{of_owner}: its content is not what orip wrote")
+
+    def _noted(self, table: StoreTable, rows: Iterable[Row]) -> Iterator[Row]:
+        for row in rows:
+            if self.sums is not None:
+                self.sums.inserted(table, row[0])
+            yield row
 
     def _insert(self, table: StoreTable, rows: Iterable[Row]) -> None:
         try:
@@ -151,6 +236,8 @@ def stored_fault(column: StoreColumn, value: Any) -> str | None:
         return None if column.null != "never" else f"column {column.name}: null, but a value is needed"
     if type(value) is not PYTHON_TYPES[column.type]:
         return f"column {column.name}: {value!r} is no {column.type}"
+    if isinstance(value, float) and math.isinf(value) and not column.infinite:
+        return f"column {column.name}: infinite, but a finite number is needed"
     return None
 
 
@@ -164,7 +251,18 @@ def _column_values(column: StoreColumn, values: tuple[Any, ...], known: dict[str
     if column.type == "TEXT":
         return tuple(map(known.setdefault, values, values))
     array = np.array(values, dtype=ARRAY_TYPES[column.type])
+    if column.type == "REAL":
+        _require_numbers(column, array)
     return array.astype(np.bool_) if column.flag else array
+
+
+def _require_numbers(column: StoreColumn, values: NDArray[Any]) -> None:
+    if column.null == "never" and np.isnan(values).any():
+        message = "null, but a number is needed"
+        raise ValueError(message)
+    if not column.infinite and np.isinf(values).any():
+        message = "infinite, but a finite number is needed"
+        raise ValueError(message)
 
 
 def _joined(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:

@@ -26,6 +26,8 @@ class StoreColumn:
         The name of a record: one word, compared without regard to case.
     flag : bool
         An INTEGER 0 or 1 that is read as bool.
+    infinite : bool
+        A REAL that may be infinite: a figure that an adjustment gave, nothing that one begins with.
     """
 
     name: str
@@ -34,6 +36,7 @@ class StoreColumn:
     check: str = ""
     record_name: bool = False
     flag: bool = False
+    infinite: bool = False
 
     @property
     def ddl(self) -> str:
@@ -70,8 +73,13 @@ def flag(name: str) -> StoreColumn:
 
 
 def real(name: str, null: Null = "never", check: str = "") -> StoreColumn:
-    """Return a column of floating point numbers."""
+    """Return a column of finite floating point numbers."""
     return StoreColumn(name, "REAL", null, check)
+
+
+def figure(name: str) -> StoreColumn:
+    """Return a column of figures of an adjustment: any floating point number, NaN and infinity too."""
+    return StoreColumn(name, "REAL", "nan", infinite=True)
 
 
 def position() -> StoreColumn:
@@ -95,6 +103,8 @@ class StoreTable:
         Further columns that together are different in every row.
     checks : tuple of str
         SQL conditions that every row meets.
+    by_owner : bool
+        Rows are read owner by owner: those of each have a checksum of their own.
     """
 
     name: str
@@ -103,6 +113,7 @@ class StoreTable:
     parent: str = ""
     unique: tuple[tuple[str, ...], ...] = ()
     checks: tuple[str, ...] = ()
+    by_owner: bool = False
 
     @property
     def column_names(self) -> tuple[str, ...]:
@@ -147,11 +158,13 @@ class StoreTable:
         return f"DELETE FROM {schema}.{quoted(self.name)}{where}"
 
 
-def list_table(name: str, owner: str, columns: Sequence[StoreColumn], *unique: str, parent: str = "") -> StoreTable:
+def list_table(
+    name: str, owner: str, columns: Sequence[StoreColumn], *unique: str, parent: str = "", by_owner: bool = False
+) -> StoreTable:
     """Return the table of a list that each record of another table has: owner, position, then the items' columns.
 
     The owner's column is called `owner`, and so is its table unless `parent` says otherwise. Items of one owner differ
-    in the `unique` column, if one is given.
+    in the `unique` column, if one is given; `by_owner` is that of the table.
     """
     return StoreTable(
         name,
@@ -159,6 +172,7 @@ def list_table(name: str, owner: str, columns: Sequence[StoreColumn], *unique: s
         key=(owner, "position"),
         parent=parent or owner,
         unique=tuple((owner, column) for column in unique),
+        by_owner=by_owner,
     )
 
 

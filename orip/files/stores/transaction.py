@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import InputError, OripError, UsageError
 from orip.files.stores.explain import explained, opened
-from orip.files.stores.identity import create, is_present
+from orip.files.stores.identity import content_sums, create, is_present
 from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
+from orip.files.stores.super_journals import remove_orphans
 from orip.files.text.regular_file import file_of, kind_of_no_file
+
+_LONGEST_VALUE = 100_000_000
+_LONGEST_STATEMENT = 100_000
+"""Bytes of a value and of a statement: the recommendations of SQLite for files of others, and room for any record."""
 
 OLDEST_SQLITE = (3, 37, 0)
 """The first SQLite with STRICT tables."""
@@ -57,19 +63,65 @@ def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
         message = "a transaction that writes needs at least one store"
         raise ValueError(message)
     _require_folders(files.values())
-    main, *others = files.values()
+    with explained(list(files.values())), ExitStack() as locked:
+        stores = _locked(locked, files, timeout)
+        remove_orphans(files)
+        present = [_present_or_created(store) for store in stores]
+        yield Stores(dict(zip(files, present, strict=True)))
+        for store in present:
+            store.seal()
+        present[0].connection.execute("COMMIT")
+
+
+def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
+    """Remove a store that was never filled, or whose content has gone elsewhere; tell whether that was done.
+
+    Parameters
+    ----------
+    path : Path
+        It stays if another process holds it, or if it is no sound store.
+    is_empty : function of a Store
+        Tells whether a store with its tables has nothing in it.
+    """
+    with suppress(OripError, OSError, sqlite3.Error), closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
+        store = _store(path, connection, "main")
+        with _transaction(connection, "BEGIN IMMEDIATE"):
+            if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
+                path.unlink()  # a process that waits for the lock finds that its file has gone, and makes a new one
+                return True
+    return False
+
+
+def _locked(locked: ExitStack, files: Mapping[Path, Path], timeout: float) -> list[Store]:
+    """Return stores that are open and locked for as long as `locked` is; files that are missing are made."""
+    while True:
+        with ExitStack() as attempt:
+            stores = _opened_for_writing(attempt, list(files.values()), timeout)
+            before = list(map(_identity, files))
+            attempt.enter_context(_transaction(stores[0].connection, "BEGIN IMMEDIATE"))
+            if None not in before and before == list(map(_identity, files)):
+                locked.enter_context(attempt.pop_all())
+                return stores
+        # another process has removed an empty store while this one waited for its lock
+
+
+def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: float) -> list[Store]:
+    main, *others = paths
     # The main database is one of the stores: with ':memory:' in its place SQLite commits file by file.
     with opened(main):
-        connection = connected(_uri(main, "rwc"), timeout)
-    with closing(connection):
-        stores = [_store(main, connection, "main"), *_attached(connection, others, "rwc")]
-        for store in stores:
-            _prepare(store)
-        named = [store.path for store in stores]
-        with explained(named), _transaction(connection, "BEGIN IMMEDIATE"):
-            present = [_present_or_created(store) for store in stores]
-            yield Stores(dict(zip(files, present, strict=True)))
-            connection.execute("COMMIT")
+        connection = attempt.enter_context(closing(connected(_uri(main, "rwc"), timeout)))
+    stores = [_store(main, connection, "main"), *_attached(connection, others, "rwc")]
+    for store in stores:
+        _prepare(store)
+    return stores
+
+
+def _identity(file: Path) -> tuple[int, int] | None:
+    """Return what tells a file from another one of the same name; None if there is none."""
+    with suppress(OSError):
+        status = file.stat()
+        return status.st_dev, status.st_ino
+    return None
 
 
 @contextmanager
@@ -93,7 +145,7 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
         # Opened for writing where permissions allow: SQLite rolls back what a killed run left half done.
         stores = dict(zip(there, _attached(connection, list(there.values()), "rw"), strict=True))
         with explained(list(there.values())), _transaction(connection, "BEGIN"):
-            found = {file: replace(store, present=is_present(store)) for file, store in stores.items()}
+            found = {file: _with_sums(replace(store, present=is_present(store))) for file, store in stores.items()}
             absent = {file: _store(path, connection, "main") for file, path in files.items() if file not in there}
             yield Stores({**found, **absent})
 
@@ -147,7 +199,19 @@ def connected(database: str, timeout: float) -> sqlite3.Connection:
     # isolation_level None: transactions begin and end where this module says so.
     connection = sqlite3.connect(database, timeout=timeout, isolation_level=None, uri=True)
     connection.execute("PRAGMA foreign_keys = ON")
+    _defend(connection)
     return connection
+
+
+def _defend(connection: sqlite3.Connection) -> None:
+    """Let SQLite trust no file: it may come from anywhere."""
+    connection.execute("PRAGMA trusted_schema = OFF")  # no functions in what a schema defines
+    connection.execute("PRAGMA cell_size_check = ON")  # pages are looked at as they are read
+    connection.execute("PRAGMA mmap_size = 0")  # a disk error is an error, not a signal
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
+    connection.setlimit(sqlite3.SQLITE_LIMIT_SQL_LENGTH, _LONGEST_STATEMENT)
+    if sys.version_info >= (3, 12):
+        connection.setconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE, True)
 
 
 def _attached(connection: sqlite3.Connection, paths: list[Path], mode: str) -> list[Store]:
@@ -186,9 +250,15 @@ def _prepare(store: Store) -> None:
 
 
 def _present_or_created(store: Store) -> Store:
-    if not is_present(store):
-        create(store)
-    return replace(store, present=True)
+    if is_present(store):
+        return _with_sums(replace(store, present=True))
+    made = _with_sums(store)
+    create(made)
+    return replace(made, present=True)
+
+
+def _with_sums(store: Store) -> Store:
+    return replace(store, sums=content_sums(store))
 
 
 @contextmanager

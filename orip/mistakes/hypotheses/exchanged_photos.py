@@ -35,7 +35,8 @@ def exchanged_photos(block: Block) -> Iterator[Hypothesis]:
             f"photos {one} and {other} fit when they are exchanged: what is measured under one name was measured in "
             "the other; exchange the names in the POINTS lines, or the preliminary orientations"
         )
-        yield Hypothesis(changed, finding("exchanged-photos", "", text), partial(_are_in_place, pair=pair))
+        holds = partial(_are_in_place, pair=pair)
+        yield Hypothesis(changed, finding("exchanged-photos", "", text), holds, concerns_start=True)
 
 
 def _are_in_place(solved: SolvedBlock, pair: tuple[int, int]) -> bool:

@@ -35,8 +35,8 @@ class Hypothesis:
         From the same: whether it is an adjustment that the hypothesis foresees. Whether it fits is not tested here; see
         `orip.mistakes.fit_comparison`.
     concerns_start : bool
-        The mistake is in the preliminary values alone: it is no objection that the data as given fit, too, when they
-        start where the adjustment of the hypothesis ended.
+        The mistake is, or may be, in the preliminary values alone: it is no objection that the data as given fit, too,
+        when they start where the adjustment of the hypothesis ended.
     """
 
     block: Block

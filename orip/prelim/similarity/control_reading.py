@@ -26,6 +26,9 @@ _BETTER = 0.1
 """A reading has to reduce the misfit to this part. A long block that is not adjusted yet may be so bent that a wrong
 reading of few points fits three times better by chance."""
 
+_BETTER_THAN_FROM_BELOW = 0.5
+"""The same where the cameras look up from below the control as it is given: few photos are taken that way."""
+
 _EXPECTED = 3.0
 """Standard errors of the control; what fits within them as given needs no other reading."""
 
@@ -99,7 +102,8 @@ def other_reading(
         return None
     mirrored = _Fit(replace(mirrored.similarity, rotation=-mirrored.similarity.rotation), mirrored.misfit)
     expected = _EXPECTED * float(np.median(common.errors(given.similarity)))
-    if given.misfit > expected and mirrored.misfit < _BETTER * given.misfit:
+    better = _BETTER_THAN_FROM_BELOW if _is_from_below(block, common, given) else _BETTER
+    if given.misfit > expected and mirrored.misfit < better * given.misfit:
         changes = _changes(block, names, mirrored.similarity, centres)
         side = camera_side(mirrored.similarity.rotation @ block.rotations)
         count = len(common.source)
@@ -214,8 +218,19 @@ def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
 
 def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
     """Return that reading if points that fit with and without a reflection are seen from below."""
-    rotations = given.similarity.rotation @ block.rotations
-    heights = given.similarity.apply(block.centres)[:, 2]
-    if rotations[:, 2, 2].mean() > -_UPRIGHT or heights.mean() > common.target[:, 2].mean():
+    if not _is_from_below(block, common, given):
         return None
     return ControlReading("from below", len(common.source), given.misfit, given.misfit)
+
+
+def _is_from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> bool:
+    """Return whether the cameras look up from below the control as it is given, and down in its mirror image.
+
+    The mirror image of a facade has the cameras behind it, at the same heights.
+    """
+    normal = np.linalg.svd(common.target - common.target.mean(axis=0))[2][2]
+    if abs(normal[2]) < _UPRIGHT:
+        return False
+    rotations = given.similarity.rotation @ block.rotations
+    heights = given.similarity.apply(block.centres)[:, 2]
+    return bool(rotations[:, 2, 2].mean() <= -_UPRIGHT and heights.mean() <= common.target[:, 2].mean())

@@ -40,8 +40,10 @@ class PrelimOutcome:
         As in BUNDLE.PRE.
     photos, points : tuples of str
         Records and lines that have new values.
+    typed : int
+        Points of BUNDLE.PRE without standard deviations: a user has typed them; they stay.
     others : int
-        Points of BUNDLE.PRE that were not computed; they stay.
+        Other points of BUNDLE.PRE that were not computed; they stay.
     listing : Path
     """
 
@@ -51,6 +53,7 @@ class PrelimOutcome:
     coordinates: tuple[PreliminaryPoint, ...]
     photos: tuple[str, ...]
     points: tuple[str, ...]
+    typed: int
     others: int
     listing: Path
 
@@ -84,8 +87,9 @@ def prelim(bundle: BundleState) -> FoundValues:
 def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome]:
     """Write preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
 
-    Of the photos the elements that are not constant take the values; points of BUNDLE.PRE that were not computed stay.
-    Values that already exist are not written again.
+    Of the photos the elements that are not constant take the values. Points of BUNDLE.PRE that were not computed stay,
+    and so do those without standard deviations: a user has typed them. Values that already exist are not written
+    again.
 
     Parameters
     ----------
@@ -102,14 +106,27 @@ def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome
     changed_photos = tuple(new.record.name for old, new in pairs if new.record != old.record)
     text = read_preliminary_text(project, bundle)
     known = {point.name: point for point in text.points}
-    changed = {point.name: point for point in points if not _is_same(point, known.get(point.name), same)}
+    typed = {point.name for point in text.points if point.deviations is None}
+    changed = {
+        point.name: point
+        for point in points
+        if point.name not in typed and not _is_same(point, known.get(point.name), same)
+    }
     listing = preliminary_output(project, bundle, found.listed)
     outputs = [listing]
     if changed:
         outputs.insert(0, text.output(tuple({**known, **changed}.values()), project.definition.ground_unit))
-    others = len(set(known) - {point.name for point in points})
+    others = len(set(known) - typed - {point.name for point in points})
     outcome = PrelimOutcome(
-        found.given, found.values, orientations, points, changed_photos, tuple(changed), others, listing.path
+        found.given,
+        found.values,
+        orientations,
+        points,
+        changed_photos,
+        tuple(changed),
+        len(typed),
+        others,
+        listing.path,
     )
     return Change(
         state, outcome, StoredParts(replace(before, photos=photos)), project.record_stores, outputs=tuple(outputs)

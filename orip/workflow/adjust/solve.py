@@ -35,13 +35,14 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """A solution, the block as it was solved, what its gates say, and the files that are written of the solution."""
+    """A solution, the block as it was solved, what its gates say, the files that are written, and photos left out."""
 
     project: ProjectFolder
     solution: Solution
     solved: SolvedBlock
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def solve(
@@ -79,7 +80,7 @@ def solve(
     files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, solved, check_solution(solution, gates), files),
+        SolveOutcome(project, solution, solved, check_solution(solution, gates), files, _left_out(bundle, solution)),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
@@ -92,10 +93,21 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
     """Return a watcher that also keeps the preliminary values that had to be found."""
 
     def oriented(values: PreliminaryValues) -> None:
-        found.append(values)
+        found[:] = [values]
         watcher.oriented(values)
 
-    return replace(watcher, oriented=oriented)
+    def replaced(values: PreliminaryValues) -> None:
+        found[:] = [values]
+        watcher.replaced(values)
+
+    return replace(watcher, oriented=oriented, replaced=replaced)
+
+
+def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:
+    """Return the photos with photo points that could not be oriented and are not in a solution."""
+    solved = set(map(record_key, solution.photos.names))
+    measured = dict.fromkeys(bundle.observations.photos)
+    return tuple(name for name in measured if record_key(name) not in solved)
 
 
 def _of_project(bundle: BundleState, solution: Solution, method: Method) -> Solution:

@@ -28,6 +28,7 @@ from orip.workflow.digitise.operator import (
     typed_requests,
 )
 from orip.workflow.digitise.session import Ending, Entry, Rehearsal, Session
+from orip.workflow.project.leftovers import remove_leftovers_of_kills
 
 _SAME_PLACE = 0.5e-4
 """Plate units: half the last digit of a log."""
@@ -121,6 +122,7 @@ class DigitisingSetup:
 
 def log_file(films: MountedFilms) -> LogFile:
     """Return the log of a session in its file."""
+    remove_leftovers_of_kills(films.project)
     return LogFile(films.log, films.shown_log)
 
 

@@ -21,6 +21,7 @@ from orip.progress import stage
 from orip.records.solution import Solution
 from orip.workflow.project.definitions import write_definitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
+from orip.workflow.project.leftovers import remove_leftovers_of_kills
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
@@ -83,7 +84,7 @@ class Change(Generic[T]):
     superseded : tuple of Path
         Files that are removed after the commit, as far as that is possible.
     restores_outputs : bool
-        Outputs that are not of the last commit are written again, and leftovers of killed runs are removed.
+        Outputs that are not of the last commit are written again.
     """
 
     state: ProjectState
@@ -138,18 +139,8 @@ def commit(change: Change[T]) -> Committed[T]:
     OripError
         If a file cannot be written.
     """
-    project, changed = change.state.project, False
-    if change.locks:
-        with stage("writing the stores"), writing(change.locks) as stores:
-            if change.is_compared:
-                _require_unchanged(change.state, stores)
-            _write_edited_texts(project, change.edited_texts)
-            changed = _write_stores(project, stores, change)
-            if change.further is not None:
-                change.further(stores)
-    elif change.edited_texts:
-        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
-            _write_edited_texts(project, change.edited_texts)
+    project = change.state.project
+    changed = _write_stores_and_texts(change)
     for path, backup in change.kept:
         with reporting_failure(project.shown(backup), "nothing was written"):
             replace_bytes(backup, regular_bytes(path))
@@ -162,6 +153,8 @@ def commit(change: Change[T]) -> Committed[T]:
             path.unlink(missing_ok=True)
     if change.restores_outputs:
         rewrite_stale_outputs(project)
+    if change.locks or change.edited_texts or change.outputs:
+        remove_leftovers_of_kills(project)
     return Committed(change.outcome, changed)
 
 
@@ -181,6 +174,23 @@ def carry_out(state: S, command: Callable[[S], Change[T]]) -> Committed[T]:
         except ChangedMeanwhileError:
             state = state.read_again()
     return commit(command(state))
+
+
+def _write_stores_and_texts(change: Change[T]) -> bool:
+    """Write stores, and the texts that are edited with them; tell whether the stores have changed."""
+    project, changed = change.state.project, False
+    if change.locks:
+        with stage("writing the stores"), writing(change.locks) as stores:
+            if change.is_compared:
+                _require_unchanged(change.state, stores)
+            _write_edited_texts(project, change.edited_texts)
+            changed = _write_stores(project, stores, change)
+            if change.further is not None:
+                change.further(stores)
+    elif change.edited_texts:
+        with locked(project.folder / PROJECT_FILE, PROJECT_FILE):
+            _write_edited_texts(project, change.edited_texts)
+    return changed
 
 
 def _require_unchanged(state: ProjectState, stores: Stores) -> None:

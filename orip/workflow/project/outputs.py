@@ -17,7 +17,6 @@ from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
-from orip.files.text.leftovers import remove_leftovers
 from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.measurement import PhotoObservations, no_observations
@@ -83,8 +82,7 @@ def is_interior_listing_stale(project: ProjectFolder, run: str) -> bool:
 
 
 def rewrite_stale_outputs(project: ProjectFolder) -> None:
-    """Write again the outputs that do not belong to what is in the stores, and remove what killed runs have left."""
-    remove_leftovers(project.folder)
+    """Write again the outputs that do not belong to what is in the stores."""
     _rewrite_interior_listing(project)
     heads = read_state(project, {"heads"}, project.bundle_names)
     for bundle in project.bundle_names:

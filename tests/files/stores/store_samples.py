@@ -99,9 +99,10 @@ def rich_solution(bundle="MAIN"):
 letters = st.characters(exclude_categories=["C", "Z"])
 names = st.text(letters, min_size=1, max_size=5).filter(lambda name: not name_fault(name))
 record_name_lists = st.lists(names, unique_by=record_key, max_size=4)
-numbers = st.floats(allow_nan=False).map(lambda value: value + 0.0)
-positive = st.floats(min_value=0.0, exclude_min=True)
-any_float = st.floats().map(lambda value: value + 0.0)
+numbers = st.floats(allow_nan=False, allow_infinity=False).map(lambda value: value + 0.0)
+positive = st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
+any_float = st.floats(allow_infinity=False).map(lambda value: value + 0.0)
+any_figure = st.floats().map(lambda value: value + 0.0)
 texts = st.text(max_size=20)
 integers = st.integers(-(2**63), 2**63 - 1)
 
@@ -218,7 +219,7 @@ def photo_observations(draw):
 @st.composite
 def estimates(draw, count, least=0):
     labels = tuple(draw(st.lists(texts, min_size=least, max_size=3)))
-    return Estimates(labels, draw(arrays(len(labels), count, any_float)), draw(arrays(len(labels), count, any_float)))
+    return Estimates(labels, draw(arrays(len(labels), count, any_figure)), draw(arrays(len(labels), count, any_figure)))
 
 
 def tuples_of(strategy):
@@ -230,7 +231,7 @@ def any_solution(draw):
     photo_part, point_part = draw(estimates(6)), draw(estimates(3))
     n, points = draw(st.integers(0, 4)), len(point_part.names)
     column = st.lists(texts, min_size=n, max_size=n).map(tuple)
-    figures = st.lists(any_float, min_size=n, max_size=n).map(lambda values: np.array(values, dtype=float))
+    figures = st.lists(any_figure, min_size=n, max_size=n).map(lambda values: np.array(values, dtype=float))
     residuals = Residuals(*[draw(column) for _ in range(4)], *[draw(figures) for _ in range(7)])
     kinds = st.sampled_from(get_args(PointKind))
     return Solution(
@@ -238,12 +239,12 @@ def any_solution(draw):
         draw(names),
         *[draw(texts) for _ in range(2)],
         draw(st.sampled_from(["converged", "doubtful", "not_converged", "stopped"])),
-        *[draw(any_float) for _ in range(2)],
+        *[draw(any_figure) for _ in range(2)],
         draw(integers),
-        draw(any_float),
+        draw(any_figure),
         *[draw(integers) for _ in range(2)],
-        draw(any_float),
-        draw(tuples_of(st.builds(IterationPass, integers, any_float, any_float, integers, integers, st.booleans()))),
+        draw(any_figure),
+        draw(tuples_of(st.builds(IterationPass, integers, any_figure, any_figure, integers, integers, st.booleans()))),
         draw(estimates(len(CAMERA_PARAMETERS))),
         photo_part,
         point_part,
@@ -251,11 +252,11 @@ def any_solution(draw):
         tuple(draw(st.lists(kinds, min_size=points, max_size=points))),
         residuals,
         tuple(draw(flags(len(photo_part.names)))),
-        draw(tuples_of(st.builds(SingularUnknown, texts, texts, texts, any_float))),
-        draw(tuples_of(st.builds(Correlation, texts, texts, any_float))),
-        draw(tuples_of(st.builds(Blunder, integers, texts, texts, texts, texts, *[any_float] * 4))),
+        draw(tuples_of(st.builds(SingularUnknown, texts, texts, texts, any_figure))),
+        draw(tuples_of(st.builds(Correlation, texts, texts, any_figure))),
+        draw(tuples_of(st.builds(Blunder, integers, texts, texts, texts, texts, *[any_figure] * 4))),
         draw(tuples_of(st.builds(Diagnosis, texts, texts, texts, texts))),
-        draw(tuples_of(st.builds(CheckPoint, texts, any_float, any_float, any_float))),
+        draw(tuples_of(st.builds(CheckPoint, texts, any_figure, any_figure, any_figure))),
         draw(
             tuples_of(
                 st.builds(
@@ -263,7 +264,7 @@ def any_solution(draw):
                     st.sampled_from(["templates", "photos"]),
                     texts,
                     texts,
-                    *[any_float] * 7,
+                    *[any_figure] * 7,
                     integers,
                 )
             )

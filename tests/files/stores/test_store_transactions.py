@@ -37,11 +37,11 @@ def names_in(path):
 def test_a_new_store_tells_what_it_is(tik):
     header = tik.read_bytes()[:100]
     assert header[68:72] == b"ORIP"
-    assert header[60:64] == (3).to_bytes(4, "big")
+    assert header[60:64] == (4).to_bytes(4, "big")
     assert header[18:20] == b"\x01\x01"  # rollback journal, not WAL
     with contextlib.closing(sqlite3.connect(tik)) as connection:
         tables = connection.execute("SELECT name, strict FROM pragma_table_list WHERE schema = 'main'").fetchall()
-    assert {name for name, strict in tables if strict} == {"meta", "text_input", "temtick", "tick"}
+    assert {name for name, strict in tables if strict} == {"meta", "text_input", "checksum", "temtick", "tick"}
 
 
 def test_every_attached_store_is_durable(tmp_path):
@@ -194,7 +194,7 @@ def not_utf8(path):
         (foreign_database, "belongs to another program"),
         (other_kind, r"made as \.PHO and is no \.TIK"),
         (newer, "newer orip .*update orip"),
-        (older, "older orip .schema 1.* has no tick as they are now; move it away, then 'orip run' creates a new one"),
+        (older, r"older orip .schema 1, without checksums.*move it away: 'orip run' creates"),
         (without_table, "damaged .*tick.*last dump"),
         (cut_short, "damaged"),
         (cut_in_header, "damaged"),
@@ -246,7 +246,7 @@ def test_what_no_store_is_called_is_a_usage_error(tmp_path):
 
 def test_a_folder_in_place_of_a_store_is_refused(tmp_path):
     (tmp_path / "T.TIK").mkdir()
-    with pytest.raises(InputError, match="no file"), reading([tmp_path / "T.TIK"]):
+    with pytest.raises(InputError, match="this is a folder, not a file"), reading([tmp_path / "T.TIK"]):
         pass
 
 

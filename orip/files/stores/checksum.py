@@ -1,0 +1,142 @@
+"""Checksums of what a store holds: a flipped bit is found by whoever reads the rows it is in, and named.
+
+A sum goes over the values of a table, column by column, in the order in which they are read. Tables that are read
+owner by owner have one for each owner. They are computed from what is written, and from what is read, never by reading
+a store for its sums alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.files.stores.table import StoreColumn, StoreTable, integer, text
+from orip.records.names import record_key
+
+CHECKSUM = StoreTable(
+    "checksum", (text("of_table"), text("part"), integer("row_count"), text("blake2b")), key=("of_table", "part")
+)
+
+_BYTES = 16
+_NULL_TEXT = "\1"
+_END = "\0"
+
+
+class Sum(NamedTuple):
+    """The checksum of a part of a table: the number of its rows, and a digest in hexadecimal digits."""
+
+    rows: int
+    digest: str
+
+
+class RunningSum:
+    """The checksum of rows that come some at a time.
+
+    Parameters
+    ----------
+    table : StoreTable
+    """
+
+    def __init__(self, table: StoreTable) -> None:
+        self._columns = table.columns
+        self._hashes = [hashlib.blake2b(digest_size=_BYTES) for _ in table.columns]
+        self._rows = 0
+
+    def add(self, columns: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
+        """Add rows, given as their columns: plain values as SQLite takes or gives them, or arrays."""
+        self._rows += len(columns[0])
+        for column, running, values in zip(self._columns, self._hashes, columns, strict=True):
+            running.update(_bytes_of(column, values))
+
+    def value(self) -> Sum | None:
+        """Return the sum of all rows; None if there were none."""
+        if not self._rows:
+            return None
+        digest = hashlib.blake2b(b"".join(running.digest() for running in self._hashes), digest_size=_BYTES)
+        return Sum(self._rows, digest.hexdigest())
+
+
+class ContentSums:
+    """The checksums of one store in a transaction: those that it has, and which are no longer those of its rows.
+
+    Parameters
+    ----------
+    tables : sequence of StoreTable
+        All of the store.
+    known : mapping of (table, part) to Sum
+        As the store has them.
+    """
+
+    def __init__(self, tables: Sequence[StoreTable], known: Mapping[tuple[str, str], Sum]) -> None:
+        self.tables = tables
+        self.known = dict(known)
+        self.unsummed: set[tuple[str, str]] = set()
+        """Parts that have changed and whose sums are not known yet."""
+        self.is_changed = False
+
+    def expected(self, table: StoreTable, owner: str | None) -> tuple[Sum | None, bool]:
+        """Return the sum that rows should have, and whether that is known."""
+        part = part_of(table, owner)
+        is_known = owner is None or table.by_owner
+        return self.known.get((table.name, part)), is_known and (table.name, part) not in self.unsummed
+
+    def parts(self, table: StoreTable) -> set[str]:
+        """Return the parts of a table that have sums."""
+        return {part for name, part in self.known if name == table.name}
+
+    def emptied(self, table: StoreTable, owner: str | None) -> None:
+        """Forget the sums of what was deleted, and of the lists that go with it."""
+        self.is_changed = True
+        for gone in (table, *self._lists_of(table)):
+            if owner is not None and not gone.by_owner:
+                self.unsummed.add((gone.name, ""))
+                continue
+            for key in [key for key in {*self.known, *self.unsummed} if key[0] == gone.name]:
+                if owner is None or key[1] == record_key(owner):
+                    self.known.pop(key, None)
+                    self.unsummed.discard(key)
+
+    def filled(self, table: StoreTable, owner: str, running: RunningSum) -> None:
+        """Take the sum of rows that were inserted, if these are all of their part."""
+        key = (table.name, part_of(table, owner))
+        total = running.value()
+        if total is None:
+            return
+        if key in self.known or key in self.unsummed:
+            self.inserted(table, owner)
+        else:
+            self.is_changed = True
+            self.known[key] = total
+
+    def inserted(self, table: StoreTable, owner: str) -> None:
+        """Take note of a row that was inserted."""
+        self.is_changed = True
+        self.unsummed.add((table.name, part_of(table, owner)))
+
+    def _lists_of(self, table: StoreTable) -> Iterable[StoreTable]:
+        for other in self.tables:
+            if other.parent == table.name:
+                yield other
+                yield from self._lists_of(other)
+
+
+def part_of(table: StoreTable, owner: str | None) -> str:
+    """Return the part of a table that the rows of an owner belong to."""
+    return record_key(owner) if table.by_owner and owner is not None else ""
+
+
+def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> bytes:
+    if column.type == "TEXT":
+        texts = [_NULL_TEXT if value is None else value for value in values] if column.null != "never" else values
+        return (_END.join(texts) + _END).encode("utf-8", "surrogatepass")
+    if column.type == "REAL":
+        numbers = np.array(values, dtype="<f8") + 0.0  # SQLite keeps no negative zero
+        numbers[np.isnan(numbers)] = np.nan  # nor does it keep which NaN it was
+        return numbers.tobytes()
+    if column.null != "never":
+        return _END.join(map(repr, values)).encode("ascii") + b"\0"
+    return np.array(values, dtype="<i8").tobytes()

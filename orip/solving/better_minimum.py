@@ -1,0 +1,113 @@
+"""Whether an adjustment ended where it should, and which of two ends of the same block is the better minimum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.adjustment.convergence import TerminationReason
+from orip.arrays import BoolArray
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT
+from orip.records.block import Block
+from orip.wording import agreeing, counted, counted_names
+
+_ABSURD_SIGMA0 = 5.0
+"""A-priori errors are seldom guessed wrong by more."""
+
+_MANY_DOWN_WEIGHTED = 0.2
+"""Part of all photo points above which blunders are not the reason."""
+
+_MOST_OF_A_PHOTO = 0.5
+"""Part of its photo points that do not fit above which the photo is out of place, not its points."""
+
+_LOWER = 1e-6
+"""Relative difference of costs: iterations end when corrections are 1e-4 of the standard deviations, and the cost
+follows with their square."""
+
+
+def doubt_about(solved: SolvedBlock) -> str:
+    """Return what is suspicious about the end of an adjustment, as the end of a sentence that begins with it, else "".
+
+    An adjustment that was started far from its minimum does not converge, or leaves photos undetermined, points behind
+    their cameras, residuals of many times the a-priori errors or a photo that fits few of its points.
+    """
+    if solved.reason in (TerminationReason.MAX_ITERATIONS, TerminationReason.DIVERGED):
+        return "did not converge"
+    if names := _undetermined_photos(solved):
+        return f"left {counted_names('photo', names)} undetermined"
+    if behind := _points_behind(solved):
+        return f"put {counted(behind, 'point')} behind {agreeing(behind, 'its camera', 'their cameras')}"
+    sigma0 = solved.variance.sigma0
+    if not np.isfinite(sigma0) and solved.variance.redundancy > 0:
+        return "left no observation with full weight that another one checks"
+    if sigma0 > _ABSURD_SIGMA0:
+        return f"ended at sigma0 {sigma0:.4g}"
+    used, reduced = _down_weighted_points(solved)
+    if reduced.sum() > _MANY_DOWN_WEIGHTED * used.sum():
+        return f"down-weighted {reduced.sum()} of the {counted(int(used.sum()), 'photo point')}"
+    if names := _photos_out_of_place(solved, used, reduced):
+        return f"down-weighted most points of {counted_names('photo', names)}"
+    return ""
+
+
+def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
+    """Tell whether another adjustment of the same observations ended at a better minimum.
+
+    One that has converged and determines all photos is better than one that has not, else the lower robust cost is.
+    """
+    rank, other_rank = _soundness(given), _soundness(other)
+    if other_rank != rank:
+        return other_rank > rank
+    return robust_cost(other) < (1.0 - _LOWER) * robust_cost(given)
+
+
+def robust_cost(solved: SolvedBlock) -> float:
+    """Return what the Danish method makes least: the sum of the losses of all observations.
+
+    The loss is the integral of standard residual times weight: u² / 2 up to the limit c, and at most c² (1/2 + 2 / e),
+    which is that of an observation that cannot be computed.
+    """
+    equations, c = solved.equations, solved.block.definition.max_standard_residual
+    largest = (0.5 + 2.0 / np.e) * c**2
+    u = np.abs(np.where(equations.active, equations.residual, np.inf)[~equations.exact])
+    with np.errstate(invalid="ignore"):
+        above = largest - c * (u + c) * np.exp(-u / c)
+    return float(np.where(u <= c, 0.5 * u**2, np.where(np.isfinite(u), above, largest)).sum())
+
+
+def _soundness(solved: SolvedBlock) -> tuple[bool, int]:
+    return solved.converged, -len(_undetermined_photos(solved))
+
+
+def _undetermined_photos(solved: SolvedBlock) -> list[str]:
+    columns = solved.problem.unknowns.photos
+    removed = solved.normals.removed[columns] & (columns != CONSTANT)
+    return _names(solved.block, np.flatnonzero(removed.any(axis=1)).tolist())
+
+
+def _points_behind(solved: SolvedBlock) -> int:
+    """Return how many of the points lie behind the camera of a photo that shows them."""
+    points, state = solved.block.photo_points, solved.state
+    offset = state.points[points.point] - state.centres[points.photo]
+    depth = np.einsum("ni,ni->n", offset, state.rotations[points.photo, :, 2])
+    return len(np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)]))
+
+
+def _down_weighted_points(solved: SolvedBlock) -> tuple[BoolArray, BoolArray]:
+    """Return which photo points (n,) are used, and which of them are down-weighted."""
+    points = solved.block.photo_points
+    used: BoolArray = np.asarray(points.used.all(axis=1))
+    # photo points are the first kind of observation
+    factors = solved.weight_factors[: 2 * len(points.photo)].reshape(-1, 2)
+    return used, np.asarray(used & (factors < 1.0).any(axis=1))
+
+
+def _photos_out_of_place(solved: SolvedBlock, used: BoolArray, reduced: BoolArray) -> list[str]:
+    """Return the photos most of whose points are down-weighted."""
+    photo, count = solved.block.photo_points.photo, len(solved.block.photos)
+    number, wrong = np.bincount(photo[used], minlength=count), np.bincount(photo[reduced], minlength=count)
+    return _names(solved.block, np.flatnonzero(wrong > _MOST_OF_A_PHOTO * number).tolist())
+
+
+def _names(block: Block, rows: list[int]) -> list[str]:
+    return [block.photos[row].name for row in rows]

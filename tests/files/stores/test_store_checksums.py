@@ -1,0 +1,174 @@
+"""What somebody else has changed in a store is found by whoever reads it, and named; nothing of it is obeyed."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+import store_samples as samples
+
+from orip.errors import InputError
+from orip.files.stores import observations, solutions, temticks
+from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.dump import dump
+from orip.files.stores.transaction import reading, writing
+from orip.records.measurement import PhotoObservations
+from orip.records.photo import Temtick
+
+
+def observed(count: int) -> PhotoObservations:
+    generator = np.random.default_rng(3)
+    return PhotoObservations(
+        "MAIN",
+        ("P1",) * count,
+        tuple(map(str, range(count))),
+        generator.normal(size=(count, 2)),
+        np.full((count, 2), np.nan),
+        np.zeros(count, dtype=np.bool_),
+    )
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    """Photo observations of three points."""
+    path = tmp_path / "MAIN.EXO"
+    with writing([path]) as stores:
+        observations.write(stores[path], observed(3))
+    return path
+
+
+def changed_by(path: Path, *statements: str) -> None:
+    """Change a store behind orip's back."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+
+
+def read(path: Path) -> object:
+    with reading([path]) as stores:
+        return observations.read(stores[path])
+
+
+def test_every_flipped_bit_that_changes_what_is_read_is_found(store: Path) -> None:
+    whole, text = store.read_bytes(), list(dump(store))
+    generator = random.Random(7)
+    found = 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[generator.randrange(len(whole))] ^= 1 << generator.randrange(8)
+        store.write_bytes(damaged)
+        try:
+            is_same = list(dump(store)) == text
+        except InputError as error:
+            is_same, found = store.name in str(error), found + 1
+        assert is_same, "a changed value was read as if it were sound, or the file was not named"
+    assert found > 10, "some bits are in the rows, most in the room between them"
+
+
+def test_a_flipped_bit_is_named_with_its_table(store: Path) -> None:
+    whole = store.read_bytes()
+    value = np.array([read(store).measured[1, 0]], dtype=">f8").tobytes()  # type: ignore[attr-defined]
+    assert whole.count(value) == 1
+    place = whole.index(value) + 7
+    store.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    with pytest.raises(InputError, match=r"MAIN\.EXO: .*table observation: its content is not what orip wrote"):
+        read(store)
+    with pytest.raises(InputError, match="table observation"):
+        list(dump(store))
+
+
+@pytest.mark.parametrize(
+    ("statement", "finding"),
+    [
+        ("UPDATE observation SET x = x + 1e-9 WHERE point = '1'", "table observation: its content"),
+        ("DELETE FROM observation WHERE point = '2'", "table observation: its content"),
+        ("DELETE FROM observation", "table observation: its content"),
+        ("UPDATE observed_bundle SET name = 'OTHER'", "table observed_bundle: its content"),
+        ("DELETE FROM checksum", "its content is not what orip wrote"),
+        ("UPDATE observation SET x = 9e999", "column x: infinite, but a finite number is needed"),
+        ("CREATE TABLE further (a)", "the table 'further' was not made by orip"),
+        ("CREATE INDEX further ON observation (x)", "the index 'further' was not made by orip"),
+        ("CREATE VIEW further AS SELECT 1", "the view 'further' was not made by orip"),
+        (
+            "CREATE TRIGGER further AFTER INSERT ON observation BEGIN DELETE FROM observation; END",
+            "the trigger 'further' was not made by orip",
+        ),
+        ("ALTER TABLE observation ADD COLUMN further REAL", "table observation was not made by orip"),
+        ("DROP TABLE text_input", "without text_input"),
+    ],
+)
+def test_what_somebody_else_changed_is_refused_by_name(store: Path, statement: str, finding: str) -> None:
+    changed_by(store, statement)
+    before = store.read_bytes()
+    with pytest.raises(InputError, match=rf"MAIN\.EXO: the store is damaged \(.*{finding}"):
+        read(store)
+    with pytest.raises(InputError, match=r"MAIN\.EXO"), writing([store]) as stores:
+        observations.read(stores[store])
+    assert store.read_bytes() == before
+
+
+def test_null_where_a_number_is_needed_is_an_error_and_no_warning(store: Path) -> None:
+    changed_by(
+        store,
+        "PRAGMA writable_schema = ON",
+        """UPDATE sqlite_schema SET sql = replace(sql, '"x" REAL NOT NULL', '"x" REAL') WHERE name = 'observation'""",
+    )
+    changed_by(store, "UPDATE observation SET x = NULL WHERE point = '1'")
+    changed_by(
+        store,
+        "PRAGMA writable_schema = ON",
+        """UPDATE sqlite_schema SET sql = replace(sql, '"x" REAL', '"x" REAL NOT NULL') WHERE name = 'observation'""",
+    )
+    with pytest.raises(InputError, match="table observation, column x: null, but a number is needed"):
+        read(store)
+
+
+def test_a_view_in_the_place_of_a_table_is_not_run(store: Path) -> None:
+    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT 'kind' AS key, i AS value FROM n"
+    changed_by(store, "DROP TABLE meta", f"CREATE VIEW meta AS {endless} WHERE i < 0")
+    with pytest.raises(InputError, match="damaged"):
+        read(store)
+
+
+@pytest.mark.parametrize("is_written_again", [False, True])
+def test_solutions_have_sums_of_their_own(tmp_path: Path, is_written_again: bool) -> None:
+    path = tmp_path / "Z.EXT"
+    one, other = samples.rich_solution("ONE"), samples.rich_solution("OTHER")
+    for solution in (one, other):
+        with writing([path]) as stores:
+            solutions.write(stores[path], solution)
+    if is_written_again:
+        with writing([path]) as stores:
+            solutions.write(stores[path], one)
+    changed_by(path, "UPDATE point_estimate SET X = X + 1 WHERE bundle = 'OTHER'")
+    with reading([path]) as stores:
+        assert samples.same(solutions.read(stores[path], "one"), one)
+        with pytest.raises(InputError, match="table point_estimate of OTHER: its content"):
+            solutions.read(stores[path], "OTHER")
+    with writing([path]) as stores:
+        solutions.delete(stores[path], "OTHER")
+    assert list(dump(path))
+
+
+def test_records_of_a_whole_dump_are_missing(tmp_path: Path) -> None:
+    path = tmp_path / "Z.EXT"
+    with writing([path]) as stores:
+        solutions.write(stores[path], samples.rich_solution("ONE"))
+    changed_by(path, "DELETE FROM residual")
+    with pytest.raises(InputError, match="table residual: the rows of ONE are missing"):
+        list(dump(path))
+
+
+def test_a_store_that_changes_bit_by_bit_keeps_its_sums(tmp_path: Path) -> None:
+    path = tmp_path / "T.TIK"
+    for names in (["A"], ["A", "B"], [], ["B", "C"]):
+        with writing([path]) as stores:
+            temticks.write(stores[path], [StoredRecord(Temtick(name, ())) for name in names])
+        assert list(dump(path))
+        with reading([path]) as stores:
+            assert [item.record.name for item in temticks.read(stores[path])] == names
