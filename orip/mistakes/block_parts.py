@@ -28,6 +28,13 @@ def without_photo(block: Block, photo: int) -> Block:
     return without_unused_cameras(_of(block, np.arange(len(block.photos)) != photo, kept))
 
 
+def without_unmeasured_points(block: Block) -> Block:
+    """Return a block without the points that no photo shows, and what is observed of them."""
+    shown = np.zeros(len(block.point_names), dtype=bool)
+    shown[block.photo_points.point] = True
+    return _of(block, np.ones(len(block.photos), dtype=bool), shown)
+
+
 def without_unused_cameras(block: Block) -> Block:
     """Return a block without the cameras that none of its photos has."""
     used = np.unique(block.photo_camera)

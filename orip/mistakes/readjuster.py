@@ -55,7 +55,8 @@ class Readjuster:
         """
         try:
             return _solved(self.start(block))
-        except (NotSolvableError, np.linalg.LinAlgError):
+        except (NotSolvableError, np.linalg.LinAlgError, ValueError):
+            # a block that is changed for a trial may be none; the adjustment as given stands all the same
             return None
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:

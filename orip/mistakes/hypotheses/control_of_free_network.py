@@ -15,6 +15,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.similarity import fit_similarity
+from orip.mistakes.block_parts import without_unmeasured_points
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.control_coordinates import mirrored_control, with_multiplied_control
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
@@ -78,7 +79,7 @@ def control_of_free_network(readjuster: Readjuster) -> Iterator[Hypothesis]:
 
 def _free(block: Block) -> Block:
     """Return a block as a free network in a system of its own."""
-    return replace(
+    free = replace(
         block,
         definition=replace(block.definition, datum="free", datum_points=()),
         control_points=(),
@@ -92,6 +93,7 @@ def _free(block: Block) -> Block:
         constant_elements=(),
         preliminary=(),
     )
+    return without_unmeasured_points(free)
 
 
 def _read_otherwise(block: Block, free: SolvedBlock) -> Iterator[Hypothesis]:
