@@ -95,7 +95,7 @@ class JointEffects:
 
 @dataclass(frozen=True, slots=True)
 class FactoredRows:
-    """Rows W of observations with cofactors W W^T, from the factor of the normal equations.
+    """Rows W of observations with cofactors W W^T - B B^T, from the factor of the normal equations.
 
     Parameters
     ----------
@@ -103,18 +103,26 @@ class FactoredRows:
         L^-1 of the rows freed of their points, with the factor L of the reduced system.
     of_points : sparse array (c, 3 p)
         For the p points that the rows touch.
+    bound : array (c, q)
+        B: what exact constraints determine.
     """
 
     of_reduced: FloatArray
     of_points: csr_array
+    bound: FloatArray
 
     def cofactor(self) -> FloatArray:
         """Return the cofactors (c, c) of the adjusted observations with each other."""
-        return np.asarray((self.of_points @ self.of_points.T).toarray() + self.of_reduced.T @ self.of_reduced)
+        of_points = (self.of_points @ self.of_points.T).toarray()
+        return np.asarray(of_points + self.of_reduced.T @ self.of_reduced - self.bound @ self.bound.T)
+
+    def of(self, places: IntArray) -> FactoredRows:
+        """Return some of the rows."""
+        return FactoredRows(self.of_reduced[:, places], self.of_points[places], self.bound[places])
 
 
 def factored_rows(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> FactoredRows:
-    """Return W of observations.
+    """Return W and B of observations.
 
     Parameters
     ----------
@@ -126,7 +134,13 @@ def factored_rows(equations: Equations, normals: SolvedNormals, layout: Layout, 
         Their numbers among all rows.
     """
     freed, of_points = _freed_of_points(equations, normals, layout, rows)
-    return FactoredRows(normals.factor.reduce(freed.toarray().T / normals.scale[:, None]), of_points)
+    of_reduced = normals.factor.reduce(freed.toarray().T / normals.scale[:, None])
+    constraints = normals.constraints
+    if constraints is None:
+        return FactoredRows(of_reduced, of_points, np.zeros((len(rows), 0)))
+    values, vectors = np.linalg.eigh(constraints.inverse)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return FactoredRows(of_reduced, of_points, equations.design[rows] @ (constraints.spread @ root))
 
 
 def joint_effects(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> JointEffects:

@@ -16,6 +16,7 @@ from orip.bundle.ground_results import (
     photo_correlations,
     point_correlations,
 )
+from orip.bundle.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
@@ -32,7 +33,9 @@ from orip.records.solution import (
     SingularUnknown,
     Solution,
     Status,
+    ZeroDirection,
 )
+from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0
@@ -74,6 +77,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         residuals=_residuals(solved),
         photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
         additional=_additional(solved),
+        zero_directions=_zero_directions(solved),
         singular=_singular(solved),
         correlations=_camera_correlations(solved),
         check_points=_check_points(block, points),
@@ -95,6 +99,8 @@ def _status(solved: SolvedBlock) -> Status:
     if termination is TerminationReason.STOPPED:
         return "stopped"
     if termination is not TerminationReason.CONVERGED:
+        return "not_converged"
+    if lost_control(solved) or lost_photos(solved):
         return "not_converged"
     active = solved.equations.active
     share = float(np.mean(solved.weight_factors[active] < 1.0))
@@ -153,6 +159,15 @@ def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
         AdditionalEstimate(camera.name, name, float(values[row, place]), float(sd[row, place]))
         for row, camera in enumerate(solved.block.cameras)
         for place, name in enumerate(set_names(camera))
+    )
+
+
+def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:
+    sd = deviations(solved, solved.problem.unknowns.theodolites) * DEGREES_PER_RADIAN
+    values = np.mod(solved.state.theodolites * DEGREES_PER_RADIAN, 360.0)
+    return tuple(
+        ZeroDirection(theodolite.name, float(value), float(deviation))
+        for theodolite, value, deviation in zip(solved.block.theodolites, values, sd, strict=True)
     )
 
 

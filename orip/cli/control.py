@@ -139,9 +139,10 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
         if bool(names) == everything:
             message = "name what to kill, or write --all and no name"
             raise UsageError(message)
-        if everything and not options.dry_run:
-            require_confirmation(f"Kill all {kind}?", yes)
         edit = partial(kill_control, kind=kind, names=names or (), **options._asdict())
+        if not options.dry_run and _planned(invocation, edit).changes:
+            what = f"all {kind}" if everything else f"{', '.join(names or ())} of {kind}"
+            require_confirmation(f"Kill {what}?", yes)
         tell(invocation.terminal, f"control {kind} kill", _edited(invocation, edit))
 
 
@@ -154,6 +155,13 @@ def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weight
 
     weight.__doc__ = text
     command(group, weighting)(weight)
+
+
+def _planned(invocation: Invocation, edit: Callable[[ProjectState], Change[ControlOutcome]]) -> ControlOutcome:
+    """Return what an edit would do; what is wrong is said before anything is asked."""
+    from orip.workflow.records.commands import read_records
+
+    return edit(read_records(invocation.folder)).outcome
 
 
 def _edited(invocation: Invocation, edit: Callable[[ProjectState], Change[ControlOutcome]]) -> ControlOutcome:

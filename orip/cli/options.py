@@ -32,6 +32,9 @@ BundleOption = Annotated[
 ]
 """Which bundle, of the commands whose arguments are other names."""
 
+LINK_VARIABLE = "ORIP_LINK"
+"""The environment variable that names the plate processor for all commands that use one."""
+
 G = TypeVar("G", bound=NamedTuple)
 
 

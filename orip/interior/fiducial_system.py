@@ -34,12 +34,13 @@ def frame_corners(camera: Camera) -> tuple[FloatArray, FloatArray] | None:
 
 
 def fiducials_from_plate(marks: MeasuredMarks, arrangement: Literal["corners", "midsides"]) -> tuple[Mark, ...]:
-    """Return fiducial marks with the origin at their mean and the x axis nearest to the plate's x direction.
+    """Return fiducial marks with the origin at the mean of four of them and the x axis nearest to the plate's.
 
     Parameters
     ----------
     marks : MeasuredMarks
-        Four marks that are not disregarded, plate mm.
+        Four marks or more that are not disregarded, plate mm. Of more than four (eight fiducial marks, reseau crosses)
+        the outermost in the corners, or on the axes, make the system; the others are transformed with them.
     arrangement : {"corners", "midsides"}
         Midsides: the x axis goes through the two marks nearest to the plate's x direction. Corners: through the middles
         of the left and the right side.
@@ -47,7 +48,7 @@ def fiducials_from_plate(marks: MeasuredMarks, arrangement: Literal["corners", "
     Raises
     ------
     ValueError
-        Unless there are exactly four marks around their mean.
+        Unless there are at least four marks, four of which lie around their mean.
 
     Notes
     -----
@@ -55,15 +56,35 @@ def fiducials_from_plate(marks: MeasuredMarks, arrangement: Literal["corners", "
     """
     used = ~marks.disregarded
     plate = marks.measured[used]
-    if len(plate) != 4:
-        message = f"{len(plate)} marks; exactly four are needed, one in each corner or in the middle of each side"
+    if len(plate) < 4:
+        message = f"{len(plate)} marks; at least four are needed, one in each corner or in the middle of each side"
         raise ValueError(message)
-    centred = plate - plate.mean(axis=0)
-    direction = _x_axis(centred if arrangement == "midsides" else _middles_of_sides(centred))
+    outer = plate if len(plate) == 4 else plate[_outermost(plate, arrangement)]
+    centred = plate - outer.mean(axis=0)
+    around = outer - outer.mean(axis=0)
+    direction = _x_axis(around if arrangement == "midsides" else _middles_of_sides(around))
     cosine, sine = direction / np.hypot(*direction)
     turn = PlaneTransformation(np.array([[cosine, sine], [-sine, cosine]]), np.zeros(2))
     names = [name for name, use in zip(marks.names, used, strict=True) if use]
     return tuple(Mark(name, float(x), float(y)) for name, (x, y) in zip(names, turn.apply(centred), strict=True))
+
+
+def _outermost(plate: FloatArray, arrangement: Literal["corners", "midsides"]) -> list[int]:
+    """Return which of many marks lie farthest out in the four corners, or along the four half axes.
+
+    Holds for films turned by less than 45 degrees (corners), or 20 degrees where marks in the corners could be taken
+    for those on the axes.
+    """
+    x, y = (plate - (plate.min(axis=0) + plate.max(axis=0)) / 2.0).T
+    if arrangement == "corners":
+        reach = (x + y, y - x, -x - y, x - y)
+    else:
+        reach = (x - np.abs(y), y - np.abs(x), -x - np.abs(y), -y - np.abs(x))
+    found = [int(np.argmax(part)) for part in reach]
+    if len(set(found)) < 4:
+        message = f"none of the marks lie in the four {arrangement}; digitise those too"
+        raise ValueError(message)
+    return found
 
 
 def _around(centred: FloatArray) -> FloatArray:

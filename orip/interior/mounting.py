@@ -39,10 +39,14 @@ class Mounting(Generic[Orientation]):
         are in plate mm; those that the stores hold for a photo on a template in template mm.
     template_mounting : int
         Of a photo on a template: the mounting of the template in which the marks were measured.
+    ended_by : TextPlace or None
+        The edit that killed the last of its marks: the film is no longer oriented. What was measured in the mounting
+        before stays where it is on the film; the orientation is the one that it had until then.
     """
 
     history: tuple[tuple[Orientation, TextPlace | None], ...]
     template_mounting: int = STORED
+    ended_by: TextPlace | None = None
 
     @property
     def orientation(self) -> Orientation:
@@ -50,7 +54,9 @@ class Mounting(Generic[Orientation]):
         return self.history[-1][0]
 
     def edited(self, record: EditRecord, names: Collection[str]) -> Mounting[Orientation]:
-        """Return the mounting with some of its marks edited."""
+        """Return the mounting with some of its marks edited; killing all of them ends it."""
+        if record.action == "KILL" and len(names) == len(self.orientation.marks.names):
+            return replace(self, ended_by=record.place)
         marks = _edited_marks(self.orientation.marks, record, names)
         orientation = replace(self.orientation, marks=marks)
         return replace(self, history=self.history + ((orientation, record.place),))  # noqa: RUF005  (mypy: a TypeVar)
@@ -76,15 +82,25 @@ class FilmMountings(Generic[Orientation]):
         """Put a mounting in the place of all earlier ones."""
         self._mountings[key] = [mounting]
 
+    def in_force(self, key: str) -> Mounting[Orientation] | None:
+        """Return the mounting that orients a film; None where its marks were never measured, or all were killed."""
+        mountings = self.of(key)
+        return mountings[-1] if mountings and mountings[-1].ended_by is None else None
+
     def edit(self, record: EditRecord) -> list[str]:
         """Edit marks where they were last measured; return the films that have such marks."""
         keys = list(self._mountings) if record.owner == "*" else [record_key(record.owner)]
-        return [key for key in keys if self._edit_film(self.of(key), record)]
+        return [key for key in keys if self.in_force(key) is not None and self._edit_film(self.of(key), record)]
 
     def _edit_film(self, mountings: list[Mounting[Orientation]], record: EditRecord) -> bool:
+        if record.action == "KILL" and record.name == "*":
+            mountings[-1] = mountings[-1].edited(record, mountings[-1].orientation.marks.names)
+            return True
         found = False
         measured_later: set[str] = set()
         for number in reversed(range(len(mountings))):
+            if mountings[number].ended_by is not None:
+                break  # marks of before are no longer listed
             marks = mountings[number].orientation.marks
             chosen = {name for name in marks.names if record.name in ("*", name)} - measured_later
             if chosen:

@@ -167,14 +167,13 @@ class _Replay:
         template = self.definitions.template_of(photo)
         if template is None:
             return STORED
-        mountings = self.templates.of(record_key(template.name))
-        if not mountings:
+        if self.templates.in_force(record_key(template.name)) is None:
             message = (
                 f"photo {photo.name} is on template {template.name}, which is not oriented yet; "
                 f"measure its tick marks first (TEMPLATE {template.name} A ...)"
             )
             raise OrientationError(message)
-        return len(mountings) - 1
+        return len(self.templates.of(record_key(template.name))) - 1
 
     # points
 
@@ -192,8 +191,10 @@ class _Replay:
     def _mounting_in_force(self, photo: Photo) -> int:
         if photo.template is not None:
             return self._template_mounting(photo)
-        # points measured before the first PHOTO record belong to the mounting that it describes
-        return max(len(self.photos.of(record_key(photo.name))) - 1, 0)
+        # points measured before the first PHOTO record, or after its marks were killed, belong to the next mounting
+        key = record_key(photo.name)
+        count = len(self.photos.of(key))
+        return count if self.photos.in_force(key) is None else count - 1
 
     def _require_pixels(self, record: PointsRecord, photo: Photo, camera: Camera) -> None:
         """Complain of errors in pixels where there are none; how large they are is known when the log has ended."""
@@ -224,7 +225,10 @@ class _Replay:
         name = record.bundle or ""
         if record.owner != "*":
             self._bundle_and_photo(name, record.owner, record.place)
-        return self.points.edit(record_key(self._bundle(name)), record) > 0
+        try:
+            return self.points.edit(record_key(self._bundle(name)), record) > 0
+        except ValueError as fault:
+            raise OrientationError(str(fault)) from None
 
     def _edit_ticks(self, record: EditRecord) -> bool:
         if record.owner != "*":

@@ -16,7 +16,7 @@ from orip.interior.definitions import Definitions
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints
 from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
-from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
+from orip.interior.orientation import OrientationError, orient_photo, orient_template
 from orip.interior.pixels import pixel_size
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.names import record_key
@@ -44,12 +44,10 @@ class StoredCoordinates:
     def template_orientations(self) -> dict[str, TemplateOrientation]:
         """Return the orientations in force of all defined templates."""
         result = {}
-        for key in self._definitions.templates:
+        for key, template in self._definitions.templates.items():
             mountings = self._templates.of(key)
-            in_force = len(mountings) - 1
-            if not mountings or (_all_killed(mountings[-1]) and in_force not in self._mountings_used(key)):
-                continue
-            if self._plate_to_template(key, in_force) is not None:
+            is_in_force = self._is_in_force(f"template {template.name}", mountings)
+            if is_in_force and self._plate_to_template(key, len(mountings) - 1) is not None:
                 result[key] = mountings[-1].orientation
         return result
 
@@ -58,12 +56,23 @@ class StoredCoordinates:
         result = {}
         for key, photo in self._definitions.photos.items():
             mountings = self._photos.of(key)
-            if not mountings or (_all_killed(mountings[-1]) and not self._needs_marks(key, photo)):
+            if not self._is_in_force(f"photo {photo.name}", mountings):
                 continue
             marks = self._stored_marks(key, photo) if self._measured_to_photo(key, len(mountings) - 1) else None
             if marks is not None:
                 result[key] = replace(mountings[-1].orientation, marks=marks)
         return result
+
+    def _is_in_force(self, film: str, mountings: Sequence[Mounting[Orientation]]) -> bool:
+        """Whether a film is oriented by marks; warn where it was until all of them were killed."""
+        place = mountings[-1].ended_by if mountings else None
+        if place is not None:
+            text = (
+                f"{film} is no longer oriented: all its marks are killed; measure them again, with 'orip digitise ... "
+                "--log EDITS.MEA' or a file for 'orip observations remeasure'"
+            )
+            self._findings.warn(place, "no-longer-oriented", text)
+        return bool(mountings) and place is None
 
     def of_points(self, photo_key: str, mounting: int) -> PlaneTransformation | None:
         """Return measured to stored coordinates of points of a photo measured in a mounting; None after a complaint."""
@@ -89,7 +98,7 @@ class StoredCoordinates:
     def _plate_to_photo(self, key: str, photo: Photo, mounting: int) -> PlaneTransformation | None:
         """Return plate to photo coordinates in a mounting of the film; None where the photo is not oriented."""
         last = len(self._photos.of(key)) - 1
-        if last < 0:
+        if last < 0 or (photo.template is None and mounting > last):
             return None
         if photo.template is None:
             return self._measured_to_photo(key, max(mounting, 0))
@@ -100,21 +109,6 @@ class StoredCoordinates:
         if marks_to_photo is None or marks_to_template is None or points_to_template is None:
             return None
         return marks_to_photo.after(marks_to_template.inverse()).after(points_to_template)
-
-    def _mountings_used(self, template: str) -> set[int]:
-        """Return the mountings of a template in which anything was measured."""
-        used: set[int] = set()
-        for key, photo in self._definitions.photos.items():
-            if photo.template is not None and record_key(photo.template) == template:
-                used |= self._points.mountings(key)
-                used.update(
-                    mounting.template_mounting for mounting in self._photos.of(key) if not _all_killed(mounting)
-                )
-        return used
-
-    def _needs_marks(self, key: str, photo: Photo) -> bool:
-        camera = self._definitions.cameras.get(record_key(photo.camera))
-        return bool(self._points.mountings(key)) and (camera is None or transformation_without_marks(camera) is None)
 
     def _stored_marks(self, key: str, photo: Photo) -> MeasuredMarks | None:
         mountings = self._photos.of(key)
@@ -131,6 +125,8 @@ class StoredCoordinates:
         """
         marks = mountings[-1].orientation.marks
         for number in reversed(range(len(mountings) - 1)):
+            if mountings[number].ended_by is not None:
+                break  # these marks and those of before were killed
             earlier = mountings[number].orientation.marks
             rows = [row for row, name in enumerate(earlier.names) if name not in marks.names]
             if not rows or not self._is_oriented(key, number):
@@ -201,7 +197,3 @@ def _is_valid(orient: Callable[[Orientation], PlaneTransformation], mounting: Mo
     except OrientationError:
         return False
     return True
-
-
-def _all_killed(mounting: Mounting[Orientation]) -> bool:
-    return not mounting.orientation.marks.names

@@ -170,6 +170,19 @@ class AdditionalEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class ZeroDirection:
+    """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
+
+    R is the azimuth, clockwise from +Y, of a reading of 0; 0 to 360. The standard deviation is NaN for a constant, and
+    infinite for one that was removed.
+    """
+
+    set: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class Remark:
     """A line that listings show with the key figures: what coordinates and rotations refer to."""
 
@@ -221,6 +234,7 @@ class Solution:
     warnings: tuple[tuple[str, str, str], ...] = ()
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    zero_directions: tuple[ZeroDirection, ...] = ()
     verdict: str = ""
     groups: tuple[GroupTest, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -77,6 +77,20 @@ def photo_table(solution: Solution) -> PageTable:
     return PageTable("photos", "Photos: exterior orientation", columns, note.strip())
 
 
+def zero_direction_table(solution: Solution) -> PageTable | None:
+    """Return the zero directions of theodolite sets; None where there are none."""
+    rows = solution.zero_directions
+    if not rows:
+        return None
+    decimals = decimals_for([row.sd for row in rows])
+    columns = [
+        PageColumn("Set", [row.set for row in rows], words=True),
+        PageColumn("R", [fixed(row.value, decimals) for row in rows], "°", "R.value"),
+        PageColumn("sd R", [deviation(row.sd, decimals) for row in rows], "°", "R.sd"),
+    ]
+    return PageTable("theodolites", "Theodolite sets: zero directions", columns)
+
+
 def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> PageColumn:
     cells = [fixed(value, decimals) for value in estimates.values[rows, axis].tolist()]
     return PageColumn(label[0], cells, label[1], f"{label[0]}.value")

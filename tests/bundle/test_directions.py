@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, controlled, directions_from, noisy, redefined, rows, singular, solution, started_off
+
+from orip.files.result.json_text import result_text
+from orip.report.precision import zero_direction_table
+from orip.workflow.adjust.results import results
 
 MADE = aerial_block("directions", 6)
 TARGETS = ("105", "111", "117", "123")
@@ -30,6 +35,30 @@ def test_directions_fit_and_their_zero_direction_is_found():
     # five hundredths of a metre at a kilometre are three thousandths of a degree
     assert np.abs(found.residuals.residual[rows(found, "direction")]).max() < 0.004
     assert found.redundancy == solution(redefined(noisy(MADE, 1), **OFF)).redundancy + 2 * len(TARGETS) - 1
+
+
+@pytest.mark.parametrize("zero", [40.0, 359.9995])
+def test_the_zero_direction_is_told_with_its_precision(zero):
+    found = solution(block_with(zero=zero))
+    (direction,) = found.zero_directions
+    assert direction.set == found.residuals.photo[rows(found, "direction")[0]]
+    assert 0.0 <= direction.value < 360.0
+    # every reading and its residual give the azimuth between the adjusted points
+    place = block_with().point_index()
+    for row in of_component(found, "direction"):
+        station, target = found.residuals.point[row].split("-")
+        dx, dy, _ = found.points.values[place[target]] - found.points.values[place[station]]
+        reading = found.residuals.observed[row] + found.residuals.residual[row]
+        difference = np.degrees(np.arctan2(dx, dy)) - reading - direction.value
+        assert (difference + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-9)
+    # four directions of a thousandth of a degree, and points of some centimetres at a kilometre
+    assert 0.0003 < direction.sd < 0.01
+    document = json.loads(result_text(found))
+    assert document["theodolites"] == {direction.set: {"R": {"value": direction.value, "sd": direction.sd}}}
+    lines = results(found, "theodolites", ()).text.splitlines()
+    assert lines[-1].split()[0] == direction.set
+    assert float(lines[-1].split()[1]) == pytest.approx(direction.value, abs=1e-3)
+    assert zero_direction_table(found).columns[1].cells == [lines[-1].split()[1]]
 
 
 def test_a_rotated_circle_turns_the_zero_direction_and_nothing_else():

@@ -142,3 +142,22 @@ def test_snooping_does_not_reduce_weights_and_stops_when_asked():
 
 def test_rounding_in_data_without_errors_is_no_blunder() -> None:
     assert snooped(MADE["aerial"].block, POSTERIORI).blunders == ()
+
+
+def test_many_blunders_need_few_adjustments() -> None:
+    block, random = noisy(MADE["aerial"], 2), np.random.default_rng(8)
+    wrong = random.choice(len(block.photo_points.point), 30, replace=False)
+    for place in wrong:
+        block = with_error(
+            block, int(place), int(random.integers(2)), float(random.choice([-1, 1]) * random.uniform(10, 60))
+        )
+    adjustments = []
+    found = snoop(
+        block,
+        STRICT,
+        lambda record: adjustments.append(record.iteration) if record.iteration == 1 else None,
+        lambda: False,
+    )
+    assert len({each.order for each in found.blunders}) >= 28
+    # the first, one without the large blunders and one without the small ones; perhaps one with what is taken back
+    assert len(adjustments) <= 5

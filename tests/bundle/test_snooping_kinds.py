@@ -17,6 +17,7 @@ from monte_carlo.kinds_study import (
 )
 from support.synthetic_block import synthetic_block
 
+from orip.adjustment.joint_effects import joint_effects
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.snooping.findings import findings_told, without_blunders
 from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop
@@ -187,3 +188,16 @@ def test_everything_that_becomes_undetermined_is_told() -> None:
     assert lost
     for name in lost:
         assert f"nothing else determines point {name}" in text
+
+
+def test_cofactors_are_those_of_the_adjustment_with_constant_distances_too() -> None:
+    block = observed_block(1).block
+    first, *others = block.distances
+    held = replace(block, distances=(replace(first, error=0.0), *others))
+    for each in (block, held):
+        solved = solve_block(each, lambda _: None, lambda: False)
+        rows = np.arange(len(solved.equations.residual))
+        effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
+        ordinary = ~solved.equations.exact
+        # the same product by another way: nothing but rounding at a condition of some 1e6
+        assert np.allclose(np.diag(effects.cofactor)[ordinary], solved.cofactors.leverage[ordinary], atol=1e-8)

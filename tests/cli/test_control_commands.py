@@ -116,7 +116,7 @@ def test_add_at_the_end_and_insert(project: Path) -> None:
 def test_line_ends_and_byte_order_mark_stay(project: Path) -> None:
     path = project / "FIRST.PNT"
     path.write_bytes(b"\xef\xbb\xbf" + POINTS.replace("\n", "\r\n").encode())
-    done(project, "points kill 2")
+    done(project, "points kill 2 --yes")
     done(project, "points edit 1 name=P1 X=-1012.41234")
     done(project, "points add 2 X=1 aX=1")
     text = path.read_bytes()
@@ -126,7 +126,7 @@ def test_line_ends_and_byte_order_mark_stay(project: Path) -> None:
 
 
 def test_kill(project: Path) -> None:
-    said = done(project, "points kill 2 4")
+    said = done(project, "points kill 2 4 --yes")
     assert [line for line in said.err.splitlines() if line.startswith("killed")] == [
         "killed    FIRST.PNT:4",
         "killed    FIRST.PNT:7",
@@ -199,7 +199,9 @@ def test_distances_and_directions(project: Path) -> None:
     said = done(project, "distances add D from=1 to=Q code=xy distance=120.5 a=0.01", "--json")
     assert [each["text"] for each in said.document["warnings"]] == ["point 'Q' is not measured in any photo"]
     said = orip(project, "control", "distances", "kill", "D 1 Q")
-    assert said.code == 0
+    assert said.code == 2
+    assert "Kill D 1 Q of distances? Say so with --yes" in said.err
+    assert orip(project, "control", "distances", "kill", "D 1 Q", "--yes").code == 0
     done(project, "distances disregard D")
     done(project, "directions add S station=1 target=2 direction=12.5 a=0.001 zenith=90 azenith=0.002")
     done(project, "directions disregard S")

@@ -175,14 +175,15 @@ def test_an_operator_types_and_is_interrupted(tmp_path, how):
     assert record.marks.measured[1].tolist() == [3.25, -7.0]
 
 
-def test_the_operator_who_ends_keeps_what_he_has(tmp_path):
+def test_the_operator_who_ends_keeps_what_he_has(tmp_path, monkeypatch):
     folder = new_cliff(tmp_path)
     (folder / "script.txt").write_text("FOOT RIGHT ! the first\nMOVE 1 1\nFOOT RIGHT\nKEY ZERO\n")
     with emulator(folder) as url:
         said = done(folder, "digitise", "template", "LEFT", "--link", url, "--script", "script.txt")
         assert "2 digitised, 0 skipped, 0 kept; ended by the operator" in said.err
         assert "warning: template LEFT: template LEFT has 2 usable marks; transformation A needs 3" in said.err
-        refused = orip(folder, "digitise", "photo", "101", "--link", url, "--script", "script.txt")
+        monkeypatch.setenv("ORIP_LINK", url)
+        refused = orip(folder, "digitise", "photo", "101", "--script", "script.txt")
         assert refused.code == 3
         assert "digitise its tick marks first" in refused.err
 

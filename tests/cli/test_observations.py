@@ -151,12 +151,13 @@ def test_edit_tells_and_is_repeatable(film: Path, verb: str, what: str, owner: s
         observe(film, "disregard", what, owner, name)
     bundle = "MAIN " if what == "point" else ""
     line = f"{verb.upper()} {what.upper()} {bundle}{owner} {name}"
+    sure = ["--yes"] if verb == "kill" else []
     before = contents(film)
     trial = observe(film, verb, what, owner, name, "--dry-run")
     assert trial.code == 0
     assert f"would add {line}" in trial.err
     assert contents(film) == before
-    document = observe(film, verb, what, owner, name, "--json").document
+    document = observe(film, verb, what, owner, name, "--json", *sure).document
     assert document["added"] == [line]
     assert document["unchanged"] is False
     assert (film / "EDITS.MEA").read_text().splitlines()[-1] == line
@@ -179,15 +180,16 @@ def test_edit_reaches_the_adjustment(film: Path) -> None:
 
 
 def test_kill_names_the_points_that_are_left_with_a_single_ray(film: Path) -> None:
-    said = observe(film, "kill", "point", "left", "1", "P1")
+    said = observe(film, "kill", "point", "left", "1", "P1", "--yes")
     assert "point 1 is left with a single ray, in photo right: kill it there too" in said.err
-    document = observe(film, "kill", "point", "*", "3", "--json").document
+    document = observe(film, "kill", "point", "*", "3", "--yes", "--json").document
     assert document["left_alone"] == [{"bundle": "MAIN", "point": "3", "photos": []}]
-    assert "point 4 is left with no ray" in observe(film, "kill", "point", "*", "4").err
+    assert "point 4 is left with no ray" in observe(film, "kill", "point", "*", "4", "--yes").err
 
 
 def test_kill_all_of_a_photo_has_to_be_meant(film: Path) -> None:
     refused(film, 2, "Kill all points of left? Say so with --yes", "kill", "point", "left", "*")
+    refused(film, 2, "Kill point 1, P1 of left? Say so with --yes", "kill", "point", "left", "1", "P1")
     refused(film, 2, "Kill all ticks of every template? Say so with --yes", "kill", "tick", "*", "*")
     assert "would add KILL POINT MAIN left *" in observe(film, "kill", "point", "left", "*", "--dry-run").err
     assert observe(film, "kill", "point", "left", "*", "--yes").code == 0
@@ -210,6 +212,54 @@ def test_kill_all_on_a_terminal_is_asked_for(film: Path, monkeypatch: pytest.Mon
     assert observe(film, "kill", "point", "left", "*").code == 130
     assert contents(film) == before
     assert observe(film, "kill", "point", "left", "*").code == 0
+
+
+def test_all_ticks_killed_and_measured_again(film: Path) -> None:
+    orip(film, "drive", "table")
+    lines = (film / "FIRST.MEA").read_text().splitlines()
+    ticks = lines[lines.index(next(line for line in lines if line.startswith("TEMPLATE"))) :][:5]
+    said = observe(film, "kill", "tick", "T1", "*", "--yes")
+    assert said.code == 0
+    assert "added    KILL TICK T1 *" in said.err
+    assert "template T1 is no longer oriented: all its marks are killed" in said.err
+    assert "TEMPLATE ORIENTATIONS" in (film / "INTERIOR_RESULT.OUT").read_text()
+    # points are kept in template coordinates: the adjustment needs no ticks
+    assert orip(film, "solve").code == 0
+    (film / "again.txt").write_text("\n".join(ticks) + "\n")
+    assert observe(film, "remeasure", "again.txt").code == 0
+    assert "no longer oriented" not in orip(film, "measure").err
+
+
+def test_all_marks_of_a_photo_killed(film: Path) -> None:
+    said = observe(film, "kill", "mark", "left", "*", "--yes")
+    assert said.code == 0
+    assert "photo left is no longer oriented: all its marks are killed" in said.err
+    said = orip(film, "solve")
+    assert said.code == 3
+    assert "photo left has photo points but no interior orientation; measure its fiducial marks" in said.err
+
+
+def test_a_misnamed_point_gets_its_right_name(film: Path) -> None:
+    text = (film / "FIRST.MEA").read_text()
+    right = text.index("POINTS MAIN right")
+    assert orip(film, "solve").code == 0
+    expected = orip(film, "results", "points", "P1", "--json").document
+    (film / "FIRST.MEA").write_text(text[:right] + text[right:].replace("P1 ", "Q1 "))
+    assert orip(film, "measure").code == 0
+    before = contents(film)
+    trial = observe(film, "rename", "point", "right", "Q1", "P1", "--dry-run")
+    assert "would add RENAME POINT MAIN right Q1 P1" in trial.err
+    assert contents(film) == before
+    assert observe(film, "rename", "point", "right", "Q1", "P1", "--json").document["added"] == [
+        "RENAME POINT MAIN right Q1 P1"
+    ]
+    assert "unchanged" in orip(film, "measure").err
+    assert orip(film, "solve").code == 0
+    found = orip(film, "results", "points", "P1", "--json").document
+    assert {**found, "run": ""} == {**expected, "run": ""}
+    refused(film, 3, "point Q1 of bundle MAIN is not measured in photo right", "rename", "point", "right", "Q1", "P1")
+    refused(film, 3, "1 is measured there, too; kill one of them", "rename", "point", "right", "P1", "1")
+    refused(film, 3, "one point is renamed at a time", "rename", "point", "right", "P1", "*")
 
 
 def test_edits_that_are_refused(film: Path) -> None:
@@ -243,7 +293,8 @@ def test_project_without_stores(tmp_path: Path) -> None:
 def test_todo_on_stdout_and_in_a_file(film: Path) -> None:
     said = observe(film, "todo")
     assert said.code == 0
-    head, *rest = said.out.splitlines()
+    title, head, *rest = said.out.splitlines()
+    assert title == "! Project FIRST"
     assert head.startswith("! To measure again, bundle MAIN, after adjustment ")
     assert rest[-2] == f"POINTS MAIN {wrong_photo(film)}"
     assert rest[-1].startswith("  P1  ! down-weighted, residual ")
@@ -268,7 +319,7 @@ def test_todo_under_a_name_that_would_be_replayed_warns(film: Path) -> None:
 def test_nothing_to_measure_again(tmp_path: Path) -> None:
     folder = film_project(tmp_path / "film")
     assert orip(folder, "run").code == 0
-    assert observe(folder, "todo").out.startswith("! Nothing to measure again, bundle MAIN")
+    assert observe(folder, "todo").out.splitlines()[1].startswith("! Nothing to measure again, bundle MAIN")
 
 
 def test_point_measured_again_fits(film: Path) -> None:

@@ -235,7 +235,7 @@ def test_models_of_several_bundles(project: Path) -> None:
     assert done(orip(project, "model", "list", "--json")).document["records"][0]["bundle"] == "AGAIN"
     assert names(project, "model") == ["M"]
     assert done(orip(project, "model", "list", "--bundle", "MAIN", "--json")).document["records"] == []
-    done(orip(project, "model", "delete", "M", "--bundle", "AGAIN"))
+    done(orip(project, "model", "delete", "M", "--bundle", "AGAIN", "--yes"))
 
 
 def test_no_bundle_for_a_model(tmp_path: Path) -> None:
@@ -476,7 +476,7 @@ def test_copies_of_templates_and_models(film: Path) -> None:
 
 def test_delete_what_nothing_refers_to(project: Path) -> None:
     done(orip(project, "camera", "add", "O", "c=8.5"))
-    said = done(orip(project, "camera", "delete", "o", "--json"))
+    said = done(orip(project, "camera", "delete", "o", "--yes", "--json"))
     assert said.document["changes"][0]["action"] == "deleted"
     assert said.document["warnings"] == []
     assert names(project, "camera") == ["C35"]
@@ -490,7 +490,7 @@ def test_delete_what_others_refer_to(film: Path) -> None:
     before = contents(film)
     said = done(orip(film, "photo", "delete", "left", "--with-referents", "--dry-run"))
     assert contents(film) == before
-    said = done(orip(film, "photo", "delete", "left", "--with-referents", "--json"))
+    said = done(orip(film, "photo", "delete", "left", "--with-referents", "--yes", "--json"))
     assert [(each["kind"], each["name"]) for each in said.document["changes"]] == [
         ("photo", "left"),
         ("model", "MAIN M1"),
@@ -520,13 +520,18 @@ def test_delete_a_measured_template(film: Path) -> None:
     said = done(orip(folder, "template", "rename", "T1", "T9"))
     assert "T.MEA:1: template T1 is called T9 now" in said.err
     refused(folder, "3 measured tick marks of template T9", "template", "delete", "T9")
-    done(orip(folder, "template", "delete", "T9", "--with-referents"))
+    done(orip(folder, "template", "delete", "T9", "--with-referents", "--yes"))
     assert names(folder, "template") == []
 
 
 def test_delete_a_bundle(project: Path) -> None:
     refused(project, "bundle MAIN is referred to by 10 measured photo points of MAIN", "bundle", "delete", "MAIN")
-    done(orip(project, "bundle", "delete", "MAIN", "--with-referents"))
+    before = contents(project)
+    said = orip(project, "bundle", "delete", "MAIN", "--with-referents")
+    assert said.code == 2
+    assert "Delete bundle MAIN, 10 measured photo points of MAIN? Say so with --yes" in said.err
+    assert contents(project) == before
+    done(orip(project, "bundle", "delete", "MAIN", "--with-referents", "--yes"))
     assert names(project, "bundle") == []
     assert not (project / "MAIN.EXO").exists()
 
@@ -538,7 +543,7 @@ def test_a_shared_camera_is_told_of(project: Path) -> None:
     replace_in(neighbour / "orip.toml", '"C35"', '"C36"')
     done(orip(neighbour, "init"))
     assert set(names(project, "camera")) == {"C35", "C36"}
-    said = done(orip(project, "camera", "delete", "C36"))
+    said = done(orip(project, "camera", "delete", "C36", "--yes"))
     assert "camera C36: comes from project SECOND, which may still use it" in said.err
 
 

@@ -113,6 +113,8 @@ def test_an_absolute_orientation_is_in_ground_units() -> None:
     assert fields(lines, "7") == ["7", "20.000", "40.000", "-300.000", "0.004", "-0.002", "0.050"]
     assert any("(ft)" in line for line in lines)
     assert not any("(mm)" in line for line in lines)
+    # ground units per metre at photo scale
+    assert any(line.split() == ["(ft/m)", *["(ft)"] * 3, *["(degrees)"] * 3] for line in lines)
     assert fields(lines, "value")[1] == "2365.49500"
 
 

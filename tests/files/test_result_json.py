@@ -19,9 +19,19 @@ from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Correlation, InteriorSummary, Solution
 
 TOP = [
-    *("schema", "run", "project", "bundle", "status", "verdict", "ground_unit"),
+    *("schema", "run", "project", "user", "bundle", "status", "verdict", "ground_unit"),
     *("sigma0", "sigma0_all", "redundancy", "redundancy_used", "observations", "unknowns", "enp"),
-    *("iterations", "cameras", "photos", "points", "down_weighted", "singular", "correlations", "blunders"),
+    *(
+        "iterations",
+        "cameras",
+        "photos",
+        "points",
+        "theodolites",
+        "down_weighted",
+        "singular",
+        "correlations",
+        "blunders",
+    ),
     *("diagnosis", "check_points", "groups", "interior", "inputs", "warnings"),
 ]
 

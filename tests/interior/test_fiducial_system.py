@@ -60,10 +60,41 @@ def test_irregular_midsides_have_two_marks_on_a_parallel_of_the_x_axis():
     assert result["left"][0] < result["right"][0]
 
 
-@pytest.mark.parametrize("count", [0, 3, 5])
-def test_other_than_four_marks_are_refused(count):
+RESEAU = {f"r{row}{column}": (6.0 * column, 6.0 * row) for row in range(-3, 4) for column in range(-2, 3)}
+
+
+@pytest.mark.parametrize("degrees", [0.0, 3.0, -19.0])
+@pytest.mark.parametrize(
+    ("arrangement", "marks"),
+    [
+        ("corners", {**CORNERS, **MIDSIDES}),
+        ("midsides", {**CORNERS, **MIDSIDES}),
+        ("corners", RESEAU),
+        ("midsides", {**MIDSIDES, "inner": (-6.0, 0.0), "centre": (0.0, 0.0), "lower": (0.0, -9.0)}),
+    ],
+)
+def test_more_than_four_marks_and_reseau_crosses(arrangement, marks, degrees):
+    result = found(digitised(marks, degrees, (103.0, 57.0)), arrangement)
+    assert list(result) == list(marks)
+    for name, xy in marks.items():
+        assert result[name] == pytest.approx(xy, abs=1e-12)
+
+
+def test_more_marks_do_not_move_the_system_of_the_four():
+    moved = {**CORNERS, "extra": (3.0, -7.0), "off": (0.1, 17.0)}
+    result = found(digitised(moved), "corners")
+    assert result == {name: pytest.approx(xy, abs=1e-12) for name, xy in moved.items()}
+
+
+def test_marks_of_which_none_is_in_a_corner_are_refused():
+    with pytest.raises(ValueError, match="none of the marks lie in the four corners"):
+        fiducials_from_plate(digitised({str(column): (column, 0.0) for column in range(5)}), "corners")
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_fewer_than_four_marks_are_refused(count):
     marks = {str(number): (float(number), number**2 / 2.0) for number in range(count)}
-    with pytest.raises(ValueError, match=f"{count} marks; exactly four"):
+    with pytest.raises(ValueError, match=f"{count} marks; at least four"):
         fiducials_from_plate(digitised(marks), "corners")
 
 

@@ -17,7 +17,7 @@ from monte_carlo.simulated_blocks import (
 from support.synthetic_block import SyntheticBlock
 
 from orip.adjustment.convergence import TerminationReason
-from orip.bundle.snooping.search import SnoopingSettings, snoop
+from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop
 from orip.records.block import Block
 
 STARTS = (0.002, 0.004)
@@ -39,12 +39,16 @@ class Simulated:
 
 @dataclass(frozen=True)
 class SnoopingRun:
-    """How many photo points there are and are wrong, how many of the wrong and of the others were named."""
+    """How many photo points there are and are wrong, how many of the wrong and of the others were left out.
+
+    `among_alternatives` counts the wrong ones that were left out or named as what may be wrong instead.
+    """
 
     photo_points: int
     wrong: int
     named_rightly: int
     named_wrongly: int
+    among_alternatives: int
     control_points: int
     control_named: int
     converged: bool
@@ -85,6 +89,7 @@ def snooping_run(case: tuple[str, int]) -> SnoopingRun:
         wrong=len(found.photo_points),
         named_rightly=len(named & found.photo_points),
         named_wrongly=len(named - found.photo_points),
+        among_alternatives=len(found.photo_points & _photo_points_in_question(snooped)),
         control_points=len(found.block.control_points),
         control_named=len({each.point for each in snooped.blunders if each.kind == "control"}),
         converged=snooped.solved.reason is TerminationReason.CONVERGED,
@@ -107,6 +112,12 @@ def danish_run(case: tuple[str, int, int]) -> DanishRun:
         converged=tuple(each.reason is TerminationReason.CONVERGED for each in ends),
         iterations=tuple(len(each.iterations) for each in ends),
     )
+
+
+def _photo_points_in_question(snooped: Snooped) -> frozenset[int]:
+    """Return the photo points left out and their alternatives; the rows of photo points come first."""
+    groups = [rows for finding in snooped.findings for rows in (finding.rows, *finding.alternatives)]
+    return frozenset(rows[0] // 2 for rows in groups)
 
 
 def _photo_points_named(block: Block, blunders: tuple) -> frozenset[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from bundle.aerial_block import PRECISION_MM
@@ -21,35 +22,36 @@ ELEMENT_ERROR = 0.002
 ANGLE_ERROR = 0.02
 DIRECTION_ERROR = 0.05
 KINDS = ("photo", "control", "distance", "direction", "zenith", "centre", "rotation")
+Sigma0 = Literal["apriori", "posteriori"]
 LEAST_REDUNDANCY = 0.3
 MINIMAL_SIZES = 2.0
 
 
 @dataclass(frozen=True)
 class KindRun:
-    """What snooping named in one block.
+    """What snooping found in one block.
 
     Attributes
     ----------
-    wrong : dict
+    named : dict
         Kind of the wrong observation: whether it was named, alone or among what cannot be told apart from it.
-    first : dict
-        Kind: whether it is what was left out.
+    left_out : dict
+        Kind: whether it was left out itself.
     others : int
-        Findings that have no wrong observation among what they name.
-    tested : int
+        Findings that name no wrong observation.
+    right : int
         Right observations.
     """
 
-    wrong: dict[str, bool]
-    first: dict[str, bool]
+    named: dict[str, bool]
+    left_out: dict[str, bool]
     others: int
-    tested: int
+    right: int
 
 
-def observed_block(run: int, scene: str = "convergent") -> SyntheticBlock:
+def observed_block(run: int) -> SyntheticBlock:
     """Return a block with noise, weighted control, distances, two theodolite sets, and stations with angles."""
-    made = synthetic_block(scene, f"kinds {run}", precision_mm=PRECISION_MM, **NO_DOWN_WEIGHTING)
+    made = synthetic_block("convergent", f"kinds {run}", precision_mm=PRECISION_MM, **NO_DOWN_WEIGHTING)
     random = random_numbers("kinds", run)
     block = with_noise(made, random)
     names, place = block.point_names, block.point_index()
@@ -72,22 +74,23 @@ def observed_block(run: int, scene: str = "convergent") -> SyntheticBlock:
     )
 
 
-def kind_run(case: tuple[str, int]) -> KindRun:
-    """Spoil one observation of each kind with r of 0.3 and more by twice its minimal detectable size, and search."""
-    scene, run = case
-    block = observed_block(run, scene).block
-    random = random_numbers(f"kinds, blunders {scene}", run)
-    spoilt, wrong = _spoilt(block, solved(block), random)
-    found = snoop(spoilt, SnoopingSettings(), lambda _: None, lambda: False)
-    named = [{finding.rows, *finding.alternatives} for finding in found.findings]
+def kind_run(case: tuple[int, Sigma0]) -> KindRun:
+    """Spoil one observation of each kind by twice its minimal detectable size, and search for them.
+
+    They have redundancy numbers of 0.3 and more. Each block has a geometry and errors of its own.
+    """
+    run, sigma0 = case
+    block = observed_block(run).block
+    clean = solved(block)
+    spoilt, wrong = _spoilt(block, clean, random_numbers("kinds, blunders", run))
+    found = snoop(spoilt, SnoopingSettings(sigma0), lambda _: None, lambda: False)
     left_out = {row for finding in found.findings for row in finding.rows}
-    every = [{row for rows in groups for row in rows} for groups in named]
-    rows = {kind: int(row) for kind, row in wrong.items()}
+    named = [{row for rows in (finding.rows, *finding.alternatives) for row in rows} for finding in found.findings]
     return KindRun(
-        wrong={kind: any(row in groups for groups in every) for kind, row in rows.items()},
-        first={kind: row in left_out for kind, row in rows.items()},
-        others=sum(not groups & set(rows.values()) for groups in every),
-        tested=int(np.count_nonzero(found.solved.equations.active)),
+        named={kind: any(row in rows for rows in named) for kind, row in wrong.items()},
+        left_out={kind: row in left_out for kind, row in wrong.items()},
+        others=sum(rows.isdisjoint(wrong.values()) for rows in named),
+        right=int(np.count_nonzero(clean.equations.active)) - len(wrong),
     )
 
 

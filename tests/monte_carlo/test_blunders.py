@@ -29,10 +29,11 @@ def snooping_figures(scene: str, runs: int, processes: int) -> tuple[float, floa
     rightly = sum(each.named_rightly for each in found) / wrong
     wrongly = sum(each.named_wrongly for each in found) / others
     control = sum(each.control_named for each in found), sum(each.control_points for each in found)
+    in_question = sum(each.among_alternatives for each in found) / wrong
     LOG.info(
-        "snooping %s: %d runs, %d of %d photo points wrong, named %.2f %% of them and %.3f %% of the others; "
-        "control points named %d of %d; converged %d",
-        *(scene, runs, wrong, wrong + others, 100.0 * rightly, 100.0 * wrongly, *control),
+        "snooping %s: %d runs, %d of %d photo points wrong, left out %.2f %% of them and %.3f %% of the others, named "
+        "%.2f %%; control points named %d of %d; converged %d",
+        *(scene, runs, wrong, wrong + others, 100.0 * rightly, 100.0 * wrongly, 100.0 * in_question, *control),
         sum(each.converged for each in found),
     )
     return rightly, wrongly, found

@@ -40,7 +40,7 @@ def freed_unknowns(
 ) -> FreedUnknowns:
     """Return what is no longer determined when more observations are left out.
 
-    Where the residuals of observations left out, with cofactors I - W W^T, have a combination e that no other
+    Where the residuals of observations left out, with cofactors I - H, have a combination e that no other
     observation checks, all others are met for any size of the movement Q A^T e of the unknowns. It moves nothing but
     eliminated points where the part of W^T e in the reduced system is zero.
 
@@ -60,12 +60,11 @@ def freed_unknowns(
     near = np.unique(of_points[out][:, columns].tocoo().row) if len(out) and len(columns) else np.empty(0, np.int64)
     for others in (out[near], out):
         places = np.concatenate([more, others]).astype(np.int64)
-        half, in_points = factored.of_reduced[:, places], of_points[places]
-        cofactor = half.T @ half + (in_points @ in_points.T).toarray()
-        values, vectors = np.linalg.eigh(np.eye(len(places)) - cofactor)
+        some = factored.of(places)
+        values, vectors = np.linalg.eigh(np.eye(len(places)) - some.cofactor())
         free = vectors[:, values <= TESTABLE]
         if free.shape[1]:
-            local = bool((np.linalg.norm(half @ free, axis=0) <= _MOVES).all())
+            local = bool((np.linalg.norm(some.of_reduced @ free, axis=0) <= _MOVES).all())
             return _own_points(solved, rows[more]) if local else _moving(solved, rows[places], free)
     return NOTHING_FREED
 

@@ -3,8 +3,8 @@
 - a photo point: x and y;
 - a control point: its weighted coordinates;
 - a control element; and together those of one projection centre, rotation or point;
-- a distance;
-- a direction or a zenith angle; both to one target; and all of a theodolite set.
+- a direction or a zenith angle; both to one target; and all of a theodolite set;
+- a distance, and an observation of any other kind, by itself.
 
 Constants are no observations, and the zeros that additional parameters are observed to be are no measurements.
 """
@@ -18,9 +18,9 @@ from itertools import groupby
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
+from orip.bundle.kinds.additional_parameter import AdditionalParameterObservations
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
-from orip.bundle.kinds.distance import DistanceObservations
 from orip.bundle.kinds.element import ElementObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -75,17 +75,17 @@ def _used(groups: Iterable[tuple[int, ...]], used: BoolArray, first: int) -> lis
 
 def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
     """Return the groups of rows of a kind; a group follows the single rows that it consists of."""
-    if kind.exact:
+    if kind.exact or isinstance(kind, AdditionalParameterObservations):
         return ()
     if isinstance(kind, PhotoPointObservations):
         return ((row, row + 1) for row in range(0, len(kind.rows.photo), 2))
     if isinstance(kind, ControlPointObservations):
         return _together(range(len(kind.point)), kind.point)
-    if isinstance(kind, DistanceObservations):
-        return ((row,) for row in range(len(kind.start)))
     if isinstance(kind, ElementObservations):
         return _element_groups(kind)
-    return _direction_groups(kind) if isinstance(kind, DirectionObservations) else ()
+    if isinstance(kind, DirectionObservations):
+        return _direction_groups(kind)
+    return ((row,) for row in range(len(kind.rows.photo)))
 
 
 def _element_groups(kind: ElementObservations) -> Iterator[tuple[int, ...]]:

@@ -129,7 +129,7 @@ def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> Non
         given = _given(invocation, bundle)
         values = values_of(given)
     if terminal.json:
-        terminal.document(absolute_document(values))
+        terminal.document(absolute_document(values, given.project.definition.ground_unit))
     elif values.absolute is not None:
         terminal.data("\n".join(similarity_lines(values.absolute, given.project.definition.ground_unit)))
     elif any(photo.rotation is not None for photo in values.photos):

@@ -122,11 +122,12 @@ def similarity_document(found: SimilaritySteps) -> dict[str, Any]:
     }
 
 
-def absolute_document(values: PreliminaryValues) -> dict[str, Any]:
+def absolute_document(values: PreliminaryValues, ground_unit: str) -> dict[str, Any]:
     """Return the absolute orientation; null where there is none."""
+    unit = {"scale_unit": f"{ground_unit}/m", "shift_unit": ground_unit}
     return {
         "command": "prelim absolute",
-        "absolute": None if values.absolute is None else _step(values.absolute),
+        "absolute": None if values.absolute is None else {**_step(values.absolute), **unit},
         "findings": list(values.findings),
     }
 

@@ -9,10 +9,10 @@ import typer
 from orip.cli.options import BundleOption, Invocation, command
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "residuals"],
-    typer.Argument(metavar="WHAT", help="cameras, photos, points or residuals of the last adjustment."),
+    Literal["cameras", "photos", "points", "theodolites", "residuals"],
+    typer.Argument(metavar="WHAT", help="cameras, photos, points, theodolites or residuals of the last adjustment."),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these cameras, photos or points.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these cameras, photos, points or sets.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -20,7 +20,7 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "results")
     def results_command(invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None) -> None:
-        """Show cameras, photos, points or residuals of the last adjustment, with standard deviations.
+        """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
 
         Example: orip results photos st1 st2
         """

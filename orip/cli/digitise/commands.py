@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from orip.cli.late_groups import add_group
-from orip.cli.options import BundleArgument, BundleOption, Invocation, command
+from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, command
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.workflow.digitise.setup import DigitisingSetup
 
-LinkOption = Annotated[str | None, typer.Option("--link", metavar="URL", help="As tcp://127.0.0.1:4788.")]
+LinkOption = Annotated[
+    str | None, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="As tcp://127.0.0.1:4788.")
+]
 LogOption = Annotated[Path, typer.Option("--log", metavar="FILE", help="Measurement file that is written to.")]
 SimulateOption = Annotated[
     list[Path] | None,
@@ -197,6 +199,9 @@ def _means(
     if dry_run:
         return rehearsal(invocation.terminal.detail)
     if link is None:
-        message = "which plate processor? name it with --link tcp://127.0.0.1:4788, or see the order with --dry-run"
+        message = (
+            f"which plate processor? name it with --link tcp://127.0.0.1:4788 or in the environment variable "
+            f"{LINK_VARIABLE}, or see the order with --dry-run"
+        )
         raise UsageError(message)
     return by_link(link, invocation.terminal.say, simulate=simulate or (), script=script)

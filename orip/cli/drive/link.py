@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orip.cli.options import BundleArgument, Invocation, command
+from orip.cli.options import LINK_VARIABLE, BundleArgument, Invocation, command
 from orip.cli.terminal import warning_rows
 from orip.wording import counted
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DEFAULT_LINK = "tcp://127.0.0.1:4788"
 
 Link = Annotated[
-    str, typer.Option("--link", envvar="ORIP_LINK", metavar="URL", help="tcp://HOST:PORT or a serial device.")
+    str, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="tcp://HOST:PORT or a serial device.")
 ]
 Bundle = Annotated[
     str | None, typer.Option("--bundle", help="With a crs and several bundles: the one that is driven in.")

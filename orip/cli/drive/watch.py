@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orip.cli.drive.commands import drive
-from orip.cli.options import BundleArgument, Invocation, command
+from orip.cli.options import LINK_VARIABLE, BundleArgument, Invocation, command
 from orip.errors import OripError
 
 if TYPE_CHECKING:
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 
 Link = Annotated[
     str | None,
-    typer.Option("--link", metavar="URL", help="Show this plate processor, for example tcp://127.0.0.1:4788."),
+    typer.Option(
+        "--link",
+        envvar=LINK_VARIABLE,
+        metavar="URL",
+        help="Show this plate processor, for example tcp://127.0.0.1:4788.",
+    ),
 ]
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any that is free).")]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
@@ -34,8 +39,8 @@ def watch_command(
 ) -> None:
     """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
 
-    Without --link the page has a plate processor of its own. The page can be seen only from this machine; Ctrl-C
-    ends it.
+    Without --link (or ORIP_LINK) the page has a plate processor of its own. The page can be seen only from this
+    machine; Ctrl-C ends it.
 
     Example: orip drive watch
     """

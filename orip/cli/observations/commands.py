@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,6 +12,10 @@ from orip.cli.editing import DryRunOption, EditOptions, YesOption
 from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
 from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.workflow.observations.edits import AddedEdits
+    from orip.workflow.project.commit import Change
 
 Verb = Literal["disregard", "include", "kill"]
 What = Annotated[Literal["point", "mark", "tick"], typer.Argument(metavar="point|mark|tick", show_default=False)]
@@ -37,6 +41,7 @@ def register(app: typer.Typer) -> None:
     _register_edit(group, "disregard")
     _register_edit(group, "include")
     _register_kill(group)
+    _register_rename(group)
     _register_again(group)
 
 
@@ -67,7 +72,10 @@ def _register_list(group: typer.Typer) -> None:
 
 def _register_edit(group: typer.Typer, verb: Verb) -> None:
     def edit_command(invocation: Invocation, what: What, owner: Owner, names: Names, options: EditOptions) -> None:
-        _edit(invocation, verb, what, owner, names, options)
+        from orip.workflow.project.commit import commit
+
+        change = _edited(invocation, verb, what, owner, names, options)
+        tell_edited(invocation.terminal, verb, commit(change).outcome)
 
     edit_command.__doc__ = _documented(verb)
     command(group, verb)(edit_command)
@@ -82,13 +90,43 @@ def _register_kill(group: typer.Typer) -> None:
         options: EditOptions,
         yes: YesOption = False,
     ) -> None:
-        if "*" in names and not options.dry_run:
-            every = "every template" if what == "tick" else "every photo"
-            require_confirmation(f"Kill all {what}s of {every if owner == '*' else owner}?", yes)
-        _edit(invocation, "kill", what, owner, names, options)
+        from orip.workflow.project.commit import commit
+
+        change = _edited(invocation, "kill", what, owner, names, options)
+        every = "every template" if what == "tick" else "every photo"
+        chosen = f"all {what}s" if "*" in names else f"{what} {', '.join(names)}"
+        if change.outcome.lines and not options.dry_run:
+            require_confirmation(f"Kill {chosen} of {every if owner == '*' else owner}?", yes)
+        tell_edited(invocation.terminal, "kill", commit(change).outcome)
 
     kill_command.__doc__ = _documented("kill")
     command(group, "kill")(kill_command)
+
+
+def _register_rename(group: typer.Typer) -> None:
+    @command(group, "rename")
+    def rename_command(
+        invocation: Invocation,
+        what: Annotated[Literal["point"], typer.Argument(metavar="point", show_default=False)],  # noqa: ARG001
+        owner: Annotated[str, typer.Argument(metavar="PHOTO", help="A photo; '*' in quotes: all.")],
+        name: Annotated[str, typer.Argument(metavar="NAME")],
+        new_name: Annotated[str, typer.Argument(metavar="NEW_NAME")],
+        options: EditOptions,
+    ) -> None:
+        """Give a point that was measured under a wrong name its right one.
+
+        It goes into EDITS.MEA and counts whenever the measurements are replayed.
+
+        Example: orip observations rename point P101 1001 1002
+        """
+        from orip.workflow.observations.edits import EDITED_FROM, rename_observation
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_project
+
+        state = read_project(invocation.folder, *EDITED_FROM)
+        bundle, dry_run = options
+        change = rename_observation(state, owner, name, new_name, bundle=bundle, is_trial=dry_run)
+        tell_edited(invocation.terminal, "rename", commit(change).outcome)
 
 
 def _documented(verb: Verb) -> str:
@@ -98,9 +136,10 @@ def _documented(verb: Verb) -> str:
     )
 
 
-def _edit(invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], options: EditOptions) -> None:
+def _edited(
+    invocation: Invocation, verb: Verb, what: str, owner: str, names: list[str], options: EditOptions
+) -> Change[AddedEdits]:
     from orip.workflow.observations.edits import EDITED_FROM, edit_observations
-    from orip.workflow.project.commit import commit
     from orip.workflow.project.state import read_project
 
     bundle, dry_run = options
@@ -108,8 +147,7 @@ def _edit(invocation: Invocation, verb: Verb, what: str, owner: str, names: list
         message = f"a {what} belongs to no bundle; leave --bundle out"
         raise UsageError(message)
     state = read_project(invocation.folder, *EDITED_FROM)
-    change = edit_observations(state, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run)
-    tell_edited(invocation.terminal, verb, commit(change).outcome)
+    return edit_observations(state, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run)
 
 
 def _register_again(group: typer.Typer) -> None:

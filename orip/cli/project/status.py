@@ -32,6 +32,7 @@ def show(invocation: Invocation) -> None:
             {
                 "command": "status",
                 "project": found.project.definition.name,
+                "user": found.project.definition.user,
                 "counts": {f"{name}s": count for name, count in found.counts},
                 "steps": [{"command": step.command, "state": step.state, "text": step.text} for step in found.steps],
                 "next": found.next_command,
@@ -41,7 +42,8 @@ def show(invocation: Invocation) -> None:
         return
     terminal.warn(found.warnings)
     has = ", ".join(f"{count} {name}{'s' * (count != 1)}" for name, count in found.counts)
-    terminal.data(f"project  {found.project.definition.name}: {has}")
+    user = f" ({found.project.definition.user})" if found.project.definition.user else ""
+    terminal.data(f"project  {found.project.definition.name}{user}: {has}")
     width = max(len(step.command) for step in found.steps)
     for step in found.steps:
         terminal.data(f"{step.command:{width}}  {step.state:11}  {step.text}")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.editing import BundleOption, EditOptions, edit_document, tell_edit
+from orip.cli.confirm import require_confirmation
+from orip.cli.editing import BundleOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
@@ -33,6 +34,9 @@ BeforeOption = Annotated[
 ReferentsOption = Annotated[
     bool, typer.Option("--with-referents", help="Delete all that refers to it as well, measurements included.")
 ]
+
+_SHOWN_DELETIONS = 5
+"""In the question whether to delete them."""
 
 _ABOUT: dict[RecordKind, tuple[str, str]] = {
     "camera": ("Cameras: principal distance and point, distortion, fiducial marks.", "edit OLYMPUS c=8.6 unknown=C,A3"),
@@ -144,13 +148,28 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
 
     @command(group, "delete")
     def delete_command(
-        invocation: Invocation, name: Name, options: EditOptions, with_referents: ReferentsOption = False
+        invocation: Invocation,
+        name: Name,
+        options: EditOptions,
+        with_referents: ReferentsOption = False,
+        yes: YesOption = False,
     ) -> None:
         """Delete a record that nothing refers to, or with all that does."""
-        from orip.workflow.records.commands import delete_record
+        from orip.workflow.records.commands import delete_record, read_records
 
         edit = partial(delete_record, record=_record(kind, name, options.bundle), with_referents=with_referents)
+        if not options.dry_run:
+            planned = edit(read_records(invocation.folder)).outcome  # what is wrong is said before anything is asked
+            require_confirmation(f"Delete {_deleted_text(planned)}?", yes)
         tell(invocation.terminal, f"{kind} delete", _edited(invocation, edit, dry=options.dry_run))
+
+
+def _deleted_text(outcome: RecordsOutcome) -> str:
+    """Return what a deletion takes away, records first."""
+    from orip.wording import first_names
+
+    gone = [f"{change.kind} {change.name}" for change in outcome.changes if change.action == "deleted"]
+    return first_names([*gone, *outcome.measurements], _SHOWN_DELETIONS)
 
 
 def _record(kind: RecordKind, name: str, bundle: str | None) -> RecordName:

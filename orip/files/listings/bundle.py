@@ -6,7 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orip.files.listings.bundle_estimates import camera_lines, check_point_lines, photo_lines, point_lines
+from orip.files.listings.bundle_estimates import (
+    camera_lines,
+    check_point_lines,
+    photo_lines,
+    point_lines,
+    zero_direction_lines,
+)
 from orip.files.listings.bundle_residuals import (
     ground_residual_lines,
     largest_residual_lines,
@@ -44,6 +50,8 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     yield from section("CORRELATIONS OF CAMERA UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
     yield from section("POINTS", point_lines(solution))
+    if solution.zero_directions:
+        yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo"))

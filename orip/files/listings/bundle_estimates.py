@@ -111,6 +111,21 @@ def point_lines(solution: Solution) -> Iterator[str]:
     yield from _mean_precision(points.sd, decimals, unit)
 
 
+def zero_direction_lines(solution: Solution) -> list[str]:
+    """Return the table of the zero directions of theodolite sets."""
+    rows = solution.zero_directions
+    sd = np.array([row.sd for row in rows], dtype=np.float64)
+    values = np.array([row.value for row in rows], dtype=np.float64)
+    decimals = _decimals(values, sd, *ANGLE_DECIMALS)
+    return table_lines(
+        [
+            Column("Set", [row.set for row in rows], align="left"),
+            Column("R", fixed(values, decimals), "degrees"),
+            Column("sR", deviations(sd, decimals), "degrees"),
+        ]
+    )
+
+
 def _mean_precision(sd: FloatArray, decimals: int, unit: str) -> list[str]:
     known = np.isfinite(sd)
     if not known.any():

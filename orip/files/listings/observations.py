@@ -50,21 +50,24 @@ def partner_lines(rows: Sequence[StereoPartner]) -> list[str]:
     )
 
 
-def todo_text(rows: Sequence[PointToMeasure], bundle: str, run: str | None) -> str:
+def todo_text(rows: Sequence[PointToMeasure], title: str, bundle: str, run: str | None) -> str:
     """Return a measurement file in which the coordinates of the points to measure are still missing.
 
     Parameters
     ----------
     rows : sequence of PointToMeasure
         Those of a photo behind one another.
+    title : str
+        The names of project and user.
     bundle : str
     run : str or None
         The adjustment that the predicted coordinates come from.
     """
     adjustment = f", after adjustment {run}" if run else ""
     if not rows:
-        return f"! Nothing to measure again, bundle {bundle}{adjustment}.\n"
+        return f"! {title}\n! Nothing to measure again, bundle {bundle}{adjustment}.\n"
     head = [
+        f"! {title}",
         f"! To measure again, bundle {bundle}{adjustment}.",
         "! Write x and y after each name (plate mm; pixels of scans and digital frames), and take out what you do not",
         "! measure; then: orip observations remeasure FILE",

@@ -1,7 +1,8 @@
 """Tables of the steps to preliminary values: relative orientations, similarities, the model coordinate list.
 
 The columns and their headings are those that operators know: npts, its, seuw, mres; py and spy; by, bz, om, phi, kp.
-Model coordinates are printed in millimetres at photo scale, those on the ground in ground units.
+Model coordinates are printed in millimetres at photo scale, those on the ground in ground units. The scale of the
+absolute orientation is in ground units per metre at photo scale.
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def similarity_lines(step: SimilarityStep, ground_unit: str) -> list[str]:
         "",
         *_residuals(step, factor, unit),
         "",
-        *_similarity_parameters(step, factor, unit),
+        *_similarity_parameters(step, factor, unit, f"{ground_unit}/m" if step.step == "absolute" else ""),
         *_remarks(step.remarks, 2 * INDENT),
     ]
 
@@ -158,7 +159,7 @@ def _residuals(step: SimilarityStep, factor: float, unit: str) -> list[str]:
     )
 
 
-def _similarity_parameters(step: SimilarityStep, factor: float, unit: str) -> list[str]:
+def _similarity_parameters(step: SimilarityStep, factor: float, unit: str, scale_unit: str) -> list[str]:
     scale = decimals_for(step.scale_deviation)
     deviations = factor * step.shift_deviation
     shift = decimals_for(deviations)
@@ -167,7 +168,7 @@ def _similarity_parameters(step: SimilarityStep, factor: float, unit: str) -> li
     return table_lines(
         [
             Column("", ["value", "sd"], align="left"),
-            Column("scale", [one_fixed(step.scale, scale), _deviation(step.scale_deviation, scale)]),
+            Column("scale", [one_fixed(step.scale, scale), _deviation(step.scale_deviation, scale)], scale_unit),
             *(
                 Column(f"shift {axis}", [one_fixed(value, shift), _deviation(sd, shift)], unit)
                 for axis, value, sd in shifts

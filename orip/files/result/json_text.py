@@ -42,6 +42,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "schema": SCHEMA,
         "run": solution.run,
         "project": solution.project,
+        "user": solution.user,
         "bundle": solution.bundle,
         "status": solution.status,
         "verdict": solution.verdict,
@@ -60,6 +61,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "cameras": _cameras(solution),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": points,
+        "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
             {"group": row.group, "name": row.name, "kind": row.kind, "lost_digits": _number(row.lost_digits)}

@@ -19,7 +19,7 @@ _COUNTS = ("down_weighted", "singular", "blunders")
 _QUANTITIES: Mapping[str, Quantity] = {
     **dict.fromkeys(("C", "DX", "DY"), "photo"),
     **dict.fromkeys(("X0", "Y0", "Z0", "X", "Y", "Z", "dX", "dY", "dZ"), "ground"),
-    **dict.fromkeys(("OMEGA", "PHI", "KAPPA"), "angle"),
+    **dict.fromkeys(("OMEGA", "PHI", "KAPPA", "R"), "angle"),
 }
 _POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
 _RADIUS_MM = 10.0
@@ -72,6 +72,9 @@ def _figures(document: Any) -> ResultFigures:
             shown = printable(f"{kind} {name}")
             key = name if kind == "point" else record_key(name)
             found[kind, key] = FigureGroup(shown, _of_record(_object(record, shown), shown))
+    for name, record in _object(document.get("theodolites", {}), "theodolites").items():
+        shown = printable(f"theodolite {name}")
+        found["theodolite", name] = FigureGroup(shown, _of_record(_object(record, shown), shown))
     for row in _objects(document.get("check_points"), "check_points"):
         name = _text(row.get("name"), "check_points")
         figures = {axis: Figure(_number(row.get(axis), name), _QUANTITIES[axis]) for axis in ("dX", "dY", "dZ")}

@@ -11,9 +11,9 @@ from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
 SCHEMA_VERSION = 4
-"""3: there were no checksums; 2: no groups of observations, no alternatives of a blunder; 1: no correlations of
-coordinates. A store of an older version is refused."""
-DUMP_VERSION = 3
+"""3: there were no checksums and no zero directions; 2: no groups of observations, no alternatives of a blunder; 1: no
+correlations of coordinates. A store of an older version is refused."""
+DUMP_VERSION = 4
 """Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {

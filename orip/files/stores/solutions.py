@@ -28,6 +28,7 @@ from orip.records.solution import (
     SingularUnknown,
     Solution,
     Status,
+    ZeroDirection,
 )
 
 POINT_COORDINATES = ("X", "Y", "Z")
@@ -94,6 +95,10 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
     "additional": (
         AdditionalEstimate,
         _list_of_solution("additional_estimate", *_texts("camera", "name"), *_reals("value", "sd")),
+    ),
+    "zero_directions": (
+        ZeroDirection,
+        _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
     ),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (

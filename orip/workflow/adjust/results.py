@@ -1,4 +1,4 @@
-"""`orip results`: cameras, photos, points or residuals of the last adjustment."""
+"""`orip results`: cameras, photos, points, theodolites or residuals of the last adjustment."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any, Literal
 import numpy as np
 
 from orip.errors import UsageError
-from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines
+from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import result_document
 from orip.files.text.table import table_lines
 from orip.records.names import record_key
 from orip.records.solution import Estimates, Residuals, Solution
 
-What = Literal["cameras", "photos", "points", "residuals"]
+What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
     Parameters
     ----------
     solution : Solution
-    what : {"cameras", "photos", "points", "residuals"}
+    what : {"cameras", "photos", "points", "theodolites", "residuals"}
     names : sequence of str
-        Cameras, photos or points to show; for residuals photos or points. Empty: all.
+        Cameras, photos, points or sets of directions to show; for residuals photos or points. Empty: all.
 
     Raises
     ------
@@ -49,12 +49,19 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
         "cameras": lambda: camera_lines(chosen.cameras, chosen.additional)[1:],
         "photos": lambda: photo_lines(chosen),
         "points": lambda: list(point_lines(chosen)),
+        "theodolites": lambda: zero_direction_lines(chosen),
     }[what]()
     return Results("\n".join(lines) + "\n", {"run": solution.run, what: result_document(chosen)[what]})
 
 
-def _chosen(solution: Solution, what: Literal["cameras", "photos", "points"], names: Sequence[str]) -> Solution:
-    """Return the solution with only some cameras, photos or points."""
+def _chosen(
+    solution: Solution, what: Literal["cameras", "photos", "points", "theodolites"], names: Sequence[str]
+) -> Solution:
+    """Return the solution with only some cameras, photos, points or sets of directions."""
+    if what == "theodolites":
+        known = solution.zero_directions
+        rows = _rows([direction.set for direction in known], what, names)
+        return replace(solution, zero_directions=tuple(known[row] for row in rows))
     estimates: Estimates = getattr(solution, what)
     rows = _rows(estimates.names, what, names)
     part = Estimates(tuple(estimates.names[row] for row in rows), estimates.values[rows], estimates.sd[rows])
@@ -76,7 +83,7 @@ def _rows(known: Sequence[str], what: str, names: Sequence[str]) -> list[int]:
     if not names:
         return list(range(len(known)))
     # record names ignore case, point names do not
-    key = record_key if what != "points" else str
+    key = record_key if what in ("cameras", "photos") else str
     place = {key(name): row for row, name in enumerate(known)}
     missing = [name for name in names if key(name) not in place]
     if missing:

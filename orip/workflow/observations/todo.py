@@ -63,7 +63,8 @@ def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite:
         message = f"{output} already exists; name another file, or replace it with --force"
         raise UsageError(message)
     points = _points_to_measure(bundle)
-    text = todo_text(points, bundle.name, bundle.solution.run if bundle.solution else None)
+    title = bundle.project.title
+    text = todo_text(points, title, bundle.name, bundle.solution.run if bundle.solution else None)
     warnings = outdated_warnings(bundle)
     if path is None:
         return Change(bundle.state, Todo(bundle.name, points, text, None, warnings))
