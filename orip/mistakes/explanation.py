@@ -125,7 +125,7 @@ def explain_start(solved: SolvedBlock, gathered: Block) -> list[ProjectWarning]:
     gathered : Block
         With the given orientations.
     """
-    return misgiven(solved, gathered) if is_good(fit_of_adjustment(solved)) else []
+    return misgiven(solved, gathered)
 
 
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
