@@ -92,10 +92,11 @@ def movement_generator(state: BlockState, unknowns: Unknowns) -> FloatArray:
 
     The movements are three shifts in units of the block's size, three rotations about its centre, and scale.
     """
-    centre = state.points.mean(axis=0)
-    size = _size(state)
+    points = _known_points(state)
+    centre, size = points.mean(axis=0), _size(state)
+    at_points = np.where(np.isfinite(state.points), state.points, centre)
     result = np.zeros((unknowns.layout.size, 7))
-    _put(result, unknowns.points, _positions(state.points - centre, size))
+    _put(result, unknowns.points, _positions(at_points - centre, size))
     _put(result, unknowns.photos[:, :3], _positions(state.centres - centre, size))
     turns = np.broadcast_to(np.eye(3), state.rotations.shape).copy()
     by_angles = state.turned_by_angles
@@ -112,7 +113,14 @@ def movement_generator(state: BlockState, unknowns: Unknowns) -> FloatArray:
 
 
 def _size(state: BlockState) -> float:
-    return float(np.sqrt(np.mean((state.points - state.points.mean(axis=0)) ** 2)) or 1.0)
+    points = _known_points(state)
+    return float(np.sqrt(np.mean((points - points.mean(axis=0)) ** 2)) or 1.0)
+
+
+def _known_points(state: BlockState) -> FloatArray:
+    """Return the points (k, 3) with coordinates: none are known of one whose only ray meets nothing."""
+    known = np.isfinite(state.points).all(axis=1)
+    return state.points[known] if known.any() else np.zeros((1, 3))
 
 
 def _positions(offset: FloatArray, size: float) -> FloatArray:

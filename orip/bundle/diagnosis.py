@@ -13,6 +13,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.lost_rays import lost_control, lost_photos
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -23,7 +24,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import Diagnosis
-from orip.wording import agreeing, counted, joined
+from orip.wording import agreeing, counted, counted_names, joined
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
@@ -47,6 +48,7 @@ def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
 def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     """Return every weakness found in a solved block, the gravest kind first."""
     return (
+        *_another_block(solved),
         *_ground_system(solved),
         *_undetermined(solved),
         *_unsettled(solved),
@@ -251,6 +253,18 @@ def _strong_pairs(
             r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
             if abs(r) > STRONG_CORRELATION:
                 yield a, b, float(r)
+
+
+def _another_block(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name control points and photos most of whose rays are lost: what was adjusted is not what was measured."""
+    remedy = "check OMEGA, PHI and KAPPA of the photos, or leave them out: orip finds preliminary values itself"
+    for noun, names in (("control point", lost_control(solved)), ("photo", lost_photos(solved))):
+        if names:
+            where = counted_names(noun, names)
+            lie = "lies" if len(names) == 1 else "lie"
+            behind = f"{where} {lie} behind the cameras" if noun == "control point" else f"points lie behind {where}"
+            text = f"{behind}, and the observations were left out: the preliminary values are wrong"
+            yield Diagnosis("another-block", where, text, remedy)
 
 
 def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:

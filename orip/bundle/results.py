@@ -16,6 +16,7 @@ from orip.bundle.ground_results import (
     photo_correlations,
     point_correlations,
 )
+from orip.bundle.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
@@ -98,6 +99,8 @@ def _status(solved: SolvedBlock) -> Status:
     if termination is TerminationReason.STOPPED:
         return "stopped"
     if termination is not TerminationReason.CONVERGED:
+        return "not_converged"
+    if lost_control(solved) or lost_photos(solved):
         return "not_converged"
     active = solved.equations.active
     share = float(np.mean(solved.weight_factors[active] < 1.0))

@@ -126,7 +126,13 @@ class MeasuredPoints:
         ]
 
     def edit(self, bundle: str, record: EditRecord) -> int:
-        """Disregard, include or kill points; return how many the edit finds."""
+        """Disregard, include, kill or rename points; return how many the edit finds.
+
+        Raises
+        ------
+        ValueError
+            If a point would get the name of another one of its photo.
+        """
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
         found = 0
@@ -138,6 +144,8 @@ class MeasuredPoints:
             found += int(np.count_nonzero(chosen))
             if record.action == "KILL":
                 photos[key] = points.where(~chosen)
+            elif record.new_name is not None:
+                photos[key] = _renamed(points, record.name, record.new_name, key)
             else:
                 flags = np.where(chosen, record.action == "DISREGARD", points.disregarded)
                 photos[key] = replace(points, disregarded=flags)
@@ -157,6 +165,15 @@ class MeasuredPoints:
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
+
+
+def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> PointsOfPhoto:
+    if new_name in points.names and new_name != name:
+        message = (
+            f"point {name} of photo {photo} cannot be renamed: {new_name} is measured there, too; kill one of them"
+        )
+        raise ValueError(message)
+    return replace(points, names=tuple(new_name if found == name else found for found in points.names))
 
 
 def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto]:

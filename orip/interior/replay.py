@@ -254,7 +254,10 @@ class _Replay:
         name = record.bundle or ""
         if record.owner != "*":
             self._bundle_and_photo(name, record.owner, record.place)
-        return self.points.edit(record_key(self._bundle(name)), record) > 0
+        try:
+            return self.points.edit(record_key(self._bundle(name)), record) > 0
+        except ValueError as fault:
+            raise OrientationError(str(fault)) from None
 
     def _edit_ticks(self, record: EditRecord) -> bool:
         if record.owner != "*":

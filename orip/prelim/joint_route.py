@@ -14,6 +14,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing import FITTING, BlockGrower
 from orip.prelim.growing_block import GrowingBlock, growing_block_of
 from orip.prelim.image_rays import ImageRays
+from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
 from orip.prelim.similarity.levelled_parts import place_parts
@@ -29,8 +30,11 @@ _M = 1e-3
 _FLAT = 0.1
 """Deviation of the depth of points in a single photo, which are taken to lie in a plane, as part of that depth."""
 
-_EQUATIONS = 7
-"""Of a photo with six unknowns: one more than just enough."""
+_NARROWER = 10.0
+"""Ratio of the limits for blunders from one adjustment to the next."""
+
+_EQUATIONS = 6
+"""Of a photo, with as many unknowns."""
 
 
 def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int) -> Route:
@@ -48,7 +52,7 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
     start, rays = by_pairs(free, 0), free.rays
     parts = [system.partial_block() for system in start.systems]
     parts += _models_between(free, parts)
-    supported = _supported_photos(rays, held.held_points)
+    supported = _supported_photos(rays, np.asarray(np.isfinite(known).any(axis=1)))
     alone = supported.copy()
     for part in parts:
         alone[part.photos] = False
@@ -58,7 +62,23 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
     if placed is None:
         return Route(())
     block = _started(held, assembled(placed), len(parts)).without_photos(~supported)
-    return Route((held.grow(held.refined(block, 0.0)),), on_ground=True, relative=start.relative)
+    return Route((held.grow(_refined_with_all_ties(held, block)),), on_ground=True, relative=start.relative)
+
+
+def _refined_with_all_ties(held: BlockGrower, start: GrowingBlock) -> GrowingBlock:
+    """Return a block after adjustments in which no ray is a blunder at first.
+
+    Parts fit in themselves, so that the few points that tie them would lose their weight while the parts are still out
+    of place (graduated non-convexity, Blake and Zisserman 1987).
+    """
+    lengths = residual_lengths(held.seen(start), start)
+    finite = lengths[np.isfinite(lengths)]
+    factor = float(finite.max(initial=0.0))
+    while factor > 1.0:
+        rays = replace(held.rays, error=factor * held.rays.error)
+        start = replace(held, rays=rays).refined(start, 0.0)
+        factor /= _NARROWER
+    return held.refined(start, 0.0)
 
 
 def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[PartialBlock]:
@@ -73,7 +93,7 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
                 yield model.block
 
 
-def _supported_photos(rays: ImageRays, held: BoolArray) -> BoolArray:
+def _supported_photos(rays: ImageRays, control: BoolArray) -> BoolArray:
     """Return which photos (number of photos,) may be determined: others and control give them equations enough.
 
     A point gives two if it is control or if two other photos show it, one if one of them does.
@@ -82,7 +102,7 @@ def _supported_photos(rays: ImageRays, held: BoolArray) -> BoolArray:
     while True:
         used = supported[rays.photo]
         others = np.bincount(rays.point[used], minlength=len(rays.points))[rays.point] - 1
-        equations = np.where(held[rays.point], 2, np.clip(others, 0, 2))
+        equations = np.where(control[rays.point], 2, np.clip(others, 0, 2))
         enough = np.bincount(rays.photo, weights=equations * used, minlength=len(supported)) >= _EQUATIONS
         if not (supported & ~enough).any():
             return supported

@@ -26,6 +26,7 @@ LABEL_COLUMNS = 9
 _KEEP = "\N{NO-BREAK SPACE}"
 
 _WRONG = {
+    "another-block",
     "datum",
     "undetermined",
     "same-unknown",

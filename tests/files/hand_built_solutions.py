@@ -27,6 +27,7 @@ from orip.records.solution import (
     SingularUnknown,
     Solution,
 )
+from orip.report.trouble import suspect_rows
 
 NAN = float("nan")
 INF = float("inf")
@@ -267,7 +268,7 @@ def result_listing(solution: Solution, observations: PhotoObservations) -> str:
 
 def error_listing(solution: Solution) -> str:
     """BUNDLE_ERROR.OUT of a solution."""
-    return "".join(f"{line}\n" for line in error_listing_lines(solution))
+    return "".join(f"{line}\n" for line in error_listing_lines(solution, suspect_rows(solution).tolist()))
 
 
 def csv_text(found: Residuals) -> str:

@@ -370,7 +370,7 @@ def test_the_error_listing_names_what_is_wrong_and_what_to_do() -> None:
 
 def test_an_error_listing_without_errors_says_none() -> None:
     text = error_listing(empty())
-    assert text.count("\n  none\n") == 5
+    assert text.count("\n  none\n") == 6
 
 
 def test_the_interior_listing_has_templates_first_and_every_mark() -> None:

@@ -36,6 +36,7 @@ POINTS MAIN P101
 DISREGARD POINT MAIN P101 1001
 include mark * 2
 KILL TICK T1 *
+RENAME POINT MAIN P101 1001 1002
 FIDUCIALS CAM Midsides
   1 2 3
 TICKS TT1
@@ -84,6 +85,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
         EditRecord(TextPlace("S1.MEA", 13), "DISREGARD", "POINT", "MAIN", "P101", "1001"),
         EditRecord(TextPlace("S1.MEA", 14), "INCLUDE", "MARK", None, "*", "2"),
         EditRecord(TextPlace("S1.MEA", 15), "KILL", "TICK", None, "T1", "*"),
+        EditRecord(TextPlace("S1.MEA", 16), "RENAME", "POINT", "MAIN", "P101", "1001", "1002"),
     ]
     assert isinstance(fiducials, FiducialsRecord)
     assert (fiducials.camera, fiducials.arrangement) == ("CAM", "midsides")
@@ -96,6 +98,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
     [
         ("POINTS M P\n1 2 3,5", ":2:5: ", "decimal comma; write a decimal point: 3.5"),
         ("POINTS M P\n1 nan 3", ":2:3: ", "'nan' is not allowed"),
+        ("POINTS M P\n1 1e308 3", ":2:3: ", "'1e308' is too large for a number"),
         ("POINTS M P\n1 1_0 3", ":2:3: ", "'1_0' is not a number"),
         ("POINTS M P\n1 2", ":2: ", "a coordinate is missing; a line of POINTS M P is: name x y"),
         ("POINTS M P\n1 2 -", ":2: ", "a coordinate is missing"),

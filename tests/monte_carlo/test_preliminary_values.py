@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
 from monte_carlo.preliminary_records import gathered, true_minimum
-from monte_carlo.preliminary_study import SUCCESS, compared, loss, outcome, outcomes, success, tables, write_tables
+from monte_carlo.preliminary_study import (
+    SUCCESS,
+    compared,
+    loss,
+    outcome,
+    outcome_of,
+    outcomes,
+    success,
+    tables,
+    write_tables,
+)
+from monte_carlo.weakly_joined_blocks import WEAK_FAMILIES, weakly_joined_records
 from scipy.integrate import quad
 
 from orip.adjustment.convergence import TerminationReason
@@ -73,3 +84,19 @@ def test_2000_blocks_reach_the_true_minimum_from_nothing():
     LOG.info("%s", tables(found))
     assert success(found) >= 0.995
     assert all(each["reason"] for each in found if each["end"] not in SUCCESS)
+
+
+@pytest.mark.parametrize(("family", "run"), [("film at 20 % sidelap", 18), ("small overlaps", 1), ("facades", 14)])
+def test_blocks_that_hang_together_weakly_reach_the_true_minimum_from_nothing(family, run):
+    # no route by models, pairs or resections led to these blocks
+    found = outcome_of(weakly_joined_records(run, family))
+    assert found.end in SUCCESS
+
+
+@pytest.mark.long
+@pytest.mark.timeout(6 * 3600)
+def test_600_weakly_joined_blocks_reach_the_true_minimum_from_nothing():
+    found = [asdict(outcome_of(weakly_joined_records(run))) for run in range(600)]
+    for family in WEAK_FAMILIES:
+        LOG.info("%s: %.2f %%", family, 100.0 * success([each for each in found if each["family"] == family]))
+    assert success(found) >= 0.995

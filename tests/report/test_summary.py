@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from dataclasses import replace
 from functools import partial
@@ -12,11 +13,12 @@ from report.sample_pages import SAMPLES, sample
 from scipy import stats
 
 from orip.bundle.group_words import CODE
+from orip.files.listings.errors import error_listing_lines
 from orip.records.gate import Gate, GateResult
 from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
-from orip.report.trouble import suspect_rows, suspicious_w
+from orip.report.trouble import suspect_rows, suspects, suspicious_w
 
 ORDER = ["status", "sigma0", "check", "gate", "misfit", "note", "weak", "points", "photos", "camera"]
 HEIGHT = partial(textwrap.wrap, width=80 - 9, break_on_hyphens=False)
@@ -187,3 +189,19 @@ def test_what_is_listed_as_misfitting_follows_the_number_of_observations() -> No
     assert suspect_rows(with_normalised_residuals(many)).tolist() == [700]
     # few observations: 0.001 for each
     assert suspicious_w(with_normalised_residuals(many[:40])) == pytest.approx(stats.norm.isf(0.0005), abs=0.01)
+
+
+def test_what_the_summary_says_is_in_the_listing_is_there() -> None:
+    solution = sample("small_frame_block").solution
+    rows = suspect_rows(solution).tolist()
+    assert f"+{len(suspects(solution)) - 1} more in BUNDLE_ERROR.OUT" in " ".join(
+        line.text for line in summary_of(replace(solution, diagnosis=(LONG_NOTE,) * 9))
+    )
+    listed = "\n".join(error_listing_lines(solution, rows)).partition("OBSERVATIONS THAT DO NOT FIT")[2]
+    listed = listed.partition("DOWN-WEIGHTED")[0]
+    for row in rows:
+        residuals = solution.residuals
+        assert re.search(rf"{residuals.photo[row]} +{residuals.point[row]} +{residuals.component[row]} ", listed)
+
+
+LONG_NOTE = Diagnosis("correlation", "", "word " * 60, "remedy")

@@ -57,7 +57,7 @@ def test_tables_of_residuals_have_the_unit_of_the_kind() -> None:
 
 
 def test_blunders_have_the_unit_of_the_kind() -> None:
-    lines = "\n".join(error_listing_lines(misfitting()))
+    lines = "\n".join(error_listing_lines(misfitting(), ()))
     blunders = lines.partition("BLUNDERS")[2].partition("DOWN-WEIGHTED")[0]
     for k, ((_, component), unit) in enumerate(OBSERVATIONS.items()):
         assert re.search(rf"N{k} +{re.escape(component)} +80\.\d+ +1\.\d+ +{re.escape(unit)} +40\.00", blunders)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,13 +16,21 @@ from orip.records.solution import Solution
 TITLE = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
 
 
-def error_listing_lines(solution: Solution) -> Iterator[str]:
-    """Yield the lines of BUNDLE_ERROR.OUT, without newlines."""
+def error_listing_lines(solution: Solution, misfits: Sequence[int]) -> Iterator[str]:
+    """Yield the lines of BUNDLE_ERROR.OUT, without newlines.
+
+    Parameters
+    ----------
+    solution : Solution
+    misfits : sequence of int
+        Rows of the residuals of what does not fit, the worst first.
+    """
     yield from bundle_title(TITLE, solution)
     yield from section("SUMMARY", _summary(solution))
     yield from section("SINGULAR UNKNOWNS, REMOVED FROM THE ADJUSTMENT", _singular(solution))
     yield from section("DIAGNOSIS", _diagnosis(solution))
     yield from section("BLUNDERS, IN THE ORDER THEY WERE FOUND", _blunders(solution))
+    yield from section("OBSERVATIONS THAT DO NOT FIT, THE WORST FIRST", _misfits(solution, misfits))
     yield from section("DOWN-WEIGHTED OBSERVATIONS", _down_weighted(solution))
     yield from section("WARNINGS", _warnings(solution))
 
@@ -75,6 +83,11 @@ def _blunders(solution: Solution) -> list[str]:
             Column("Limit", fixed([row.limit for row in rows], 2)),
         ]
     )
+
+
+def _misfits(solution: Solution, rows: Sequence[int]) -> list[str]:
+    lines = table_lines(component_columns(solution.residuals, rows, solution.ground_unit))
+    return [*lines, *LEGEND] if rows else lines
 
 
 def _down_weighted(solution: Solution) -> list[str]:

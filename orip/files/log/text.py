@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 
 from orip.errors import Complaint
 from orip.files.log.blocks import MeasurementBlock, read_measurement
 from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, read_header
-from orip.files.text.decimal_numbers import is_number
+from orip.files.text.decimal_numbers import LARGEST_NUMBER, is_number
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import read_lines, split_line
 from orip.files.text.parsed import Parsed
@@ -133,7 +132,13 @@ def _take_plain(block: MeasurementBlock, fields: list[str], line: str, number: i
     except ValueError:
         return False
     # float() also takes nan, 1_000 and digits of other scripts
-    is_ordinary = isfinite(x) and isfinite(y) and line.isascii() and "_" not in x_text and "_" not in y_text
+    is_ordinary = (
+        abs(x) <= LARGEST_NUMBER
+        and abs(y) <= LARGEST_NUMBER
+        and line.isascii()
+        and "_" not in x_text
+        and "_" not in y_text
+    )
     is_new_name = name not in block.name_lines and name.upper() not in _NOT_PLAIN_NAMES
     if not (is_ordinary and is_new_name) or name[0] in _COMMENT_STARTS or not name.isprintable():
         return False

@@ -21,6 +21,7 @@ from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.solution import Solution
+from orip.report.trouble import suspect_rows
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import read_state
@@ -47,10 +48,11 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     """
     files = project.outputs(solution.bundle)
     found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
+    misfits = suspect_rows(solution).tolist()
     return (
         TextOutput(files.residuals, lambda: residuals_csv_pieces(solution.residuals, found), _REMEDY),
         TextOutput(files.listing, lambda: lines_in_pieces(bundle_listing_lines(solution, found, measured)), _REMEDY),
-        TextOutput(files.errors, lambda: lines_in_pieces(error_listing_lines(solution)), _REMEDY),
+        TextOutput(files.errors, lambda: lines_in_pieces(error_listing_lines(solution, misfits)), _REMEDY),
         TextOutput(files.result, lambda: result_pieces(solution), _REMEDY),
     )
 
