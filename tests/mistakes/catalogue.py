@@ -413,7 +413,7 @@ def missing_minus_held(folder: Path) -> None:
 
 
 @mistake(
-    "Two control points exchanged", CLIFF, "control point CP2", "CP1", "the two are exchanged",
+    "Two control points exchanged", CLIFF, "control points CP1 and CP2", "exchanged",
     mend="Exchange their names.",
 )  # fmt: skip
 def exchanged_control(folder: Path) -> None:
