@@ -127,6 +127,8 @@ class _IterationState(Generic[StateT]):
         Observations that have full weight in the next iteration.
     converged : _IterationState or None
         The converged solution that the iterations try to improve.
+    returned : bool
+        An attempt was taken back: the solution is a converged one.
     records : tuple of IterationRecord
         Of the iterations so far.
     """
@@ -138,6 +140,7 @@ class _IterationState(Generic[StateT]):
     tried: Tried
     full_weight: tuple[int, ...] = ()
     converged: _IterationState[StateT] | None = None
+    returned: bool = False
     records: tuple[IterationRecord, ...] = ()
 
 
@@ -195,7 +198,7 @@ def adjust(
         if reason is TerminationReason.CONVERGED and (attempt := _attempt(problem, now, step.normals, settings)):
             now, reason = attempt, None
         if reason is None and len(now.records) >= settings.max_iterations:
-            reason = TerminationReason.MAX_ITERATIONS
+            reason = TerminationReason.CONVERGED if now.returned else TerminationReason.MAX_ITERATIONS
         if reason is None:
             # the normal equations of the next iteration need their memory
             del step
@@ -391,6 +394,7 @@ def _attempt(
         full_weight=proposal.full_weight,
         acceleration=Acceleration(),
         converged=now,
+        returned=False,
     )
 
 
@@ -410,7 +414,7 @@ def _judged_attempt(
     if reason is TerminationReason.CONVERGED and found < known:
         return replace(now, converged=None), reason
     stopped = TerminationReason.STOPPED if reason is TerminationReason.STOPPED else None
-    return replace(before, tried=now.tried, records=now.records), stopped
+    return replace(before, tried=now.tried, records=now.records, returned=True), stopped
 
 
 def _final_weights(now: _IterationState[StateT]) -> FloatArray:
