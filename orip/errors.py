@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 INTERRUPTED = 130
 """What the shell gets after Ctrl-C."""
+
+MOST_COMPLAINTS = 50
+"""Of a file, that are told: a text with another form has a fault in each of a million lines."""
 
 _LONGEST_COMPARED, _MOST_COMPARED, _MOST_LISTED = 100, 500, 5
 """Of a name and of known names, when a similar one is looked for, and listed where none is similar."""
@@ -115,8 +119,13 @@ class InputError(OripError):
     exit_code = 3
 
     def __init__(self, complaints: Sequence[Complaint]) -> None:
-        super().__init__("\n".join(str(complaint) for complaint in complaints))
         self.complaints = tuple(complaints)
+        super().__init__("\n".join(map(str, self.told)))
+
+    @property
+    def told(self) -> tuple[Complaint, ...]:
+        """Return what is told: of each file the first `MOST_COMPLAINTS`, and how many there are more."""
+        return tuple(_first_of_each_file(self.complaints))
 
     @classmethod
     def single(cls, message: str, path: str = "", line: int | None = None, column: int | None = None) -> InputError:
@@ -126,6 +135,19 @@ class InputError(OripError):
 
 class NoProjectError(InputError):
     """A folder holds no project."""
+
+
+def _first_of_each_file(complaints: Sequence[Complaint]) -> Iterator[Complaint]:
+    """Yield the first complaints of each file, and after the last of all how many there are more of a file."""
+    counts: Counter[str] = Counter()
+    for complaint in complaints:
+        counts[complaint.path] += 1
+        if counts[complaint.path] <= MOST_COMPLAINTS:
+            yield complaint
+    for path, count in counts.items():
+        if count > MOST_COMPLAINTS:
+            more = count - MOST_COMPLAINTS
+            yield Complaint(f"and {more} more error{'s' if more > 1 else ''}; correct those above first", path)
 
 
 class NotSolvableError(OripError):

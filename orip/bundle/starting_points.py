@@ -22,15 +22,16 @@ _ROUNDING = 1e-9
 
 
 def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
-    """Return the block with starting coordinates: .PRE, else .PNT, else the intersection of rays; control as given.
+    """Return the block with starting coordinates: .PRE, else control, else the intersection of rays, else check points.
 
     Photos are in the local frame already; control and preliminary points have the project's coordinates.
     """
     start = block.point_start.copy()
     place = block.point_index()
+    checks = np.full_like(start, np.nan)
     for point in block.control_points:
         if None not in point.coordinates:
-            start[place[point.name]] = point.coordinates
+            (checks if point.kind == "check" else start)[place[point.name]] = point.coordinates
     for given in block.preliminary:
         if given.name in place:
             start[place[given.name]] = given.coordinates
@@ -38,6 +39,9 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     missing = np.isnan(start).any(axis=1)
     if missing.any():
         start[missing] = _intersections(block, start)[missing]
+        # check points may be written wrong: they start there only if no rays meet
+        missing = np.isnan(start).any(axis=1)
+        start[missing] = block.ground.to_local(checks)[missing]
     warnings = []
     single: NDArray[np.bool_] = np.asarray(np.isnan(start).any(axis=1))
     if single.any():

@@ -63,7 +63,7 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
 
 def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> int:
     """Print an error with all its complaints, as JSON too if that is wanted, and return the exit code."""
-    complaints = error.complaints if isinstance(error, InputError) else ()
+    complaints = error.told if isinstance(error, InputError) else ()
     advice = f"; {_ADVICE[type(error)]}" if type(error) in _ADVICE else ""
     if terminal.json:
         rows = [
@@ -80,8 +80,8 @@ def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -
             terminal.flush()
     for text in [str(complaint) for complaint in complaints] or [str(error)]:
         terminal.error(f"{text}{advice}")
-    if len(complaints) > 1:
-        terminal.say(f"{len(complaints)} errors; nothing was written")
+    if isinstance(error, InputError) and len(error.complaints) > 1:
+        terminal.say(f"{len(error.complaints)} errors; nothing was written")
     return exit_code or error.exit_code
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from orip.interior.orientation import OrientationError
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
+from orip.records.project import BundleDefinition
 from orip.wording import listed_names
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)
@@ -17,13 +18,22 @@ Referred = TypeVar("Referred", Camera, Template, Temtick)
 
 @dataclass(frozen=True, slots=True)
 class Definitions:
-    """The records that a log refers to, by `record_key` of their names; `bundles` are names alone."""
+    """The records that a log refers to, by `record_key` of their names.
+
+    `bundles` are names alone; `settings` are those of bundles whose points may be measured again.
+    """
 
     cameras: Mapping[str, Camera]
     temticks: Mapping[str, Temtick]
     templates: Mapping[str, Template]
     photos: Mapping[str, Photo]
     bundles: Mapping[str, str]
+    settings: Mapping[str, BundleDefinition] = field(default_factory=dict)
+
+    @property
+    def averaged_bundles(self) -> frozenset[str]:
+        """Return the bundles in which points that are measured again are averaged."""
+        return frozenset(key for key, bundle in self.settings.items() if bundle.repeated_points == "mean")
 
     def camera_of(self, photo: Photo) -> Camera:
         """Return the camera of a photo.

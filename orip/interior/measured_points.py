@@ -67,6 +67,13 @@ class PointsOfPhoto:
             joined.append(column)
         return PointsOfPhoto(tuple(place), *joined), again
 
+    def repeated(self, new: PointsOfPhoto) -> tuple[PointsOfPhoto, int]:
+        """Return these points and further measurements of them or others, and how many are not the first."""
+        again = len(self.names) + len(new.names) - len({*self.names, *new.names})
+        again -= len(self.names) - len(set(self.names))
+        arrays = (np.concatenate(both) for both in zip(self._arrays(), new._arrays(), strict=True))
+        return PointsOfPhoto((*self.names, *new.names), *arrays), again
+
     def _arrays(self) -> tuple[NDArray[Any], ...]:
         return self.measured, self.errors, self.errors_in_pixels, self.disregarded, self.mounting
 
@@ -92,20 +99,40 @@ class MeasuredPoints:
     ----------
     stored : mapping of bundle to PhotoObservations
         What is measured already.
+    averaged : set of str
+        Bundles in which the mean of all measurements of a point in a photo counts; in others the last one does.
     """
 
-    def __init__(self, stored: Mapping[str, PhotoObservations]) -> None:
+    def __init__(self, stored: Mapping[str, PhotoObservations], averaged: frozenset[str] = frozenset()) -> None:
+        self._averaged = averaged
         self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
-        """Take points of one photo; one of a name that already exists replaces it and is counted."""
+        """Take points of one photo; one of a name that already exists replaces it, or is averaged, and is counted."""
         photos = self._bundles.setdefault(bundle, {})
-        photos[photo], again = photos.get(photo, _NO_POINTS).measured_again(points)
+        before = photos.get(photo, _NO_POINTS)
+        photos[photo], again = before.repeated(points) if bundle in self._averaged else before.measured_again(points)
         self.remeasured += again
 
+    def differences(self, bundle: str, photo: str, points: PointsOfPhoto) -> list[tuple[str, FloatArray]]:
+        """Return names of points that are there already, with new minus old coordinates (2,), of the same mounting."""
+        before = self._bundles.get(bundle, {}).get(photo, _NO_POINTS)
+        place = {name: row for row, name in enumerate(before.names)}
+        return [
+            (name, points.measured[row] - before.measured[place[name]])
+            for row, name in enumerate(points.names)
+            if name in place and before.mounting[place[name]] == points.mounting[row]
+        ]
+
     def edit(self, bundle: str, record: EditRecord) -> int:
-        """Disregard, include or kill points; return how many the edit finds."""
+        """Disregard, include, kill or rename points; return how many the edit finds.
+
+        Raises
+        ------
+        ValueError
+            If a point would get the name of another one of its photo.
+        """
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
         found = 0
@@ -117,6 +144,8 @@ class MeasuredPoints:
             found += int(np.count_nonzero(chosen))
             if record.action == "KILL":
                 photos[key] = points.where(~chosen)
+            elif record.new_name is not None:
+                photos[key] = _renamed(points, record.name, record.new_name, key)
             else:
                 flags = np.where(chosen, record.action == "DISREGARD", points.disregarded)
                 photos[key] = replace(points, disregarded=flags)
@@ -136,6 +165,15 @@ class MeasuredPoints:
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
+
+
+def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> PointsOfPhoto:
+    if new_name in points.names and new_name != name:
+        message = (
+            f"point {name} of photo {photo} cannot be renamed: {new_name} is measured there, too; kill one of them"
+        )
+        raise ValueError(message)
+    return replace(points, names=tuple(new_name if found == name else found for found in points.names))
 
 
 def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto]:
@@ -163,15 +201,53 @@ def _observations(
     to_stored: ToStored,
     pixel_sizes: PixelSizes,
 ) -> PhotoObservations:
-    found = [(key, points) for key in photos if (points := by_photo.get(key, _NO_POINTS)).names]
-    errors = [_errors_in_millimetres(key, points, pixel_sizes) for key, points in found]
+    found = [
+        (key, _averaged(_stored(key, points, to_stored, pixel_sizes)))
+        for key in photos
+        if (points := by_photo.get(key, _NO_POINTS)).names
+    ]
     return PhotoObservations(
         bundle,
         tuple(photos[key].name for key, points in found for _ in points.names),
         tuple(name for _, points in found for name in points.names),
-        np.vstack([np.empty((0, 2)), *(_stored_coordinates(key, points, to_stored) for key, points in found)]),
-        np.vstack([np.empty((0, 2)), *errors]),
+        np.vstack([np.empty((0, 2)), *(points.measured for _, points in found)]),
+        np.vstack([np.empty((0, 2)), *(points.errors for _, points in found)]),
         np.concatenate([np.empty(0, dtype=bool), *(points.disregarded for _, points in found)]),
+    )
+
+
+def _stored(photo: str, points: PointsOfPhoto, to_stored: ToStored, pixel_sizes: PixelSizes) -> PointsOfPhoto:
+    """Return the points in stored coordinates, with their errors in millimetres."""
+    return replace(
+        points,
+        measured=_stored_coordinates(photo, points, to_stored),
+        errors=_errors_in_millimetres(photo, points, pixel_sizes),
+        mounting=np.full(len(points.names), STORED),
+    )
+
+
+def _averaged(points: PointsOfPhoto) -> PointsOfPhoto:
+    """Return each point once: the mean of its measurements, without disregarded ones if there are others.
+
+    The mean keeps the a-priori error of the last measurement: what is common to all of them is not averaged away.
+    """
+    place = {name: number for number, name in enumerate(dict.fromkeys(points.names))}
+    if len(place) == len(points.names):
+        return points
+    number = np.array([place[name] for name in points.names])
+    counts = ~points.disregarded
+    disregarded = np.bincount(number, counts, len(place)) == 0.0
+    taken = counts | disregarded[number]
+    sums = [np.bincount(number[taken], axis[taken], len(place)) for axis in points.measured.T]
+    last = np.zeros(len(place), dtype=np.int64)
+    np.maximum.at(last, number[taken], np.flatnonzero(taken))
+    return PointsOfPhoto(
+        tuple(place),
+        np.column_stack(sums) / np.bincount(number[taken], minlength=len(place))[:, None],
+        points.errors[last],
+        points.errors_in_pixels[last],
+        disregarded,
+        points.mounting[last],
     )
 
 

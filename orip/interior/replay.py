@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
 from orip.interior.findings import Findings
-from orip.interior.measured_points import MeasuredPoints, points_of_record
+from orip.interior.measured_points import MeasuredPoints, PointsOfPhoto, points_of_record
 from orip.interior.mounting import STORED, FilmMountings, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
@@ -39,6 +41,10 @@ from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
+
+
+_SAME_POINT = 10.0
+"""A-priori errors by which measurements of one point may differ: seven times the standard deviation of a difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +91,7 @@ class _Replay:
         )
         self.templates = FilmMountings(start.templates)
         self.photos = FilmMountings(start.photos)
-        self.points = MeasuredPoints(start.observations)
+        self.points = MeasuredPoints(start.observations, definitions.averaged_bundles)
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
         self.findings = Findings()
@@ -186,7 +192,30 @@ class _Replay:
         else:
             measured, mounting = self._to_plate(photo).apply(record.measured), self._mounting_in_force(photo)
         points = points_of_record(record, measured, mounting)
+        self._warn_of_differences(record, bundle, photo, points)
         self.points.measure(record_key(bundle), record_key(photo.name), points)
+
+    def _warn_of_differences(self, record: PointsRecord, bundle: str, photo: Photo, points: PointsOfPhoto) -> None:
+        """Warn of points that were measured before at a place that measuring errors do not explain."""
+        setting = self.definitions.settings.get(record_key(bundle))
+        if setting is None:
+            return
+        size = pixel_size(photo, self.definitions.camera_of(photo), self.definitions.template_of(photo), None)
+        in_pixels = self.definitions.camera_of(photo).sensor is not None
+        precision = np.full(2, setting.measurement_precision.value)
+        if (setting.measurement_precision.unit == "px") != in_pixels:
+            # off a scan without orientation the size of its pixels is that of an upright photo
+            precision = precision * (size or (1.0, 1.0)) if not in_pixels else precision / (size or (1.0, 1.0))
+        lines = dict(zip(record.names, record.lines.tolist(), strict=True))
+        does = "the mean of both counts" if setting.repeated_points == "mean" else "it replaces the earlier measurement"
+        for name, difference in self.points.differences(record_key(bundle), record_key(photo.name), points):
+            if (np.abs(difference) > _SAME_POINT * precision).any():
+                unit = "px" if in_pixels else "mm"
+                text = (
+                    f"point {name} of photo {photo.name} was measured before, {np.linalg.norm(difference):.3g} {unit} "
+                    f"from here; {does}; check that it is the same point"
+                )
+                self.findings.warn(TextPlace(record.place.path, lines[name]), "measured-again-elsewhere", text)
 
     def _mounting_in_force(self, photo: Photo) -> int:
         if photo.template is not None:
@@ -225,7 +254,10 @@ class _Replay:
         name = record.bundle or ""
         if record.owner != "*":
             self._bundle_and_photo(name, record.owner, record.place)
-        return self.points.edit(record_key(self._bundle(name)), record) > 0
+        try:
+            return self.points.edit(record_key(self._bundle(name)), record) > 0
+        except ValueError as fault:
+            raise OrientationError(str(fault)) from None
 
     def _edit_ticks(self, record: EditRecord) -> bool:
         if record.owner != "*":

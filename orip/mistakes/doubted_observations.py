@@ -6,6 +6,7 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.mistakes.fit_comparison import Fit
+from orip.records.block import Block
 from orip.records.solution import Solution
 
 _DOUBTED = 0.5
@@ -19,10 +20,11 @@ _FAR_OFF = 1e6
 """Largest standard residual that counts; those of points behind their photo are infinite."""
 
 
-def doubted_photo_points(solution: Solution) -> IntArray:
-    """Return the rows (k,) of `Block.photo_points` that an adjustment doubts."""
+def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
+    """Return the rows (k,) of `Block.photo_points` that an adjustment doubts, or could not compute."""
     weights = solution.residuals.weight_factor[np.array(solution.residuals.kind) == "photo"].reshape(-1, 2)
-    return np.flatnonzero((weights < _DOUBTED).any(axis=1))
+    lost = block.photo_points.used.all(axis=1) & np.isnan(weights).any(axis=1)
+    return np.flatnonzero((weights < _DOUBTED).any(axis=1) | lost)
 
 
 def doubted_control(solution: Solution) -> set[str]:

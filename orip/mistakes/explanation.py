@@ -11,19 +11,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.bundle.results import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.after_adjustment.angle_unit import angles_in_another_unit
+from orip.mistakes.after_adjustment.check_points import contradicting_check_points
 from orip.mistakes.after_adjustment.contradicting_control import contradicting_control
+from orip.mistakes.after_adjustment.contradicting_distances import contradicting_distances
 from orip.mistakes.after_adjustment.errors_too_large import errors_too_large
 from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
-from orip.mistakes.after_adjustment.observation_units import units_of_observations
-from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, fit_of_solution, is_good, misfit
+from orip.mistakes.after_adjustment.moved_photos import moved_photos
+from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
+from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, is_good, misfit, removes_misfits
+from orip.mistakes.given_orientations import misgiven_as_a_whole
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
+from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
 from orip.records.solution import Solution
 
@@ -37,51 +44,88 @@ _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
 
 
-def explain_misfit(solution: Solution, started: Block, readjuster: Readjuster) -> list[ProjectWarning]:
+def explain_misfit(
+    solution: Solution, solved: SolvedBlock, started: Block, readjuster: Readjuster
+) -> list[ProjectWarning]:
     """Return what was probably mistaken, the most fundamental first; nothing where the block fits.
 
     Parameters
     ----------
     solution : Solution
+    solved : SolvedBlock
+        The same as it was adjusted.
     started : Block
         As its adjustment started.
     readjuster : Readjuster
     """
-    given = fit_of_solution(solution)
+    given = fit_of_adjustment(solved)
+    elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
+    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
+        return found
     if readjuster.is_worthwhile:
-        tried = hypotheses_of_misfit(solution, started, readjuster)
+        tried = hypotheses_of_misfit(solution, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
-    if not is_good(given) and (found := explain_failure(readjuster, ())):
-        return found
-    block = readjuster.block
+    if elsewhere is not None:
+        return misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
+    return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
+
+
+def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
+    """Return a block that fits if its orientations are found; None where they do not matter, or none are given."""
+    released = without_orientations(readjuster.block)
+    solved = readjuster.adjust(released) if readjuster.is_worthwhile and released is not None else None
+    return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
+
+
+def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what a block shows that fits with other orientations than the given ones."""
+    return misgiven(solved, readjuster.block) or _shown_by_itself(solution_of(solved), solved, readjuster)
+
+
+def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what a solution shows without another hypothesis; of single observations only where the others fit."""
+    block, given = readjuster.block, fit_of_adjustment(solved)
     found = [
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
         *errors_too_large(block, solution),
-        *units_of_observations(solution),
-        *contradicting_control(block, solution),
-        *misnamed_points(block, solution),
+        *moved_photos(block, solved),
     ]
-    return found[:_MOST_WARNINGS]
+    control = contradicting_control(block, solution)
+    if control and _fits_without(control, given, readjuster):
+        found += control
+    if is_good(given):
+        found += [
+            *contradicting_distances(block, solution),
+            *misnamed_points(block, solution),
+            *points_under_two_numbers(block, solution, solved),
+            *contradicting_check_points(solution),
+        ]
+    return found
 
 
-def explain_start(solution: Solution, started: Block, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what was probably mistaken in given preliminary values that led an adjustment astray.
+def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:
+    """Tell whether the block fits without the control points of some warnings."""
+    if not readjuster.is_worthwhile:
+        return True
+    names = [point.name for point in readjuster.block.control_points]
+    wrong = [name for name in names if any(name in f"{found.where} {found.text}".split() for found in control)]
+    solved = readjuster.adjust(without_control(readjuster.block, wrong))
+    return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
+
+
+def explain_start(solved: SolvedBlock, gathered: Block) -> list[ProjectWarning]:
+    """Return what was probably mistaken in given orientations that led an adjustment astray.
 
     Parameters
     ----------
-    solution : Solution
-        That of the given values.
-    started : Block
-        As its adjustment started.
-    readjuster : Readjuster
+    solved : SolvedBlock
+        Adjusted from other starting values.
+    gathered : Block
+        With the given orientations.
     """
-    if not readjuster.is_worthwhile:
-        return []
-    tried = hypotheses_of_misfit(solution, started, readjuster)
-    of_start = (hypothesis for hypothesis in tried if hypothesis.concerns_start)
-    return _best_explanation(of_start, fit_of_solution(solution), readjuster)
+    return misgiven(solved, gathered)
 
 
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
@@ -95,10 +139,13 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     """
     if not readjuster.is_worthwhile:
         return []
-    for tried in _adjusted(hypotheses_of_failure(readjuster.block, not_oriented), readjuster):
+    elsewhere = _with_found_orientations(readjuster)
+    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
+        return found
+    for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
-            return tried.hypothesis.warnings(tried.solved)
-    return []
+            return tried.hypothesis.findings(tried.solved)
+    return [] if elsewhere is None else misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +186,7 @@ def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: 
     equal = [tried for tried in found if misfit(tried.fit, scale) <= least + _EQUALLY]
     # the data as they were meant rotate the photos least
     best = min(equal, key=lambda tried: round(tried.rotated, 1))
-    return best.hypothesis.warnings(best.solved)
+    return best.hypothesis.findings(best.solved)
 
 
 def _better_start_suffices(tried: _Tried, readjuster: Readjuster) -> bool:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
-from orip.records.solution import Solution
 
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
@@ -27,11 +27,18 @@ _FAR_OFF, _FEW = 10.0, 4
 """An observation that is off by ten times the limit fits by chance with a probability of at most a tenth, four of them
 with 1e-4."""
 
-_EXPLAINED = 0.5
+_EXPLAINED = 0.3
 """The other adjustment may have at most this part of the misfits."""
+
+_SEVERAL, _ALMOST_ALL = 4, 0.1
+"""Misfits of which another adjustment may keep this part alone, and explains the block if it fits otherwise."""
 
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
 """Standard error of unit weight, and part of the observations that may be blunders, in an adjustment that fits."""
+
+
+_OF_A_GROUP = 0.15
+"""Part of the coordinates of a photo, or of the control, that may be blunders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,18 +75,11 @@ class Fit:
         return np.array([place.get(name, np.inf) for name in observations])
 
 
-def fit_of_solution(solution: Solution) -> Fit:
-    """Return how the observations fit a solution."""
-    rows = solution.residuals
-    names = (rows.kind, rows.photo, rows.point, rows.component)
-    standard = np.where(np.isnan(rows.weight_factor), np.inf, rows.standard_residual)
-    return Fit(names, np.where(np.isfinite(standard), standard, np.inf))
-
-
 def fit_of_adjustment(solved: SolvedBlock) -> Fit:
-    """Return how the observations fit an adjustment."""
+    """Return how the observations fit an adjustment; disregarded ones, such as check points, are not among them."""
     rows = [observations.rows for observations in solved.problem.observations]
-    names = (
+    used = np.concatenate([observations.used for observations in rows])
+    columns = (
         [observations.kind.name for observations in rows for _ in observations.photo],
         [name for observations in rows for name in observations.photo],
         [name for observations in rows for name in observations.point],
@@ -87,7 +87,9 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     )
     equations = solved.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
-    return Fit(names, np.where(np.isfinite(standard), standard, np.inf))
+    photo_kind, photo, point, component = (list(compress(names, used)) for names in columns)
+    names = (photo_kind, photo, point, component)
+    return Fit(names, np.where(np.isfinite(standard), standard, np.inf)[used])
 
 
 def explains(other: Fit, given: Fit) -> bool:
@@ -99,8 +101,11 @@ def explains(other: Fit, given: Fit) -> bool:
     before = given.of(other.observations)
     counted = ~(np.isinf(before) & np.isinf(other.standard))
     before, after = before[counted], other.standard[counted]
-    if np.count_nonzero(after > limit) > _EXPLAINED * np.count_nonzero(before > limit):
+    wrong_before, wrong_after = np.count_nonzero(before > limit), np.count_nonzero(after > limit)
+    if wrong_after > _EXPLAINED * wrong_before:
         return False
+    if wrong_before >= _SEVERAL and wrong_after <= _ALMOST_ALL * wrong_before and is_good(other):
+        return True
     gained, lost = after <= limit, before <= limit
     gained, lost = gained & ~lost, lost & ~gained
     few = np.count_nonzero(gained & (before > _FAR_OFF * limit))
@@ -110,9 +115,29 @@ def explains(other: Fit, given: Fit) -> bool:
     return bool(count - lost_count >= _SIGN_TEST * np.sqrt(count + lost_count) and count > 0)
 
 
+def removes_misfits(other: Fit, given: Fit) -> bool:
+    """Tell whether an adjustment without some observations leaves hardly any of those that fit badly before."""
+    limit = _FITS * min(other.scale, given.scale)
+    before, after = (int(np.count_nonzero(fit.standard > limit)) for fit in (given, other))
+    return after <= max(_FEW, _EXPLAINED * before)
+
+
 def is_good(fit: Fit) -> bool:
-    """Tell whether the observations, except a few blunders, fit within their a-priori errors."""
-    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS
+    """Tell whether the observations, except a few blunders, fit within their a-priori errors.
+
+    No photo and no kind of observation is wrong as a whole: a block can be bent to fit photos, and wrong control less.
+    """
+    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_group(fit)
+
+
+def _has_wrong_group(fit: Fit) -> bool:
+    """Tell whether more than a few observations of a photo, or of another kind than photo points, do not fit."""
+    kind, photo, _, _ = fit.columns
+    groups = [name or of_kind for of_kind, name in zip(kind, photo, strict=True)]
+    names, place = np.unique(np.array(groups), return_inverse=True)
+    count = np.bincount(place, minlength=len(names))
+    wrong = np.bincount(place, fit.standard > _FITS, minlength=len(names))
+    return bool((wrong > np.maximum(_OF_A_GROUP * count, _FEW)).any())
 
 
 def misfit(fit: Fit, scale: float) -> float:

@@ -21,6 +21,15 @@ FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
 """The factors of the two units that are in use side by side."""
 
 
+def control_unit_text(factor: float) -> str:
+    """Return what to say of control that fits the orientations of the photos when it is multiplied by a factor."""
+    unit, other = LENGTH_UNITS[factor]
+    return (
+        f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in {unit}, "
+        f"and the orientations in {other}; use one unit"
+    )
+
+
 def millimetres_per_unit(camera: Camera) -> dict[str, float]:
     """Return the size (mm) of the units that principal distances are written in by mistake; pixels if it has any."""
     sizes = {"metres": 1e3, "inches": MILLIMETRES_PER_INCH}

@@ -13,12 +13,16 @@ _CHANGE_TEXTS = {
     "X": "when X has the opposite sign: X of the control seems to count to the west; reverse its sign",
     "Y": "when Y has the opposite sign: Y of the control seems to count to the south; reverse its sign",
     "Z": "when Z has the opposite sign: Z of the control seems to count downwards; reverse its sign",
-    "photos": "when the photos are mirrored: their x seems to count to the left, as on film scanned from the back; "
-    "reverse it, or check the fiducial marks",
+    "photos": "when the photos are mirrored: their x seems to count to the left, as on film scanned from the back, or "
+    "their y downwards, or x and y are exchanged; reverse it, or check the fiducial marks",
 }
 _EXCHANGED_OR_MIRRORED = (
     f"as a mirror image: {_ANY_REFLECTION} one of them has the opposite sign, or the photos are mirrored (x counted to "
     f"the left); the control alone cannot tell which. {_EXCHANGE[0].upper()}{_EXCHANGE[1:]} first"
+)
+_DOWNWARDS = (
+    "when Z has the opposite sign: Z of the control seems to count downwards, or y of photos that look horizontally; "
+    "reverse its sign"
 )
 _MIRROR_IMAGE = (
     f"as a mirror image: {_ANY_REFLECTION} one axis has the opposite sign, or the photos are mirrored (x counted to "
@@ -60,7 +64,7 @@ def _reflection(reading: ControlReading) -> str:
         return _CHANGE_TEXTS[reading.changes[0]]
     if reading.side > 0.0:
         return _EXCHANGED_OR_MIRRORED
-    return _CHANGE_TEXTS["Z"] if reading.side < 0.0 else _MIRROR_IMAGE
+    return _DOWNWARDS if reading.side < 0.0 else _MIRROR_IMAGE
 
 
 def _from_below(reading: ControlReading) -> str:

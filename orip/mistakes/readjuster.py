@@ -15,7 +15,7 @@ from orip.records.block import Block
 _MOST_PHOTO_POINTS = 20_000
 """In larger blocks further adjustments would take longer than a user wants to wait."""
 
-_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera"}
+_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo"}
 """Codes of warnings that explain the misfit that follows from them."""
 
 
@@ -55,7 +55,8 @@ class Readjuster:
         """
         try:
             return _solved(self.start(block))
-        except (NotSolvableError, np.linalg.LinAlgError):
+        except (NotSolvableError, np.linalg.LinAlgError, ValueError):
+            # a block that is changed for a trial may be none; the adjustment as given stands all the same
             return None
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:

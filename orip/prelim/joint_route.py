@@ -33,6 +33,9 @@ _FLAT = 0.1
 _NARROWER = 10.0
 """Ratio of the limits for blunders from one adjustment to the next."""
 
+_POINTS = 3
+"""Of a part."""
+
 _EQUATIONS = 6
 """Of a photo, with as many unknowns."""
 
@@ -50,7 +53,8 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
         How the photos were taken.
     """
     start, rays = by_pairs(free, 0), free.rays
-    parts = [system.partial_block() for system in start.systems]
+    # the points of a system may all have turned out wrong
+    parts = [part for part in (system.partial_block() for system in start.systems) if len(part.points) >= _POINTS]
     parts += _models_between(free, parts)
     supported = _supported_photos(rays, np.asarray(np.isfinite(known).any(axis=1)))
     alone = supported.copy()
@@ -89,7 +93,9 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
     for left, right, _ in pairs_by_common_points(grower.common, POINTS_FOR_A_PAIR):
         if part_of[left] != part_of[right] or part_of[left] < 0:
             model = grower.model(left, right)
-            if isinstance(model, RelativeOrientation) and np.mean(model.weight_factor >= 1.0) >= FITTING:
+            if not isinstance(model, RelativeOrientation) or len(model.block.points) < _POINTS:
+                continue
+            if np.mean(model.weight_factor >= 1.0) >= FITTING:
                 yield model.block
 
 

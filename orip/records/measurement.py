@@ -94,18 +94,19 @@ class PointsRecord:
 
 @dataclass(frozen=True, slots=True)
 class EditRecord:
-    """``DISREGARD``, ``INCLUDE`` or ``KILL`` of a point, mark or tick.
+    """``DISREGARD``, ``INCLUDE`` or ``KILL`` of a point, mark or tick; ``RENAME`` of a point.
 
     `owner` is the photo (template for a tick), `name` the point, mark or tick; ``*`` stands for all. Only points have a
-    `bundle`.
+    `bundle`, and a `new_name` where they are renamed.
     """
 
     place: TextPlace
-    action: Literal["DISREGARD", "INCLUDE", "KILL"]
+    action: Literal["DISREGARD", "INCLUDE", "KILL", "RENAME"]
     what: Literal["POINT", "MARK", "TICK"]
     bundle: str | None
     owner: str
     name: str
+    new_name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,8 @@ class BundleDefinition:
     datum_points : tuple of str
         Points of a free network's inner constraints; empty: all.
     models : tuple of StereoModel
+    repeated_points : {"replace", "mean"}
+        A point measured in a photo again: the later measurement counts, or the mean of all.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -68,6 +70,10 @@ class BundleDefinition:
     datum: Annotated[Literal["control", "free"], Field(heading="Datum", example='"control"')] = "control"
     datum_points: Annotated[tuple[str, ...], Field(example='["1001", "1002"]')] = ()
     models: Annotated[tuple[StereoModel, ...], Field(key="model", own_records=True, heading="Models")] = ()
+    repeated_points: Annotated[
+        Literal["replace", "mean"],
+        Field(heading="Repeated points", example='"mean"', key_after="datum_points", column_after="datum_points"),
+    ] = "replace"
 
 
 RECORD_TYPES: Mapping[str, type] = {

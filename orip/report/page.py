@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import zlib
 from functools import cache
@@ -51,6 +52,9 @@ def _template() -> Template:
     )
     environment.filters.update(significant=significant, fixed=fixed, probability=probability)
     environment.globals["included"] = lambda name: Markup(loader.get_source(environment, name)[0])
+    script = f"\n{loader.get_source(environment, 'report.js')[0]}\n"
+    environment.globals["script"] = Markup(script)
+    environment.globals["policy"] = _policy(script)
     return environment.get_template("report.html")
 
 
@@ -101,10 +105,26 @@ def _as_data(content: dict[str, Any]) -> Markup:
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))
 
 
+def _policy(script: str) -> str:
+    """Return what a browser may do with the page: run these two scripts and no other, and load nothing."""
+    digests = (hashlib.sha256(text).digest() for text in (script.encode(), _source()))
+    hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {hashes}; "
+        "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+
+
+@cache
+def _source() -> bytes:
+    from plotly.offline import get_plotlyjs
+
+    source: str = get_plotlyjs()
+    return source.encode()
+
+
 @cache
 def _plotly() -> Markup:
     """Return plotly's script, compressed: the page unpacks it when the block is to be seen."""
-    from plotly.offline import get_plotlyjs
-
-    packed = zlib.compress(get_plotlyjs().encode(), _COMPRESSION)
+    packed = zlib.compress(_source(), _COMPRESSION)
     return Markup(base64.b64encode(packed).decode("ascii"))

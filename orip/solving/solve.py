@@ -107,7 +107,7 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
         mistaken += explain_failure(_readjuster(gathered), adjuster.not_oriented)
     mistaken += start.left_out
     if solution.status != "stopped":
-        mistaken += explain_misfit(solution, start.block, _readjuster(start.gathered))
+        mistaken += explain_misfit(solution, adjusted.solved, start.block, _readjuster(start.gathered))
     warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), adjusted.solved
@@ -197,7 +197,7 @@ def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning
     own = adjuster.from_own(doubt)
     if own is None or own.start.left_out != given.start.left_out or not is_better(own.solved, given.solved):
         return given, [], []
-    mistaken = explain_start(given.solution, given.start.block, _readjuster(given.start.gathered))
+    mistaken = explain_start(own.solved, given.start.gathered)
     return own, mistaken, [adjuster.replaced_by(own, doubt)]
 
 

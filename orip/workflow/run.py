@@ -50,14 +50,14 @@ def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tupl
     watcher.initialised(carry_out(state, partial(initialise, prefer=prefer)).outcome)
     watcher.measured(commit(measure(state.read_again(*MEASURED_FROM))))
     outcomes: list[SolveOutcome] = []
-    for definition in state.project.definition.bundles:
-        bundle = BundleState(state.read_again(*ADJUSTED_FROM, bundles=[definition.name]), definition.name)
+    for name in state.project.bundle_names:
+        bundle = BundleState(state.read_again(*ADJUSTED_FROM, bundles=[name]), name)
         solved = commit(solve(bundle, watcher.solving))
         outcomes.append(solved.outcome)
         watcher.solved(solved)
         status = solved.outcome.solution.status
-        if status in {"converged", "doubtful"} and definition.models:
-            _make_table(state, definition.name, watcher)
+        if status in {"converged", "doubtful"} and bundle.definition.models:
+            _make_table(state, name, watcher)
         if status == "stopped":
             break
     return tuple(outcomes)

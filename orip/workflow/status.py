@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from orip.errors import ProjectWarning
+from orip.files.stores.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
+from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve import solve_step
 from orip.workflow.drive.table import DRIVEN_FROM, drive_step
@@ -60,10 +62,11 @@ def project_status(state: ProjectState) -> ProjectStatus:
     steps = [initialise_step(state), measure_step(state), *map(solve_step, bundles)]
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
+    text, stored = project.definition, state.definitions
     counts = (
-        ("camera", len(project.definition.cameras)),
-        ("template", len(project.definition.templates)),
-        ("photo", len(project.definition.photos)),
+        ("camera", _count(project, text.cameras, stored.cameras)),
+        ("template", _count(project, text.templates, stored.templates)),
+        ("photo", _count(project, text.photos, stored.photos)),
         ("bundle", len(bundles)),
         ("photo point", sum(len(bundle.observations.points) for bundle in bundles)),
     )
@@ -72,11 +75,17 @@ def project_status(state: ProjectState) -> ProjectStatus:
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
 
 
+def _count(project: ProjectFolder, texts: Sequence[NamedRecord], stored: Sequence[StoredRecord[NamedRecord]]) -> int:
+    """Return how many records the project has in text and store; others may keep their cameras in the same store."""
+    own = (item.record for item in stored if item.origin in {None, project.definition.name})
+    return len({record_key(record.name) for record in (*texts, *own)})
+
+
 def _drive_steps(state: ProjectState) -> Iterator[Step]:
-    for definition in state.project.definition.bundles:
-        if definition.models:
-            bundle = state.read_again(*DRIVEN_FROM, bundles=[definition.name])
-            step = drive_step(BundleState(bundle, definition.name))
+    for name in state.project.bundle_names:
+        if state.definitions.bundle(name).models:
+            bundle = state.read_again(*DRIVEN_FROM, bundles=[name])
+            step = drive_step(BundleState(bundle, name))
             if step is not None:
                 yield step
 

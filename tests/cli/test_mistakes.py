@@ -44,7 +44,7 @@ def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
         (("init", "--prefer", "both"), "'both' is not one of 'text', 'store'; see 'orip init --help'"),
         (("results",), "Missing argument 'WHAT'"),
         (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'residuals'"),
-        (("solve", "NIX"), "there is no bundle 'NIX' in orip.toml; its bundles are: MAIN"),
+        (("solve", "NIX"), "there is no bundle 'NIX'; the project's bundles are: MAIN"),
         (("dump", "orip.toml"), "is no record store: stores end in .CAM"),
     ],
 )
@@ -304,3 +304,26 @@ def test_control_that_nothing_uses_is_named(project: Path) -> None:
         "direction S1 2 Z9: is not used: Z9 is neither measured",
     ):
         assert f"warning: {words}" in said.err
+
+
+def test_a_text_with_a_fault_in_each_line_tells_the_first_fifty(project: Path) -> None:
+    with (project / "FIRST.PNT").open("a") as control:
+        control.writelines(f"U{number} 1,0 2.0 3.0 0 0 0\n" for number in range(3000))
+    (project / "FIRST.ELE").write_text("nonsense\n")
+    said = orip(project, "run")
+    assert said.code == 3
+    errors = [line for line in said.err.splitlines() if line.startswith("error: ")]
+    assert len([error for error in errors if "FIRST.PNT:" in error]) == 51
+    assert "error: FIRST.PNT: and 2950 more errors; correct those above first" in errors
+    assert any("FIRST.ELE:1" in error for error in errors), "no text hides the faults of another"
+    assert said.err.splitlines()[-1] == "3001 errors; nothing was written"
+
+
+def test_control_of_a_whole_country_is_counted_and_not_listed(project: Path) -> None:
+    with (project / "FIRST.PNT").open("a") as control:
+        control.writelines(f"U{number} 1010.0 2010.0 100.0 0.1 0.1 0.1\n" for number in range(3000))
+    said = orip(project, "run")
+    assert said.code == 0
+    assert len(said.err.splitlines()) < 100
+    assert "warning: 2950 more control observations are not used either" in said.err
+    assert (project / "BUNDLE_ERROR.OUT").stat().st_size < 20_000

@@ -239,6 +239,29 @@ def test_all_marks_of_a_photo_killed(film: Path) -> None:
     assert "photo left has photo points but no interior orientation; measure its fiducial marks" in said.err
 
 
+def test_a_misnamed_point_gets_its_right_name(film: Path) -> None:
+    text = (film / "FIRST.MEA").read_text()
+    right = text.index("POINTS MAIN right")
+    assert orip(film, "solve").code == 0
+    expected = orip(film, "results", "points", "P1", "--json").document
+    (film / "FIRST.MEA").write_text(text[:right] + text[right:].replace("P1 ", "Q1 "))
+    assert orip(film, "measure").code == 0
+    before = contents(film)
+    trial = observe(film, "rename", "point", "right", "Q1", "P1", "--dry-run")
+    assert "would add RENAME POINT MAIN right Q1 P1" in trial.err
+    assert contents(film) == before
+    assert observe(film, "rename", "point", "right", "Q1", "P1", "--json").document["added"] == [
+        "RENAME POINT MAIN right Q1 P1"
+    ]
+    assert "unchanged" in orip(film, "measure").err
+    assert orip(film, "solve").code == 0
+    found = orip(film, "results", "points", "P1", "--json").document
+    assert {**found, "run": ""} == {**expected, "run": ""}
+    refused(film, 3, "point Q1 of bundle MAIN is not measured in photo right", "rename", "point", "right", "Q1", "P1")
+    refused(film, 3, "1 is measured there, too; kill one of them", "rename", "point", "right", "P1", "1")
+    refused(film, 3, "one point is renamed at a time", "rename", "point", "right", "P1", "*")
+
+
 def test_edits_that_are_refused(film: Path) -> None:
     refused(film, 3, "photo lfet is not defined; did you mean left?", "kill", "point", "lfet", "1")
     refused(film, 3, "point 9 of bundle MAIN is not measured in photo left", "disregard", "point", "left", "9")

@@ -263,8 +263,8 @@ def test_json(folder: Path, made: StripsProject) -> None:
         (("connect", "1", "1"), 2, "two different rows are connected, not 1 1"),
         (("connect", "1"), 2, "two different rows are connected, not 1: orip prelim connect ROW ROW"),
         (("show", "--after", "dinner"), 2, "'dinner' is not one of 'relative', 'bridged', 'connected', 'absolute'"),
-        (("relative", "--bundle", "NIX"), 2, "there is no bundle 'NIX' in orip.toml; its bundles are: MAIN"),
-        (("--bundle", "NIX"), 2, "there is no bundle 'NIX' in orip.toml; its bundles are: MAIN"),
+        (("relative", "--bundle", "NIX"), 2, "there is no bundle 'NIX'; the project's bundles are: MAIN"),
+        (("--bundle", "NIX"), 2, "there is no bundle 'NIX'; the project's bundles are: MAIN"),
         (("frobnicate",), 2, "No such command 'frobnicate'; see 'orip prelim --help'"),
     ],
 )

@@ -111,7 +111,8 @@ def test_an_unknown_sample_is_answered_with_the_list(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("try",), "'try' is not expected: --sample NAME DIR writes a sample"),
+        (("small_frame_block",), "small_frame_block is a sample: write it with 'orip init --sample small_frame_block'"),
+        (("try", "--prefer", "text"), "--prefer is for 'orip init' without a name"),
         (("--sample", SMALLEST, "--prefer", "text"), "--prefer cannot be combined with --sample"),
     ],
 )

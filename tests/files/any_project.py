@@ -76,15 +76,16 @@ def bundles(draw: Any, name: str, photos: list[str]) -> BundleDefinition:
             models.append(StereoModel(model, left, right, index // 2 + 1, index % 2 + 1))
     return BundleDefinition(
         name,
-        Precision(draw(positive)),  # pixels would need a sensor or scan in every photo
+        Precision(draw(st.floats(1e-6, 1e3))),  # pixels would need a sensor or scan in every photo
         draw(positive),
         iterations,
         draw(st.integers(2, iterations)),
         draw(positive),
-        draw(positive),
+        draw(st.floats(5.0, 13.0)),
         datum,
         tuple(draw(st.lists(names, unique=True, max_size=3))) if datum == "free" else (),
         tuple(models),
+        draw(st.sampled_from(["replace", "mean"])),
     )
 
 

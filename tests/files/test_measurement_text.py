@@ -36,6 +36,7 @@ POINTS MAIN P101
 DISREGARD POINT MAIN P101 1001
 include mark * 2
 KILL TICK T1 *
+RENAME POINT MAIN P101 1001 1002
 FIDUCIALS CAM Midsides
   1 2 3
 TICKS TT1
@@ -84,6 +85,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
         EditRecord(TextPlace("S1.MEA", 13), "DISREGARD", "POINT", "MAIN", "P101", "1001"),
         EditRecord(TextPlace("S1.MEA", 14), "INCLUDE", "MARK", None, "*", "2"),
         EditRecord(TextPlace("S1.MEA", 15), "KILL", "TICK", None, "T1", "*"),
+        EditRecord(TextPlace("S1.MEA", 16), "RENAME", "POINT", "MAIN", "P101", "1001", "1002"),
     ]
     assert isinstance(fiducials, FiducialsRecord)
     assert (fiducials.camera, fiducials.arrangement) == ("CAM", "midsides")

@@ -413,7 +413,7 @@ def missing_minus_held(folder: Path) -> None:
 
 
 @mistake(
-    "Two control points exchanged", CLIFF, "control point CP2", "CP1", "the two are exchanged",
+    "Two control points exchanged", CLIFF, "control points CP1 and CP2", "exchanged",
     mend="Exchange their names.",
 )  # fmt: skip
 def exchanged_control(folder: Path) -> None:
@@ -451,7 +451,7 @@ def decimal_comma(folder: Path) -> None:
 
 
 @mistake(
-    "A-priori errors of control in mm", CLIFF, "control", "millimetres beside metres",
+    "A-priori errors of control in mm", CLIFF, "control points fit", "seem to be in mm",
     mend="Write them in the unit of the coordinates.",
 )  # fmt: skip
 def control_errors_in_mm(folder: Path) -> None:
@@ -467,7 +467,7 @@ def precision_in_pixels(folder: Path) -> None:
 
 
 @mistake(
-    "Measurement precision in micrometres", CLIFF, "measurement_precision = 2.2", "micrometres", "0.0022",
+    "Measurement precision in micrometres", CLIFF, "measurement_precision = 2.2 mm", "write 0.0022",
     mend="Write mm.",
 )  # fmt: skip
 def precision_in_micrometres(folder: Path) -> None:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.bundle.assemble import with_starting_values
 from orip.bundle.methods import Method, adjust_block
-from orip.errors import ProjectWarning
+from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.camera import Camera
+from orip.solving.starting_values import started_block
 
 
 def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list[ProjectWarning]:
@@ -26,11 +26,14 @@ def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list
     )
 
     def start(other: Block) -> Block:
-        return with_starting_values(other)[0]
+        started = started_block(other, lambda _: None)
+        if started.left_out:
+            raise NotSolvableError("\n".join(map(str, started.left_out)))
+        return started.block
 
     started = start(gathered)
-    solution, _ = adjust_block(started, Method(), lambda _: None, lambda: False)
-    return explain_misfit(solution, started, Readjuster(gathered, start))
+    solution, solved = adjust_block(started, Method(), lambda _: None, lambda: False)
+    return explain_misfit(solution, solved, started, Readjuster(gathered, start))
 
 
 def with_camera(block: Block, *values: tuple[int, float]) -> Block:

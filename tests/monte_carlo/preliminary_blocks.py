@@ -59,8 +59,8 @@ def _drawn(family: str, run: int, photos: int, random: np.random.Generator) -> S
         found = true_minimum(records)
         if self_calibrating and not _calibrated(found):
             self_calibrating = False
-            cameras = {record_key(true.name): true}
-            records = replace(records, inputs=replace(records.inputs, cameras=cameras))
+            definitions = replace(records.inputs.records, cameras={record_key(true.name): true})
+            records = replace(records, inputs=replace(records.inputs, records=definitions))
             found = true_minimum(records)
         if reason := weakness(found):
             return reason

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import hashlib
+import html
 import re
 import zlib
 from dataclasses import replace
@@ -159,3 +161,16 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
 def test_significance_is_told_where_a_parameter_was_tested() -> None:
     assert "Significant: different from zero" in sample("small_frame_block").page
     assert "Significant" not in sample("dcs260_calibration").page, "C, DX and DY alone are not tested"
+
+
+def test_a_browser_runs_the_two_scripts_of_the_page_and_no_other() -> None:
+    page = report_page(given(rich_solution()))
+    policy = html.unescape(re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1])  # type: ignore[index]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "script-src 'unsafe" not in policy
+    assert page.index("Content-Security-Policy") < page.index("<style"), "a policy holds for what comes after it"
+    (script,) = re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL)
+    allowed = re.findall(r"'sha256-([^']+)'", policy)
+    assert allowed == [
+        base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in (script, get_plotlyjs())
+    ]

@@ -173,15 +173,15 @@ def _courtyard(random: np.random.Generator, photos: int) -> Scene:
     azimuth = np.radians(random.uniform(0.0, 360.0) + step * np.arange(views))
     view = np.repeat(np.arange(views), 2)[:photos]
     side = np.tile([-1.0, 1.0], views)[:photos]
-    looking = azimuth[view] + np.radians(3.0) * random.normal(size=photos)
-    across = np.column_stack([-np.sin(looking), np.cos(looking)])
+    heading = azimuth[view] + np.radians(3.0) * random.normal(size=photos)
+    across = np.column_stack([-np.sin(heading), np.cos(heading)])
     station = -0.35 * half.min() * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     base = half.min() * random.uniform(0.25, 0.5)
     centres = np.column_stack([station[view] + 0.5 * base * side[:, None] * across, np.zeros(photos)])
     centres[:, 2] = 0.4 * high + 0.08 * high * random.normal(size=photos)
     tilt = np.radians(4.0) * random.normal(size=photos) * (random.random() < 0.7)
     surface, normals = _walls(random, half, high, 60 * photos + 800, inside=True)
-    return Scene(c, frame, centres, looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
+    return Scene(c, frame, centres, looking(_direction(heading, tilt), np.zeros(photos)), surface, normals)
 
 
 def _building(random: np.random.Generator, photos: int) -> Scene:
@@ -207,10 +207,10 @@ def _building(random: np.random.Generator, photos: int) -> Scene:
     centres = np.column_stack([foot + away * outward, np.zeros(photos)])
     centres[:, :2] += 0.04 * away * random.normal(size=(photos, 2))
     centres[:, 2] = 0.4 * high * random.uniform(0.6, 1.4, photos)
-    looking = angle + np.pi + np.radians(5.0) * random.normal(size=photos)
+    heading = angle + np.pi + np.radians(5.0) * random.normal(size=photos)
     tilt = np.radians(4.0) * random.normal(size=photos) * (random.random() < 0.7)
     surface, normals = _walls(random, half, high, 80 * photos + 1500, inside=False)
-    return Scene(c, frame, centres, looking(_direction(looking, tilt), np.zeros(photos)), surface, normals)
+    return Scene(c, frame, centres, looking(_direction(heading, tilt), np.zeros(photos)), surface, normals)
 
 
 SCENES: dict[str, Callable[[np.random.Generator, int], Scene]] = {

@@ -11,8 +11,10 @@ import os
 import signal
 import sqlite3
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
+from unittest.mock import patch
 
 MOMENT = b"moment\n"
 
@@ -42,9 +44,9 @@ class Steps:
         return stepped
 
 
-def main() -> None:
-    """Run orip with counted steps."""
-    steps = Steps(int(sys.argv[1]))
+@contextmanager
+def counted(steps: Steps) -> Iterator[None]:
+    """Count the steps of what runs in the block."""
 
     class Connection(sqlite3.Connection):
         def execute(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
@@ -56,14 +58,23 @@ def main() -> None:
             return super().executemany(*arguments)
 
     connect = sqlite3.connect
-    sqlite3.connect = lambda *arguments, **options: connect(*arguments, factory=Connection, **options)
-    os.fsync = steps.before(os.fsync)
-    os.replace = steps.before(os.replace, telling=True)
+    with (
+        patch.object(sqlite3, "connect", lambda *args, **options: connect(*args, factory=Connection, **options)),
+        patch.object(os, "fsync", steps.before(os.fsync)),
+        patch.object(os, "replace", steps.before(os.replace, telling=True)),
+    ):
+        yield
+
+
+def main() -> None:
+    """Run orip with counted steps."""
+    steps = Steps(int(sys.argv[1]))
     from orip.cli.main import main as orip
 
     sys.argv = ["orip", *sys.argv[2:]]
     try:
-        orip()
+        with counted(steps):
+            orip()
     finally:
         if steps.last == 0:
             os.write(1, f"{steps.count}\n".encode())

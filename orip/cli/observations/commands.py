@@ -41,6 +41,7 @@ def register(app: typer.Typer) -> None:
     _register_edit(group, "disregard")
     _register_edit(group, "include")
     _register_kill(group)
+    _register_rename(group)
     _register_again(group)
 
 
@@ -100,6 +101,32 @@ def _register_kill(group: typer.Typer) -> None:
 
     kill_command.__doc__ = _documented("kill")
     command(group, "kill")(kill_command)
+
+
+def _register_rename(group: typer.Typer) -> None:
+    @command(group, "rename")
+    def rename_command(
+        invocation: Invocation,
+        what: Annotated[Literal["point"], typer.Argument(metavar="point", show_default=False)],  # noqa: ARG001
+        owner: Annotated[str, typer.Argument(metavar="PHOTO", help="A photo; '*' in quotes: all.")],
+        name: Annotated[str, typer.Argument(metavar="NAME")],
+        new_name: Annotated[str, typer.Argument(metavar="NEW_NAME")],
+        options: EditOptions,
+    ) -> None:
+        """Give a point that was measured under a wrong name its right one.
+
+        It goes into EDITS.MEA and counts whenever the measurements are replayed.
+
+        Example: orip observations rename point P101 1001 1002
+        """
+        from orip.workflow.observations.edits import EDITED_FROM, rename_observation
+        from orip.workflow.project.commit import commit
+        from orip.workflow.project.state import read_project
+
+        state = read_project(invocation.folder, *EDITED_FROM)
+        bundle, dry_run = options
+        change = rename_observation(state, owner, name, new_name, bundle=bundle, is_trial=dry_run)
+        tell_edited(invocation.terminal, "rename", commit(change).outcome)
 
 
 def _documented(verb: Verb) -> str:

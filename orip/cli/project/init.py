@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from orip.cli.options import Invocation, command
-from orip.cli.project.samples import list_samples, tell_sample
+from orip.cli.project.samples import list_samples, tell_made, tell_sample
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
 
@@ -25,10 +25,14 @@ PreferOption = Annotated[
 SampleOption = Annotated[
     bool, typer.Option("--sample", help="Write the sample project NAME into DIR; without a name, list them.")
 ]
-SampleName = Annotated[str | None, typer.Argument(metavar="NAME", help="With --sample: which one.")]
-SampleFolder = Annotated[
-    Path | None, typer.Argument(metavar="DIR", help="With --sample: a new or empty folder; default ./NAME.")
+SampleName = Annotated[
+    str | None, typer.Argument(metavar="NAME", help="Make a project of that name; with --sample: which one.")
 ]
+SampleFolder = Annotated[
+    Path | None, typer.Argument(metavar="DIR", help="The folder of the project that is made; default ./NAME.")
+]
+
+UserOption = Annotated[str, typer.Option("--user", help="With NAME: the operator, whose name is on all outputs.")]
 
 _SHOWN_VALUES = 12
 
@@ -43,8 +47,11 @@ def register(app: typer.Typer) -> None:
         folder: SampleFolder = None,
         sample: SampleOption = False,
         prefer: PreferOption = None,
+        user: UserOption = "",
     ) -> None:
-        """Apply orip.toml to the record stores; or write a sample project to start with. Safe to repeat.
+        """Apply orip.toml to the record stores; or make a project, new or a sample. Safe to repeat.
+
+        With NAME a project is made that commands define: 'orip camera add', 'photo add', 'bundle add' and others.
 
         Records whose text has not changed since the last time stay as they are, so what 'orip update' wrote survives.
 
@@ -54,10 +61,8 @@ def register(app: typer.Typer) -> None:
             _sample(invocation, name, folder, prefer)
             return
         if name is not None:
-            message = (
-                f"{name!r} is not expected: --sample NAME DIR writes a sample, 'orip -C DIR init' names the project"
-            )
-            raise UsageError(message)
+            _make(invocation, name, user, folder, prefer)
+            return
         from orip.workflow.project.commit import carry_out
         from orip.workflow.project.state import read_checked_project
         from orip.workflow.records.initialise import INITIALISED_FROM, initialise
@@ -90,6 +95,19 @@ def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefe
     from orip.workflow.sample_projects import write_sample
 
     tell_sample(invocation.terminal, write_sample(name, invocation.folder / (folder or name)))
+
+
+def _make(invocation: Invocation, name: str, user: str, folder: Path | None, prefer: str | None) -> None:
+    from orip.workflow.new_project import make_project
+    from orip.workflow.sample_projects import SAMPLES
+
+    if prefer is not None:
+        message = "--prefer is for 'orip init' without a name; leave one of them out"
+        raise UsageError(message)
+    if name in SAMPLES:
+        message = f"{name} is a sample: write it with 'orip init --sample {name}', or choose another name"
+        raise UsageError(message)
+    tell_made(invocation.terminal, make_project(name, user, invocation.folder / (folder or name)))
 
 
 def tell(terminal: Terminal, outcome: Initialised) -> None:

@@ -1,4 +1,4 @@
-"""What `orip init --sample` says."""
+"""What `orip init` says of projects that it has made, samples or new ones."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
+    from orip.workflow.new_project import ProjectMade
     from orip.workflow.sample_projects import SampleWritten
 
 
@@ -42,6 +43,16 @@ def tell_sample(terminal: Terminal, written: SampleWritten) -> None:
                 "next": next_command,
             }
         )
+
+
+def tell_made(terminal: Terminal, made: ProjectMade) -> None:
+    """Say which project was made, and the command that comes next."""
+    next_command = f"orip{_option(made.folder)} camera add NAME c=..."
+    terminal.say(f"wrote    {made.folder / 'orip.toml'}: project {made.name}")
+    terminal.say(f"next     {next_command}", "bold")
+    if terminal.json:
+        document = {"command": "init", "project": made.name, "folder": str(made.folder), "next": next_command}
+        terminal.document(document)
 
 
 def _option(folder: Path) -> str:

@@ -81,4 +81,5 @@ def read_edits(path: Path, shown: str) -> EditsText:
 def edit_line(record: EditRecord) -> str:
     """Return the line of an edit, such as ``DISREGARD POINT MAIN P101 1001``."""
     bundle = [record.bundle] if record.bundle is not None else []
-    return " ".join([record.action, record.what, *bundle, record.owner, record.name])
+    new_name = [record.new_name] if record.new_name is not None else []
+    return " ".join([record.action, record.what, *bundle, record.owner, record.name, *new_name])

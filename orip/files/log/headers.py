@@ -22,7 +22,7 @@ from orip.records.measurement import (
 )
 from orip.records.photo import Stage
 
-Action = Literal["DISREGARD", "INCLUDE", "KILL"]
+Action = Literal["DISREGARD", "INCLUDE", "KILL", "RENAME"]
 Edited = Literal["POINT", "MARK", "TICK"]
 Arrangement = Literal["corners", "midsides"]
 Word = TypeVar("Word", bound=str)
@@ -49,6 +49,7 @@ _EDIT_FORMS: Mapping[Edited, tuple[int, str]] = {
     "MARK": (4, "MARK photo|* mark|*"),
     "TICK": (4, "TICK template|* tick|*"),
 }
+_RENAMING_FORM = (6, "POINT bundle photo|* point new_name")
 
 
 def read_header(reader: FieldReader, shown: str) -> MeasurementBlock:
@@ -64,8 +65,10 @@ def read_header(reader: FieldReader, shown: str) -> MeasurementBlock:
 
 
 def read_edit(reader: FieldReader, shown: str) -> EditRecord | None:
-    """Read ``DISREGARD``, ``INCLUDE`` or ``KILL``; None, and complaints kept, if it is faulty."""
+    """Read ``DISREGARD``, ``INCLUDE``, ``KILL`` or ``RENAME``; None, and complaints kept, if it is faulty."""
     action = _keyword(reader, ACTIONS)
+    if action == "RENAME":
+        return _read_renaming(reader, shown)
     if reader.count < 2:
         reader.has_fields((4, 5), f"{action} POINT bundle photo|* point|*, or MARK photo|* mark|*, or TICK ...")
         return None
@@ -80,6 +83,19 @@ def read_edit(reader: FieldReader, shown: str) -> EditRecord | None:
         return None
     bundle = names[0] if what == "POINT" else None
     return EditRecord(TextPlace(shown, reader.number), action, what, bundle, names[-2], names[-1])
+
+
+def _read_renaming(reader: FieldReader, shown: str) -> EditRecord | None:
+    count, form = _RENAMING_FORM
+    if not reader.has_fields((count,), f"RENAME {form}") or reader.word(1, ("POINT",), "something to rename") is None:
+        return None
+    bundle, owner, name, new_name = (reader.name(index) for index in range(2, count))
+    for index, text in ((4, name), (5, new_name)):
+        if text == "*":
+            reader.complain("one point is renamed at a time; write its name in place of '*'", index)
+    if reader.complaints:
+        return None
+    return EditRecord(TextPlace(shown, reader.number), "RENAME", "POINT", bundle, owner, name, new_name)
 
 
 def _keyword(reader: FieldReader, allowed: tuple[Word, ...]) -> Word:

@@ -54,9 +54,9 @@ def is_nearer(given: FloatArray, factor: float, adjusted: FloatArray) -> bool:
     as_given, scaled = (
         angles_between(rotation_from_angles(given[known] * unit), adjusted[known]) for unit in (1.0, factor)
     )
-    nearer, farther = np.count_nonzero(scaled < as_given), np.count_nonzero(scaled > as_given)
+    # of photos that were given roughly, or with small angles, either may be nearer by chance
+    clear = np.abs(scaled - as_given) > _CLEARLY * np.minimum(scaled, as_given)
+    nearer, farther = np.count_nonzero(clear & (scaled < as_given)), np.count_nonzero(clear & (scaled > as_given))
     if nearer < _FEWEST * (1 + farther):
         return False
-    # angles of 0 are the same in every unit
-    differ = scaled != as_given
-    return bool(np.median(scaled[differ]) < _CLEARLY * np.median(as_given[differ]))
+    return bool(np.median(scaled[clear]) < _CLEARLY * np.median(as_given[clear]))

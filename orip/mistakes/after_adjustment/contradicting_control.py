@@ -47,7 +47,7 @@ def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarni
     """
     points, place = block.photo_points, block.point_index()
     doubted = doubted_control(solution)
-    doubted |= {block.point_names[row] for row in points.point[doubted_photo_points(solution)].tolist()}
+    doubted |= {block.point_names[row] for row in points.point[doubted_photo_points(block, solution)].tolist()}
     rays = AdjustedRays(block, solution)
     seen = {
         point.name: meeting

@@ -7,9 +7,11 @@ miss the point where the other rays of their number meet, but meet somewhere els
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain, combinations
 
 import numpy as np
 
+from orip.arrays import IntArray
 from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.doubted_observations import doubted_photo_points
@@ -19,6 +21,12 @@ from orip.wording import counted_names
 
 _MOST = 0.05
 """Part of the photo points that may be doubted; with more it is not single points that are wrong."""
+
+_LEAST_RAYS, _MOST_RAYS = 4, 12
+"""Rays of a point that are divided into those of two: fewer meet by chance, more are tedious."""
+
+_MOST_ALONE = 5
+"""Points with one ray among which one that another ray meets is looked for: more are met by chance."""
 
 _BY_CHANCE = 0.01
 """Expected number of points that lie near a photo point by chance; with more of them a match proves nothing."""
@@ -34,8 +42,8 @@ def misnamed_points(block: Block, solution: Solution) -> list[ProjectWarning]:
     solution : Solution
         With down-weighting.
     """
-    doubted = doubted_photo_points(solution)
-    if solution.status == "not_converged" or not 0 < len(doubted) <= _MOST * len(block.photo_points.photo):
+    doubted = doubted_photo_points(block, solution)
+    if not 0 < len(doubted) <= _MOST * len(block.photo_points.photo):
         return []
     return _DoubtedPhotoPoints(block, solution, doubted.tolist()).warnings()
 
@@ -58,19 +66,68 @@ class _DoubtedPhotoPoints:
         """Return what the photo points are; if none is another point, the one that is off most."""
         renamed: dict[tuple[str, str], list[int]] = {}
         unexplained: dict[str, list[int]] = {}
-        for row in self.rows:
+        exchanged = self._exchanged()
+        for row in (row for row in self.rows if row not in set(chain(*exchanged))):
             other = self._other_point(row)
             if other is None:
                 unexplained.setdefault(self._point(row), []).append(row)
             else:
                 renamed.setdefault((self._point(row), other), []).append(row)
-        found = [self._renamed_warning(name, other, rows) for (name, other), rows in renamed.items()]
+        found = [self._exchange_warning(*pair) for pair in exchanged]
+        found += [self._renamed_warning(name, other, rows) for (name, other), rows in renamed.items()]
         found += [
-            self._second_point_warning(name, rows)
+            self._second_point_warning(name, second)
             for name, rows in unexplained.items()
-            if len(rows) > 1 and self.rays.meeting(rows) is not None
+            if len(second := self._second_group(rows)) > 1
         ]
         return found or self._blunder_warning()
+
+    def _second_group(self, rows: Sequence[int]) -> Sequence[int]:
+        """Return the rays of a point that meet in a second place; empty if there is none.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Those of its photo points that are doubted.
+        """
+        own = self._used_rows(rows[0])
+        if len(rows) < len(own):
+            return rows if self.rays.meeting(rows) is not None else ()
+        if not _LEAST_RAYS <= len(own) <= _MOST_RAYS:
+            return ()
+        # nothing says which rays are right: those that meet, while all others meet, too
+        for first in combinations(own, 2):
+            meeting = [row for row in own if row in first or self.rays.meeting([*first, row]) is not None]
+            others = [row for row in own if row not in meeting]
+            if len(others) > 1 and self.rays.meeting(meeting) and self.rays.meeting(others):
+                return others
+        return ()
+
+    def _used_rows(self, row: int) -> list[int]:
+        """Return all photo points of the same point that take part."""
+        return self._rays_of(int(self.block.photo_points.point[row]))
+
+    def _exchanged(self) -> list[tuple[int, int]]:
+        """Return the pairs of photo points of one photo each of which is where the other one should be."""
+        photo = self.block.photo_points.photo
+        return [
+            (one, other)
+            for one, other in combinations(self.rows, 2)
+            if photo[one] == photo[other] and self._is_at(one, other) and self._is_at(other, one)
+        ]
+
+    def _is_at(self, row: int, other: int) -> bool:
+        """Tell whether a photo point is where the point of another one should appear."""
+        xyz = self.solution.points.values[[self.place[self._point(other)]]]
+        return bool(self.rays.distances(row, xyz)[0] <= np.sqrt(2.0) * self.rays.limit(row))
+
+    def _exchange_warning(self, row: int, other: int) -> ProjectWarning:
+        one, another = self._point(row), self._point(other)
+        text = (
+            f"points {one} and {another} are exchanged there: each is where the other should appear; exchange their "
+            "numbers in the POINTS lines"
+        )
+        return ProjectWarning("misnamed-point", self._photos([row]), text)
 
     def _renamed_warning(self, name: str, other: str, rows: Sequence[int]) -> ProjectWarning:
         text = (
@@ -106,9 +163,7 @@ class _DoubtedPhotoPoints:
 
     def _other_rows(self, row: int) -> list[int]:
         """Return the other photo points of the same point, without the doubted ones."""
-        points = self.block.photo_points
-        same = np.flatnonzero((points.point == points.point[row]) & points.used.all(axis=1))
-        return [other for other in same.tolist() if other not in self.rows]
+        return [other for other in self._used_rows(row) if other not in self.rows]
 
     def _other_point(self, row: int) -> str | None:
         """Return the point that a photo point fits and that is not measured in its photo; None if there is none."""
@@ -116,12 +171,26 @@ class _DoubtedPhotoPoints:
         others = np.array([k for k in range(len(self.block.point_names)) if k not in measured], dtype=np.int64)
         if not len(others):
             return None
+        if (alone := self._met_alone(row, others)) is not None:
+            return alone
         distance, limit = self.rays.distances(row, self.solution.points.values[others]), self.rays.limit(row)
         area = float(np.prod(np.ptp(self.block.photo_points.xy, axis=0)))
         in_photo = np.count_nonzero(distance < np.sqrt(area))
         if not (distance <= limit).any() or in_photo * np.pi * limit**2 > _BY_CHANCE * area:
             return None
         return self.block.point_names[int(others[int(np.nanargmin(distance))])]
+
+    def _met_alone(self, row: int, others: IntArray) -> str | None:
+        """Return the only point of one ray that a photo point's ray meets; None if there is none, or several."""
+        alone = [rays for point in others.tolist() if len(rays := self._rays_of(point)) == 1]
+        if len(alone) > _MOST_ALONE:
+            return None
+        met = [rays[0] for rays in alone if self.rays.meeting([rays[0], row]) is not None]
+        return self._point(met[0]) if len(met) == 1 else None
+
+    def _rays_of(self, point: int) -> list[int]:
+        points = self.block.photo_points
+        return np.flatnonzero((points.point == point) & points.used.all(axis=1)).tolist()
 
     def _point(self, row: int) -> str:
         return self.block.point_names[int(self.block.photo_points.point[row])]

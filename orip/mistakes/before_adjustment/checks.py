@@ -5,6 +5,7 @@ from __future__ import annotations
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
+from orip.mistakes.before_adjustment.coordinate_units import coordinates_in_other_units
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.names import name_warnings
@@ -33,8 +34,13 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in points_outside_frames(definitions, observations, interior.to_photo)
     )
+    units = (
+        warning
+        for observations in measured.observations.values()
+        for warning in coordinates_in_other_units(definitions, observations)
+    )
     # photos of several bundles are checked once for each bundle
-    return tuple(dict.fromkeys((*cameras, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
+    return tuple(dict.fromkeys((*cameras, *units, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
 
 
 def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:

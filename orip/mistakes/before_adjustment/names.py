@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections import Counter
+from collections.abc import Container, Iterator, Sequence
 
 from orip.errors import ProjectWarning
 from orip.records.block import Block
@@ -10,6 +11,14 @@ from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes
 from orip.wording import agreeing, joined
 
+MOST_WARNINGS = 50
+"""Of a kind, that are told one by one."""
+
+_NAMES = {
+    "unused-control": "control observations",
+    "unused-preliminary": "preliminary points",
+    "look-alike-names": "names",
+}
 _UNMEASURED = "is not measured in any photo"
 
 
@@ -44,10 +53,24 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         if element not in block.elements
     ]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused]
+    similar = []
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
-        warnings.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
-    return warnings
+        similar.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
+    return [*_first_of_each_code(warnings), *_first_of_each_code(similar)]
+
+
+def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:
+    """Yield the first warnings of each code, and how many there are more: control may cover a whole country."""
+    counts: Counter[str] = Counter()
+    for warning in warnings:
+        counts[warning.code] += 1
+        if counts[warning.code] <= MOST_WARNINGS:
+            yield warning
+    for code, count in counts.items():
+        if count > MOST_WARNINGS:
+            what = "look like others" if code == "look-alike-names" else "are not used either"
+            yield ProjectWarning(code, "", f"{count - MOST_WARNINGS} more {_NAMES[code]} {what}")
 
 
 def _unplaced(points: Container[str], *names: str) -> str:

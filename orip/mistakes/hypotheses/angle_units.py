@@ -9,7 +9,7 @@ from functools import partial
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.mistakes.after_adjustment.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 
 
@@ -19,8 +19,8 @@ def angle_units(block: Block) -> Iterator[Hypothesis]:
         orientation = block.photo_orientation * [1.0, 1.0, 1.0, factor, factor, factor]
         changed = replace(block, photo_orientation=orientation)
         near = partial(_is_near, given=block.photo_orientation[:, 3:], factor=factor)
-        text = constant_text(angle_unit_text(factor))
-        yield Hypothesis("angle-unit", "orip.toml", changed, text, near, concerns_start=True)
+        found = finding("angle-unit", "orip.toml", angle_unit_text(factor))
+        yield Hypothesis(changed, found, near, concerns_start=True)
 
 
 def _is_near(solved: SolvedBlock, given: FloatArray, factor: float) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 
@@ -31,7 +31,7 @@ def distortion_sign(block: Block, row: int) -> Iterator[Hypothesis]:
             "moves the image outwards: measured = ideal + distortion)"
         )
         changed = _with_factors(block, row, _DISTORTION, np.array(-1.0))
-        yield Hypothesis("distortion-sign", f"camera {camera.name}", changed, constant_text(text))
+        yield Hypothesis(changed, finding("distortion-sign", f"camera {camera.name}", text))
 
 
 def principal_point_sign(block: Block, row: int) -> Iterator[Hypothesis]:
@@ -48,7 +48,7 @@ def principal_point_sign(block: Block, row: int) -> Iterator[Hypothesis]:
             "and y up, from the centre of the sensor or the fiducial marks to the principal point)"
         )
         changed = _with_factors(block, row, _PRINCIPAL_POINT, np.array(signs))
-        yield Hypothesis("principal-point-sign", f"camera {camera.name}", changed, constant_text(text))
+        yield Hypothesis(changed, finding("principal-point-sign", f"camera {camera.name}", text))
 
 
 def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
@@ -60,7 +60,7 @@ def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
             'adjustment determine it: unknown = ["A3", "A5", "P1", "P2"]'
         )
         changed = with_unknown(block, row, *_LENS)
-        yield Hypothesis("distortion", f"camera {camera.name}", changed, constant_text(text))
+        yield Hypothesis(changed, finding("distortion", f"camera {camera.name}", text))
 
 
 def with_camera(block: Block, row: int, camera: Camera) -> Block:

@@ -8,8 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text, photos_stay_near
-from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay_near
+from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
+from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.records.ground import PlainGround
@@ -36,11 +39,7 @@ def control_units(block: Block) -> Iterator[Hypothesis]:
     """Yield control in feet among metres and the other way round: all coordinates, then Z alone."""
     for factor in FEET_AND_METRES:
         unit, other = LENGTH_UNITS[factor]
-        text = (
-            f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in "
-            f"{unit}, and the orientations in {other}; use one unit"
-        )
-        yield from _control(block, _UNIT, np.eye(3) * factor, text)
+        yield from _control(block, _UNIT, np.eye(3) * factor, control_unit_text(factor))
         text = (
             f"the control fits the photos when Z is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in "
             f"{other}; use one unit"
@@ -50,25 +49,37 @@ def control_units(block: Block) -> Iterator[Hypothesis]:
 
 def mirrored_control(block: Block) -> Iterator[Hypothesis]:
     """Yield control with X and Y exchanged, for photos without given orientations: any reflection fits as well."""
-    text = (
-        "the control fits the photos as a mirror image: X and Y of the control are exchanged (north, east in place of "
-        "X = east, Y = north), or an axis has the opposite sign, or the photos are mirrored; exchange the columns X "
-        "and Y of the control file first"
-    )
-    yield from _control(block, _AXES, _EXCHANGED, text)
+    if isinstance(block.ground, PlainGround) and block.control_points:
+        yield Hypothesis(with_multiplied_control(block, _EXCHANGED), _reflection)
+
+
+def _reflection(solved: SolvedBlock) -> list[ProjectWarning]:
+    """Return which reflection it is: with Z reversed the cameras would be below the ground, looking up."""
+    text = "the control fits the photos as a mirror image: "
+    if camera_side(solved.state.rotations) < 0.0:
+        text += "Z of the control seems to have the opposite sign (depths in place of heights); reverse the sign of Z"
+    else:
+        text += (
+            "X and Y of the control are exchanged (north, east in place of X = east, Y = north), or one of them has "
+            "the opposite sign, or the photos are mirrored; exchange the columns X and Y of the control file first"
+        )
+    return [ProjectWarning(_AXES, "", text)]
 
 
 def _control(block: Block, code: str, matrix: FloatArray, text: str) -> Iterator[Hypothesis]:
     """Yield a block whose control is multiplied by a matrix; none without control, or in a reference system."""
-    if not isinstance(block.ground, PlainGround) or not block.control_points:
-        return
+    if isinstance(block.ground, PlainGround) and block.control_points:
+        yield Hypothesis(with_multiplied_control(block, matrix), finding(code, "", text), photos_stay_near)
+
+
+def with_multiplied_control(block: Block, matrix: FloatArray) -> Block:
+    """Return a block whose control points are multiplied by a matrix (3, 3) that has one element in each row."""
     points = tuple(_multiplied(point, matrix) for point in block.control_points)
     place = block.point_index()
     constant = block.constant_points.copy()
     rows = [place[point.name] for point in points]
     constant[rows] = (np.abs(matrix) @ constant[rows].T > 0.0).T
-    changed = replace(block, control_points=points, constant_points=constant)
-    yield Hypothesis(code, "", changed, constant_text(text), photos_stay_near)
+    return replace(block, control_points=points, constant_points=constant)
 
 
 def _multiplied(point: ControlPoint, matrix: FloatArray) -> ControlPoint:

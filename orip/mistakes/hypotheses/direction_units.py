@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.control import ControlDirection
 from orip.units import DEGREES_PER_GON
@@ -19,7 +19,7 @@ def direction_units(block: Block) -> Iterator[Hypothesis]:
             "the theodolite directions fit when they are in gon; write degrees: multiply directions, zenith angles and "
             "their a-priori errors by 0.9"
         )
-        yield Hypothesis("direction-unit", "control directions", changed, constant_text(text))
+        yield Hypothesis(changed, finding("direction-unit", "control directions", text))
 
 
 def _from_gon(observed: ControlDirection) -> ControlDirection:

@@ -7,22 +7,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 
 _MILLI = 1e-3
+
+_IMPOSSIBLE = 2e-6
+"""Part of the extent of photos that nobody measures: half a micrometre on an aerial photo."""
+
 _USELESS = 0.01
 """Part of the extent of photos or control: a larger error leaves a position undetermined."""
 
 
 def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:
-    """Yield a measurement precision in micrometres or pixels if it is too large, else in metres."""
+    """Yield a measurement precision in micrometres or pixels if it is too large, in metres if it is too small."""
     precision, points = block.definition.measurement_precision, block.photo_points
-    factors = {"metres": 1.0 / _MILLI}
-    if float(np.median(points.error)) > _USELESS * float(np.ptp(points.xy, axis=0).max()):
-        factors = {"micrometres": _MILLI}
+    factors = {}
+    part = float(np.median(points.error)) / float(np.ptp(points.xy, axis=0).max())
+    if part < _IMPOSSIBLE:
+        factors["metres"] = 1.0 / _MILLI
+    elif part > _USELESS:
+        factors["micrometres"] = _MILLI
         if precision.unit == "mm" and (pixel := smallest_pixel(block)) is not None:
             factors["pixels"] = pixel
     for unit, factor in factors.items():
@@ -32,7 +39,7 @@ def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:
             f"write measurement_precision = {written}"
         )
         changed = replace(block, photo_points=replace(points, error=points.error * factor))
-        yield Hypothesis("error-unit", "orip.toml", changed, constant_text(text))
+        yield Hypothesis(changed, finding("error-unit", "orip.toml", text))
 
 
 def control_error_units(block: Block) -> Iterator[Hypothesis]:
@@ -44,7 +51,7 @@ def control_error_units(block: Block) -> Iterator[Hypothesis]:
         "beside metres; write them in the unit of the coordinates"
     )
     changed = replace(block, control_points=tuple(_with_errors(point, _MILLI) for point in block.control_points))
-    yield Hypothesis("error-unit", "control file", changed, constant_text(text))
+    yield Hypothesis(changed, finding("error-unit", "control file", text))
 
 
 def _control_is_useless(block: Block) -> bool:

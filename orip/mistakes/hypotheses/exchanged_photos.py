@@ -14,7 +14,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 
 _WORST_PHOTOS = 12
@@ -31,12 +31,12 @@ def exchanged_photos(block: Block) -> Iterator[Hypothesis]:
         order = np.arange(len(block.photos))
         order[list(pair)] = pair[::-1]
         changed = replace(block, photo_points=replace(block.photo_points, photo=order[block.photo_points.photo]))
-        text = constant_text(
+        text = (
             f"photos {one} and {other} fit when they are exchanged: what is measured under one name was measured in "
             "the other; exchange the names in the POINTS lines, or the preliminary orientations"
         )
         holds = partial(_are_in_place, pair=pair)
-        yield Hypothesis("exchanged-photos", "", changed, text, holds, concerns_start=True)
+        yield Hypothesis(changed, finding("exchanged-photos", "", text), holds, concerns_start=True)
 
 
 def _are_in_place(solved: SolvedBlock, pair: tuple[int, int]) -> bool:

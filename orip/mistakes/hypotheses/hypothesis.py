@@ -19,19 +19,18 @@ def _always(_: SolvedBlock) -> bool:
     return True
 
 
+Findings = Callable[[SolvedBlock], list[ProjectWarning]]
+
+
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
     """A block as it would be without one mistake.
 
     Parameters
     ----------
-    code : str
-        Stable name in kebab-case.
-    where : str
-        The record or file concerned; "" where the text names it.
     block : Block
-    text : callable
-        From the adjustment of that block: what is probably wrong and what to do; "" if nothing is to be said.
+    findings : callable
+        From the adjustment of that block: what is probably wrong and what to do; empty if nothing is to be said.
     holds : callable
         From the same: whether it is an adjustment that the hypothesis foresees. Whether it fits is not tested here; see
         `orip.mistakes.fit_comparison`.
@@ -40,22 +39,25 @@ class Hypothesis:
         when they start where the adjustment of the hypothesis ended.
     """
 
-    code: str
-    where: str
     block: Block
-    text: Callable[[SolvedBlock], str]
+    findings: Findings
     holds: Callable[[SolvedBlock], bool] = _always
     concerns_start: bool = False
 
-    def warnings(self, solved: SolvedBlock) -> list[ProjectWarning]:
-        """Return what to say if the adjustment of this block explains the misfit."""
-        text = self.text(solved)
-        return [ProjectWarning(self.code, self.where, text)] if text else []
 
+def finding(code: str, where: str, text: str) -> Findings:
+    """Return what gives the same warning for every adjustment.
 
-def constant_text(text: str) -> Callable[[SolvedBlock], str]:
-    """Return a function that gives this text for every adjustment."""
-    return lambda _: text
+    Parameters
+    ----------
+    code : str
+        Stable name in kebab-case.
+    where : str
+        The record or file concerned; "" where the text names it.
+    text : str
+        What is probably wrong and what to do.
+    """
+    return lambda _: [ProjectWarning(code, where, text)]
 
 
 def photos_stay_near(solved: SolvedBlock) -> bool:

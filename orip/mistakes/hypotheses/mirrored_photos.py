@@ -5,23 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text, photos_stay_near
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay_near
+from orip.mistakes.photo_readings import exchanged_axes
 from orip.records.block import Block
 from orip.records.camera import Camera
 
 _X, _Y = 0, 1
 
+_EXCHANGED = "x and y seem to be exchanged; write x, to the right, first, and y upwards"
+
 
 def mirrored_photos(block: Block) -> Iterator[Hypothesis]:
-    """Yield the photos of each camera with the opposite sign of y, and of x."""
+    """Yield the photos of each camera with the opposite sign of y, of x, and with x and y exchanged."""
     for row, camera in enumerate(block.cameras):
         of_camera = block.photo_camera[block.photo_points.photo] == row
         for axis in (_Y, _X):
             xy = block.photo_points.xy.copy()
             xy[of_camera, axis] *= -1.0
             changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
-            text = constant_text(f"the photos fit as mirror images: {_text(camera, axis)}")
-            yield Hypothesis("mirrored", f"camera {camera.name}", changed, text, photos_stay_near)
+            text = f"the photos fit as mirror images: {_text(camera, axis)}"
+            yield Hypothesis(changed, finding("mirrored", f"camera {camera.name}", text), photos_stay_near)
+        xy = block.photo_points.xy.copy()
+        xy[of_camera] = xy[of_camera, ::-1] if camera.sensor is None else exchanged_axes(xy[of_camera], camera.sensor)
+        changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
+        text = f"the photos fit as mirror images: {_EXCHANGED}"
+        yield Hypothesis(changed, finding("mirrored", f"camera {camera.name}", text), photos_stay_near)
 
 
 def _text(camera: Camera, axis: int) -> str:

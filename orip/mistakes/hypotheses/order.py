@@ -11,17 +11,20 @@ from orip.mistakes.doubted_observations import (
     photos_by_misfit,
     points_by_misfit,
 )
-from orip.mistakes.fit_comparison import Fit, fit_of_solution, is_good
+from orip.mistakes.fit_comparison import Fit, is_good
 from orip.mistakes.hypotheses.angle_units import angle_units
 from orip.mistakes.hypotheses.camera_parameters import distortion_of_lens, distortion_sign, principal_point_sign
 from orip.mistakes.hypotheses.control_coordinates import control_axes, control_units, mirrored_control
+from orip.mistakes.hypotheses.control_of_free_network import control_of_free_network
 from orip.mistakes.hypotheses.direction_units import direction_units
 from orip.mistakes.hypotheses.error_units import control_error_units, measurement_precision_units
 from orip.mistakes.hypotheses.exchanged_photos import exchanged_photos
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
+from orip.mistakes.hypotheses.misread_photos import misread_photos
 from orip.mistakes.hypotheses.other_cameras import other_cameras
 from orip.mistakes.hypotheses.principal_distance import other_principal_distance
+from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
 from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
@@ -34,22 +37,31 @@ _MUCH_CONTROL = 0.2
 _PHOTOS, _CONTROL_POINTS = 2, 3
 """Photos and control points that are tried one by one, those that fit worst."""
 
+_LEFT_OUT = 8
+"""Photos that are left out one by one."""
 
-def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjuster) -> Iterator[Hypothesis]:
+
+def hypotheses_of_misfit(
+    solution: Solution, given: Fit, started: Block, readjuster: Readjuster
+) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block does not fit.
 
     Parameters
     ----------
     solution : Solution
+    given : Fit
+        How its observations fit.
     started : Block
         As its adjustment started.
     readjuster : Readjuster
     """
-    block, given = readjuster.block, fit_of_solution(solution)
+    block = readjuster.block
     # cameras and directions hardly influence the preliminary orientations: those found before serve again
     oriented = replace(block, photo_orientation=started.photo_orientation)
     fits = is_good(given)
     if not fits:
+        yield from reduced_pictures(block)
+        yield from measurement_precision_units(block)
         if readjuster.is_oriented and (solution.status == "not_converged" or is_in_the_picture(solution)):
             yield from mirrored_photos(block)
             yield from exchanged_photos(block)
@@ -58,6 +70,8 @@ def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjus
             yield from control_units(block)
         yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
         yield from _of_cameras(oriented)
+        yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT])
+        yield from control_of_free_network(readjuster)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
         yield from mirrored_control(block)
     if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
@@ -66,18 +80,24 @@ def hypotheses_of_misfit(solution: Solution, started: Block, readjuster: Readjus
         yield from released_control(block, _worst_constant_control(block, given))
 
 
-def hypotheses_of_failure(block: Block, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
+def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block cannot be adjusted at all.
 
     Parameters
     ----------
-    block : Block
+    readjuster : Readjuster
     not_oriented : sequence of str
         Photos for which no preliminary orientation was found.
     """
+    block = readjuster.block
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
+    yield from reduced_pictures(block)
     yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
+    names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
+    yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
+    yield from control_of_free_network(readjuster)
+    yield from _of_cameras(block)
 
 
 def _of_cameras(block: Block) -> Iterator[Hypothesis]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from orip.mistakes.hypotheses.hypothesis import Hypothesis, constant_text
+from orip.mistakes.block_parts import without_unused_cameras
+from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.camera import Camera
 
@@ -32,7 +31,7 @@ def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:
                 f'camera = "{camera.name}" in its [[photo]]'
             )
             changed = _with_camera_of_photo(block, rows[name], camera)
-            yield Hypothesis("other-camera", f"photo {name}", changed, constant_text(text))
+            yield Hypothesis(changed, finding("other-camera", f"photo {name}", text))
 
 
 def _with_camera_of_photo(block: Block, photo: int, camera: Camera) -> Block:
@@ -40,12 +39,4 @@ def _with_camera_of_photo(block: Block, photo: int, camera: Camera) -> Block:
     cameras = block.cameras if camera.name in names else (*block.cameras, camera)
     photo_camera = block.photo_camera.copy()
     photo_camera[photo] = [known.name for known in cameras].index(camera.name)
-    return _without_unused(replace(block, cameras=cameras, photo_camera=photo_camera))
-
-
-def _without_unused(block: Block) -> Block:
-    """Return a block without the cameras that none of its photos has."""
-    used = np.unique(block.photo_camera)
-    place = np.full(len(block.cameras), -1)
-    place[used] = np.arange(len(used))
-    return replace(block, cameras=tuple(block.cameras[k] for k in used), photo_camera=place[block.photo_camera])
+    return without_unused_cameras(replace(block, cameras=cameras, photo_camera=photo_camera))

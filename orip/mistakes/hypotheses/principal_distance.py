@@ -15,6 +15,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_points import given_coordinates
+from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.mistakes.hypotheses.camera_parameters import with_camera, with_unknown
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
@@ -38,22 +39,24 @@ def other_principal_distance(block: Block, row: int) -> Iterator[Hypothesis]:
         return
     start = replace(camera, parameters=(principal_distance_seen(block, row), *camera.parameters[1:]))
     changed = with_unknown(with_camera(block, row, start), row, "C")
-    text = partial(_text, row=row, given=camera.parameters[0])
-    yield Hypothesis("principal-distance", f"camera {camera.name}", changed, text)
+    yield Hypothesis(changed, partial(_findings, row=row, given=camera.parameters[0]))
 
 
-def _text(solved: SolvedBlock, row: int, given: float) -> str:
+def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarning]:
     camera = solved.block.cameras[row]
     found = float(solved.state.cameras[row, 0])
+    if found <= 0.0:
+        return []
     column = int(solved.problem.unknowns.cameras[row, 0])
     sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
     size = "" if camera.sensor is None else ", or the size of the sensor,"
     unit = _unit_clause(given, found, camera)
-    return (
+    text = (
         f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the "
         f"principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the adjustment "
         'determine it (unknown = ["C"])'
     )
+    return [ProjectWarning("principal-distance", f"camera {camera.name}", text)]
 
 
 def _unit_clause(given: float, found: float, camera: Camera) -> str:

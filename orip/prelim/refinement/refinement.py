@@ -187,7 +187,9 @@ class _RobustRefinement:
     def reweighted(self, here: _Estimate) -> _Estimate:
         length = here.residuals.length
         s0 = self._problem.scale(length)
-        return here._replace(s0=s0, weights=danish_weights(length / max(s0, 1.0), LIMIT_OF_TWO_COMPONENTS))
+        with np.errstate(invalid="ignore"):  # coordinates in another unit may miss each other by any number
+            weights = danish_weights(length / max(s0, 1.0), LIMIT_OF_TWO_COMPONENTS)
+        return here._replace(s0=s0, weights=weights)
 
     def costs(self, here: _Estimate, weights: FloatArray) -> FloatArray:
         """Return the weighted square sum (1,) of residuals and of the cameras' corrections.

@@ -105,7 +105,7 @@ def other_reading(
     better = _BETTER_THAN_FROM_BELOW if _is_from_below(block, common, given) else _BETTER
     if given.misfit > expected and mirrored.misfit < better * given.misfit:
         changes = _changes(block, names, mirrored.similarity, centres)
-        side = _side(mirrored.similarity.rotation @ block.rotations)
+        side = camera_side(mirrored.similarity.rotation @ block.rotations)
         count = len(common.source)
         return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
     if given.misfit > expected:
@@ -190,7 +190,7 @@ def _known_centres(
     return np.array([row for row, _ in pairs]), np.array([position for _, position in pairs])
 
 
-def _side(rotations: FloatArray) -> float:
+def camera_side(rotations: FloatArray) -> float:
     """Return 1 where photos look down or stand upright, -1 where they look up or stand on their head, else 0.
 
     The third and second columns of the rotations tell; a mirrored photo has the same ones.

@@ -76,7 +76,7 @@ def drive_step(bundle: BundleState) -> Step | None:
         With `DRIVEN_FROM`.
     """
     project = bundle.project
-    command = "orip drive table" if len(project.definition.bundles) == 1 else f"orip drive table {bundle.name}"
+    command = "orip drive table" if project.has_one_bundle else f"orip drive table {bundle.name}"
     path = project.beside_photos(bundle.name, "DRV")
     try:
         table, _ = _current_table(bundle)

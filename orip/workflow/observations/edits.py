@@ -1,4 +1,4 @@
-"""`orip observations disregard`, `include`, `kill` and `remeasure`: additions to EDITS.MEA, applied at once.
+"""`orip observations disregard`, `include`, `kill`, `rename` and `remeasure`: additions to EDITS.MEA, applied at once.
 
 The log is the truth: what is added to it is first replayed with all that stands before it, then written to the text,
 then to the stores. A command that is killed between the two leaves a text that the next replay brings into the stores.
@@ -14,9 +14,10 @@ from typing import Literal
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.log.edits_text import EditsText, edit_line, read_edits
 from orip.files.log.text import read_measurements
-from orip.files.text.lines import read_lines
+from orip.files.text.lines import field_name_fault, read_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
+from orip.files.text.shown import shown_token
 from orip.interior.replay import Replayed, replay
 from orip.records.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.records.names import record_key
@@ -124,6 +125,44 @@ def edit_observations(
         for row, name in enumerate(chosen)
     ]
     return _applied(before, of_bundle, records, [edit_line(record) for record in records], is_trial=is_trial)
+
+
+def rename_observation(
+    state: ProjectState, owner: str, name: str, new_name: str, *, bundle: str | None = None, is_trial: bool = False
+) -> Change[AddedEdits]:
+    """Give a point another name in a photo, now and whenever the log is replayed.
+
+    Parameters
+    ----------
+    state : ProjectState
+        With `EDITED_FROM`.
+    owner : str
+        The photo; ``*``: all of them.
+    name, new_name : str
+    bundle : str or None
+        None: the project's only one.
+    is_trial : bool
+        The change writes nothing.
+
+    Raises
+    ------
+    InputError
+        If the point is not measured there, or one of the new name is.
+    UsageError
+    """
+    before = _replayed_log(state)
+    of_bundle = state.project.bundle_name(bundle)
+    named = Named("POINT", of_bundle, edited_owner("POINT", owner, state.records))
+    chosen_names("DISREGARD", named, [name], before.log.records, state.records, before.replayed.measured)
+    fault = field_name_fault(new_name)
+    if fault is not None or "*" in (name, new_name):
+        message = (
+            f"'{shown_token(new_name)}' cannot be the name of a point: {fault or 'one point is renamed at a time'}"
+        )
+        raise InputError.single(message)
+    place = TextPlace(before.edits.shown, before.edits.line_count + 1)
+    record = EditRecord(place, "RENAME", "POINT", of_bundle, named.owner, name, new_name)
+    return _applied(before, of_bundle, [record], [edit_line(record)], is_trial=is_trial)
 
 
 def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[AddedEdits]:

@@ -202,9 +202,9 @@ def _outside_project(state: ProjectState, files: Sequence[Path]) -> list[Project
 
 def _counts(project: ProjectFolder, outcome: Replayed) -> MeasurementCounts:
     points = tuple(
-        (bundle.name, len(found.points))
-        for bundle in project.definition.bundles
-        if (found := outcome.measured.observations.get(record_key(bundle.name))) is not None
+        (bundle, len(found.points))
+        for bundle in project.bundle_names
+        if (found := outcome.measured.observations.get(record_key(bundle))) is not None
     )
     measured = outcome.measured
     return MeasurementCounts(len(measured.templates), len(measured.photos), points, outcome.remeasured)

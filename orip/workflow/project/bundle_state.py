@@ -79,7 +79,7 @@ class BundleState:
     @property
     def command(self) -> str:
         """Return the command that adjusts the bundle."""
-        return "orip solve" if len(self.project.definition.bundles) == 1 else f"orip solve {self.name}"
+        return "orip solve" if self.project.has_one_bundle else f"orip solve {self.name}"
 
     def read_again(self) -> BundleState:
         """Read the same parts of the stores again."""

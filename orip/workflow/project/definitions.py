@@ -38,6 +38,7 @@ class StoredDefinitions:
             {record_key(stored.record.name): stored.record for stored in self.templates},
             {record_key(stored.record.name): stored.record for stored in self.photos},
             {record_key(stored.record.name): stored.record.name for stored in self.bundles},
+            {record_key(stored.record.name): stored.record for stored in self.bundles},
         )
 
     def bundle(self, name: str) -> BundleDefinition:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
+from orip.files.stores import exterior
 from orip.files.stores.digest import record_digest
+from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 
@@ -44,12 +46,15 @@ class ProjectFolder:
     lines : mapping (kind, record_key) to int
         The line of each record in orip.toml.
     warnings : tuple of ProjectWarning
+    bundles_of_commands : tuple of str
+        Bundles of the store that orip.toml does not define: they were added, copied or renamed by commands.
     """
 
     folder: Path
     definition: ProjectDefinition
     lines: Mapping[tuple[str, str], int]
     warnings: tuple[ProjectWarning, ...]
+    bundles_of_commands: tuple[str, ...] = ()
 
     @property
     def text(self) -> Path:
@@ -64,8 +69,13 @@ class ProjectFolder:
 
     @property
     def bundle_names(self) -> tuple[str, ...]:
-        """Return the names of the bundles of orip.toml."""
-        return tuple(bundle.name for bundle in self.definition.bundles)
+        """Return the names of the bundles: of orip.toml, then those that commands have made."""
+        return (*(bundle.name for bundle in self.definition.bundles), *self.bundles_of_commands)
+
+    @property
+    def has_one_bundle(self) -> bool:
+        """Tell whether no name is needed to say which bundle is meant."""
+        return len(self.bundle_names) == 1
 
     @property
     def heading_digest(self) -> tuple[str, str]:
@@ -125,7 +135,7 @@ class ProjectFolder:
 
     def preliminary_listing(self, bundle: str) -> Path:
         """Return the path of PRELIM_RESULT.OUT: a plain name where the bundle is the project's only one."""
-        prefix = "" if len(self.definition.bundles) == 1 else f"{bundle}_"
+        prefix = "" if self.has_one_bundle else f"{bundle}_"
         return self.folder / f"{prefix}PRELIM_RESULT.OUT"
 
     def beside_photos(self, bundle: str, extension: str) -> Path:
@@ -134,15 +144,15 @@ class ProjectFolder:
 
     def report(self, bundle: str) -> Path:
         """Return the path of a bundle's report: a plain name where it is the project's only bundle."""
-        return self.folder / f"{'' if len(self.definition.bundles) == 1 else f'{bundle}_'}report.html"
+        return self.folder / f"{'' if self.has_one_bundle else f'{bundle}_'}report.html"
 
     def outputs(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results go: plain names where it is the project's only bundle."""
-        return self._outputs(bundle, only=len(self.definition.bundles) == 1)
+        return self._outputs(bundle, only=self.has_one_bundle)
 
     def outputs_of_other_name(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results would go if the project had several bundles and has one, or the reverse."""
-        return self._outputs(bundle, only=len(self.definition.bundles) != 1)
+        return self._outputs(bundle, only=not self.has_one_bundle)
 
     def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:
         start, prefix = ("", "BUNDLE") if only else (f"{bundle}_", bundle)
@@ -165,17 +175,19 @@ class ProjectFolder:
         UsageError
             If there is no such bundle, or several and none was named.
         """
-        names = [bundle.name for bundle in self.definition.bundles]
+        names = self.bundle_names
         if wanted is None and len(names) == 1:
             return names[0]
         for name in names:
             if wanted is not None and record_key(name) == record_key(wanted):
                 return name
         listed = ", ".join(names) or "none"
-        if wanted is None:
+        if not names:
+            message = "the project has no bundle yet; 'orip bundle add NAME' makes one"
+        elif wanted is None:
             message = f"the project has {len(names)} bundles; name one of them: {listed}"
         else:
-            message = f"there is no bundle '{wanted}' in {PROJECT_FILE}; its bundles are: {listed}"
+            message = f"there is no bundle '{wanted}'; the project's bundles are: {listed}"
         raise UsageError(message)
 
 
@@ -206,4 +218,18 @@ def open_project(folder: Path) -> ProjectFolder:
             f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
         )
         raise InputError.single(message, PROJECT_FILE)
-    return ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
+    project = ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
+    return replace(project, bundles_of_commands=_bundles_of_commands(project))
+
+
+def _bundles_of_commands(project: ProjectFolder) -> tuple[str, ...]:
+    with reading([project.exterior]) as stores:
+        stored = exterior.read(stores[project.exterior])
+    in_text = {record_key(bundle.name) for bundle in project.definition.bundles}
+    # one that came from this text and is no longer in it is removed by the next 'orip init'
+    return tuple(
+        bundle.record.name
+        for bundle in stored
+        if record_key(bundle.record.name) not in in_text
+        and (bundle.text_digest is None or bundle.origin != project.definition.name)
+    )

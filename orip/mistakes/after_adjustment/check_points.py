@@ -1,0 +1,141 @@
+"""Check points that contradict the adjustment: all in the same way, two exchanged, or single ones written wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
+from orip.arrays import BoolArray, FloatArray
+from orip.errors import ProjectWarning
+from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
+from orip.records.solution import Solution
+
+_DOUBTED = 5.0
+"""Standard deviations from which check points contradict the adjustment together."""
+
+_TOGETHER = 0.1
+"""Largest standard deviation of differences that are the same, as part of their mean."""
+
+_FEWEST = 2
+"""Check points that may agree by chance; more are needed."""
+
+_FAR_OFF = 8.0
+"""Standard deviations, and times the usual difference of the others, from which a single check point is wrong: how well
+it was surveyed is not known."""
+
+_SWAPPED = 0.1
+"""Two points are exchanged if exchanging them removes all but this part of both differences."""
+
+_SYSTEMS = {
+    "X": "coordinate system",
+    "Y": "coordinate system",
+    "Z": "height system (above the ellipsoid, above the geoid)",
+}
+
+
+def contradicting_check_points(solution: Solution) -> list[ProjectWarning]:
+    """Return a warning for what is wrong with check points; nothing where they agree with the adjustment."""
+    compared = _compared(solution)
+    if compared is None:
+        return []
+    together = list(_in_another_system(compared, solution.ground_unit))
+    return together or list(_single(compared, solution.ground_unit))
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """n check points: coordinates as given and as adjusted (n, 3), NaN where not given, standard deviations (n, 3)."""
+
+    names: tuple[str, ...]
+    given: FloatArray
+    adjusted: FloatArray
+    sd: FloatArray
+
+    @property
+    def differences(self) -> FloatArray:
+        return self.adjusted - self.given
+
+
+def _compared(solution: Solution) -> _Compared | None:
+    points = solution.check_points
+    if not points:
+        return None
+    place = {name: row for row, name in enumerate(solution.points.names)}
+    rows = [place[point.name] for point in points]
+    differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
+    adjusted = solution.points.values[rows]
+    return _Compared(tuple(point.name for point in points), adjusted - differences, adjusted, solution.points.sd[rows])
+
+
+def _in_another_system(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
+    """Yield a warning for each coordinate in which all check points differ by the same amount."""
+    count = len(compared.names)
+    if count <= _FEWEST:
+        return
+    for axis, kind in enumerate("XYZ"):
+        difference = compared.differences[:, axis]
+        mean, spread = float(difference.mean()), float(difference.std(ddof=1))
+        if not (spread < _TOGETHER * abs(mean) and abs(mean) > _DOUBTED * float(compared.sd[:, axis].max())):
+            continue
+        text = (
+            f"all {count} are given {abs(mean):.3f} {unit} too {'low' if mean > 0 else 'high'} "
+            f"in {kind} (standard deviation {spread:.2g}): they are probably in another {_SYSTEMS[kind]} than the "
+            "control points; use one system for both"
+        )
+        yield ProjectWarning("check-point-system", "check points", text)
+
+
+def _single(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
+    """Yield a warning for each pair of check points that are exchanged, else for each that alone is far off."""
+    told = [pair for pair in combinations(range(len(compared.names)), 2) if _are_exchanged(compared, *pair)]
+    for pair in told:
+        one, other = (compared.names[row] for row in pair)
+        text = (
+            f"the photos see check point {one} where {other} is given, and {other} where {one} is: the two are "
+            "exchanged; exchange their names in the control file, or in the photos"
+        )
+        yield ProjectWarning("contradicting-check-point", f"check points {one} and {other}", text)
+    wrong = _far_off(compared)
+    rows = np.flatnonzero(wrong.any(axis=1)).tolist()
+    if not told and len(rows) <= max(1, len(compared.names) // 2):
+        yield from (_wrong_point(compared, row, wrong[row], unit) for row in rows)
+
+
+def _far_off(compared: _Compared) -> BoolArray:
+    """Return which coordinates (n, 3) differ by far more than their standard deviations and the other check points."""
+    size = np.abs(compared.differences)
+    found = np.zeros(size.shape, dtype=bool)
+    for row in range(len(size)):
+        others = np.delete(size, row, axis=0)
+        known = np.isfinite(others).any(axis=0)
+        usual = np.where(known, np.nanmedian(np.where(known, others, 0.0), axis=0) / MEDIAN_OF_NORMAL, 0.0) if len(
+            others
+        ) else np.zeros(3)  # fmt: skip
+        found[row] = size[row] > _FAR_OFF * np.maximum(usual, np.nan_to_num(compared.sd[row], posinf=np.inf))
+    return found
+
+
+def _are_exchanged(compared: _Compared, one: int, other: int) -> bool:
+    given, adjusted = compared.given, compared.adjusted
+    before = np.linalg.norm([given[one] - adjusted[one], given[other] - adjusted[other]])
+    after = np.linalg.norm([given[other] - adjusted[one], given[one] - adjusted[other]])
+    sd = np.linalg.norm(compared.sd[[one, other]])
+    return bool(after < _SWAPPED * before and before > _FAR_OFF * sd)
+
+
+def _wrong_point(compared: _Compared, row: int, wrong: BoolArray, unit: str) -> ProjectWarning:
+    parts, slips = [], []
+    for axis in np.flatnonzero(wrong).tolist():
+        value, seen = float(compared.given[row, axis]), float(compared.adjusted[row, axis])
+        sd = max(float(compared.sd[row, axis]), 1e-9)
+        parts.append(f"{'XYZ'[axis]} {value - seen:+.3f} ± {sd:.2g}")
+        if (slip := slip_of_pen(value, seen, _FAR_OFF * sd)) is not None:
+            slips.append(f"{'XYZ'[axis]} = {value:.10g} {slip}")
+    text = f"its coordinates contradict the adjustment: they are off by {', '.join(parts)} {unit}"
+    text += f"; {'; '.join(slips)}" if slips else ""
+    text += "; check them, and whether what was measured in the photos is what was surveyed"
+    return ProjectWarning("contradicting-check-point", f"check point {compared.names[row]}", text)

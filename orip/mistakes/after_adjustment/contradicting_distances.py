@@ -1,0 +1,103 @@
+"""Distances that contradict the block: all in another unit, a slip of the pen, or one to another point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.errors import ProjectWarning
+from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
+from orip.mistakes.length_units import LENGTH_UNITS
+from orip.records.block import Block
+from orip.records.control import ControlDistance
+from orip.records.solution import Solution
+
+_LENGTH_ALIKE = 0.01
+"""Relative difference within which a factor is recognised: wrong distances may have changed the scale of the block."""
+
+_DOUBTED = 5.0
+"""Standard residual from which an observation does not fit."""
+
+_MATCHES = 4.0
+"""Standard errors within which a distance is the one to another point."""
+
+_BY_CHANCE = 0.2
+"""Expected number of points that match by chance; with more of them a match proves nothing."""
+
+
+def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWarning]:
+    """Return a warning if all distances are in another unit, else for each one that the block contradicts.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solution : Solution
+        With down-weighting.
+    """
+    rows = solution.residuals
+    is_distance = np.array([kind.endswith("distance") for kind in rows.kind])
+    wrong = is_distance & (rows.standard_residual > _DOUBTED)
+    if not wrong.any():
+        return []
+    if found := list(_in_another_unit(solution, np.flatnonzero(wrong))):
+        return found
+    if np.count_nonzero(wrong) > 0.5 * np.count_nonzero(is_distance) or solution.status == "not_converged":
+        return []
+    return [_contradiction(block, solution, int(row)) for row in np.flatnonzero(wrong)]
+
+
+def _in_another_unit(solution: Solution, wrong: IntArray) -> Iterator[ProjectWarning]:
+    rows = solution.residuals
+    observed = rows.observed[wrong]
+    ratios = (observed + rows.residual[wrong]) / observed
+    factor = min(LENGTH_UNITS, key=lambda unit: float(np.median(np.abs(np.log(np.abs(ratios) / unit)))))
+    if not (np.abs(ratios / factor - 1.0) < _LENGTH_ALIKE).all():
+        return
+    unit, other = LENGTH_UNITS[factor]
+    names = ", ".join(rows.point[row] for row in wrong)
+    text = (
+        f"the distances fit when they are multiplied by {factor:.5g} ({names}): they seem to be in {unit}, and the "
+        f"control in {other}; write both in one unit, and correct the one that is wrong"
+    )
+    yield ProjectWarning("distance-unit", "control files", text)
+
+
+def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning:
+    rows = solution.residuals
+    name, given = rows.point[row], float(rows.observed[row])
+    seen, error = given + float(rows.residual[row]), float(rows.a_priori[row])
+    tolerance = _MATCHES * error * max(1.0, solution.sigma0)
+    distance = next(known for known in block.distances if known.name == name)
+    text = f"{given:.10g} contradicts the block, which has {seen:.6g} {solution.ground_unit}"
+    slip = slip_of_pen(given, seen, tolerance)
+    others = _other_ends(solution, distance, tolerance)
+    if slip is not None and "one digit" not in slip:
+        text += f": it {slip}"
+    elif others:
+        text += f": it fits from {others[0][0]} to {others[0][1]}; correct the names of its ends"
+    elif slip is not None:
+        text += f": it {slip}"
+    text += f"; check the distance, and that its ends are {distance.start} and {distance.end}"
+    return ProjectWarning("contradicting-distance", f"distance {name}", text)
+
+
+def _other_ends(solution: Solution, distance: ControlDistance, tolerance: float) -> list[tuple[str, str]]:
+    """Return the pairs of points, one of them an end of a distance, that are as far apart as it says.
+
+    None where chance would find some, and for components of a distance, which many points share.
+    """
+    if distance.code != "XYZ":
+        return []
+    points = solution.points
+    place = {name: row for row, name in enumerate(points.names)}
+    pairs, chances = [], 0.0
+    for end in (distance.start, distance.end):
+        lengths = np.linalg.norm(points.values - points.values[place[end]], axis=1)
+        chances += len(lengths) * 2.0 * tolerance / max(float(np.nanmax(lengths)), tolerance)
+        near = np.flatnonzero(np.abs(lengths - distance.distance) <= tolerance)
+        pairs.append([(end, points.names[row]) for row in near])
+    return list(chain(*pairs)) if chances <= _BY_CHANCE else []

@@ -1,0 +1,27 @@
+"""Photos that an adjustment found far from where they were given, though it fits: two exchanged, or one given wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
+from orip.mistakes.given_orientations import compared_orientations, misgiven_orientations
+from orip.records.block import Block
+
+
+def moved_photos(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
+    """Return a warning for each photo that was given far from where the adjustment has it; none where it fits badly.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solved : SolvedBlock
+    """
+    if not np.isfinite(block.photo_orientation).any() or not is_good(fit_of_adjustment(solved)):
+        return []
+    state, place = solved.state, solved.block.point_index()
+    points = state.points[[place[name] for name in block.point_names]]
+    return misgiven_orientations(compared_orientations(block, state.centres, state.rotations, points))
