@@ -91,7 +91,8 @@ def test_a_free_network_and_its_settings() -> None:
     passes = []
     stopped = orip.Block(**given, max_iterations=2, enp_stop=9.0).adjust(on_iteration=passes.append)
     assert stopped.status == "not_converged"
-    assert [one.iteration for one in passes] == [1, 2]
+    # what does not converge from the given values is tried from others
+    assert {one.iteration for one in passes} == {1, 2}
 
 
 def test_blunders_are_searched() -> None:
