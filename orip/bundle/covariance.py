@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.ground_results import rotation_partials
+from orip.bundle.ground_results import rotation_partials, undetermined_points
 from orip.bundle.solve import SolvedBlock, threads_that_pay
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.units import DEGREES_PER_RADIAN
@@ -32,13 +32,13 @@ class Figures(NamedTuple):
         Of the unknowns; `CONSTANT` for what is none.
     partials : array (r, k)
         Of the figures, in the project's units and axes, by the unknowns.
-    dependence : array (r, k) of bool
-        Which unknowns must be determined for a figure to be.
+    undetermined : array (r,) of bool
+        Figures that depend on what nothing determines.
     """
 
     columns: IntArray
     partials: FloatArray
-    dependence: BoolArray
+    undetermined: BoolArray
 
 
 def camera_figures(solved: SolvedBlock, camera: int) -> Figures:
@@ -46,8 +46,7 @@ def camera_figures(solved: SolvedBlock, camera: int) -> Figures:
     unknowns = solved.problem.unknowns
     count = len(set_names(solved.block.cameras[camera]))
     columns = np.concatenate([unknowns.cameras[camera], unknowns.additional[camera, :count]])
-    every = np.eye(len(columns))
-    return Figures(columns, every, every > 0.0)
+    return Figures(columns, np.eye(len(columns)), _removed(solved, columns))
 
 
 def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
@@ -58,10 +57,11 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
     centre = solved.state.centres[photo : photo + 1]
     ground = solved.block.ground
     turns, _ = rotation_partials(solved)
+    columns = solved.problem.unknowns.photos[photo]
     return Figures(
-        solved.problem.unknowns.photos[photo],
+        columns,
         block_diag(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN),
-        block_diag(ground.dependence, np.eye(3)) > 0.0,
+        block_diag(ground.dependence, np.eye(3)) @ _removed(solved, columns) > 0.0,
     )
 
 
@@ -70,7 +70,9 @@ def point_figures(solved: SolvedBlock, point: int) -> Figures:
     local = solved.state.points[point : point + 1]
     ground = solved.block.ground
     return Figures(
-        solved.problem.unknowns.points[point], ground.project_with_partials(local).by_local[0], ground.dependence
+        solved.problem.unknowns.points[point],
+        ground.project_with_partials(local).by_local[0],
+        ground.dependence @ undetermined_points(solved)[point] > 0.0,
     )
 
 
@@ -93,8 +95,8 @@ def covariance(solved: SolvedBlock, rows: Sequence[Figures], columns: Sequence[F
     parts = [_rows_of(cofactor_columns(solved, other.columns[at : at + _AT_ONCE]), one.columns) for at in starts]
     cofactors = np.hstack(parts)
     found = solved.deviation_scale**2 * (one.partials @ cofactors @ other.partials.T)
-    found[_undetermined(solved, one)] = np.nan
-    found[:, _undetermined(solved, other)] = np.nan
+    found[one.undetermined] = np.nan
+    found[:, other.undetermined] = np.nan
     return np.asarray(found)
 
 
@@ -115,7 +117,7 @@ def _joined(figures: Sequence[Figures]) -> Figures:
     return Figures(
         np.concatenate([each.columns for each in figures]),
         block_diag(*(each.partials for each in figures)),
-        block_diag(*(each.dependence for each in figures)) > 0.0,
+        np.concatenate([each.undetermined for each in figures]),
     )
 
 
@@ -123,6 +125,5 @@ def _rows_of(matrix: FloatArray, rows: IntArray) -> FloatArray:
     return np.where((rows == CONSTANT)[:, None], 0.0, matrix[rows])
 
 
-def _undetermined(solved: SolvedBlock, figures: Figures) -> BoolArray:
-    removed = (figures.columns != CONSTANT) & solved.normals.removed[figures.columns]
-    return np.asarray((figures.dependence & removed).any(axis=1))
+def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
+    return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])

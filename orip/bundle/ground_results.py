@@ -40,7 +40,7 @@ class PointResults(NamedTuple):
 def adjusted_points(solved: SolvedBlock) -> PointResults:
     """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
     local = solved.state.points
-    sd = _place_deviations(solved, solved.problem.unknowns.points, local, _undetermined_points(solved))
+    sd = _place_deviations(solved, solved.problem.unknowns.points, local, undetermined_points(solved))
     index = solved.block.point_index()
     for element in solved.block.constant_elements:
         if element.group == "POINT":
@@ -109,7 +109,7 @@ def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> 
 def point_correlations(solved: SolvedBlock) -> FloatArray:
     """Return the correlation coefficients XY, XZ, YZ (n, 3) of the points; see `_place_correlations`."""
     columns = solved.problem.unknowns.points
-    return _place_correlations(solved, columns, solved.state.points, _undetermined_points(solved))
+    return _place_correlations(solved, columns, solved.state.points, undetermined_points(solved))
 
 
 def photo_correlations(solved: SolvedBlock) -> FloatArray:
@@ -137,7 +137,8 @@ def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
     return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])
 
 
-def _undetermined_points(solved: SolvedBlock) -> BoolArray:
+def undetermined_points(solved: SolvedBlock) -> BoolArray:
+    """Return which local coordinates (number of points, 3) of the points are not determined."""
     return undetermined_coordinates(solved, _place_cofactors(solved, solved.problem.unknowns.points))
 
 

@@ -90,10 +90,13 @@ def compared_orientations(
 
 def misgiven_orientations(compared: ComparedOrientations) -> list[ProjectWarning]:
     """Return a warning for each photo whose orientation was given wrong while most others were not."""
-    if float(np.nanmedian(compared.shifts)) > _FAR_AWAY:
-        # the ground is another one
-        return _control_in_another_unit(compared)
+    roughly = float(np.nanmedian(compared.shifts)) > _FAR_AWAY
+    if roughly and (unit := _control_in_another_unit(compared)):
+        return unit
     exchanged = _exchanged_pairs(compared)
+    if roughly:
+        # where all are given roughly, or the ground is another one, no single photo is wrong
+        return [_exchange(compared, *pair) for pair in exchanged]
     wrong = _wrong(compared)
     wrong[list(chain(*exchanged))] = False
     rows = np.flatnonzero(wrong).tolist()

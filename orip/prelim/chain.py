@@ -124,7 +124,7 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
     given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
     if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
         for axis in (LOOKING_DOWN, UPRIGHT):
-            yield by_parts(free, with_control, measured.partial_control(), axis)
+            yield by_parts(free, with_control, measured.known_control(), axis)
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)

@@ -84,7 +84,7 @@ class MeasuredBlock:
                 held[self.row_of[name]] = xyz
         return held
 
-    def partial_control(self) -> FloatArray:
+    def known_control(self) -> FloatArray:
         """Return all known coordinates (number of points, 3) of control points; NaN where not known."""
         known = np.full((len(self.rays.points), 3), np.nan)
         rows = [self.row_of[name] for name in self.control.names if name in self.row_of]

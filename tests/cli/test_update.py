@@ -263,7 +263,8 @@ def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.Monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("orip.workflow.project.text_output.replace_text_in_pieces", full)
-    refused(orip(project, "update", "points"), 1, "MAIN.PRE cannot be written: No space left on device; it is as it")
+    sentence = "MAIN.PRE cannot be written: No space left on device; the file is unchanged"
+    refused(orip(project, "update", "points"), 1, sentence)
 
 
 def test_permissions_of_the_text_stay(project: Path) -> None:

@@ -198,7 +198,7 @@ def test_todo_filled_in_is_a_measurement_file(film: Path) -> None:
     assert next((each.point, each.why) for each in todo.points if each.photo == "left") == ("1", "killed")
     assert next((each.point, each.why) for each in todo.points if each.photo == "right") == ("2", "disregarded")
     assert [each.why for each in todo.points if each.point == "P1"] == ["down-weighted"]
-    with pytest.raises(InputError, match=r"again.txt:5:.* a coordinate is missing"):
+    with pytest.raises(InputError, match=r"again.txt:6:.* a coordinate is missing"):
         remeasure(film, Path("again.txt"))
     text = (film / "again.txt").read_text()
     before = {f"{each.point}  !": f"{each.point} {each.before[0]!r} {each.before[1]!r} !" for each in todo.points}
