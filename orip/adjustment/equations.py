@@ -154,6 +154,9 @@ class Problem(Protocol[StateT]):
     def without_contradictory_blocks(self, state: StateT, factors: BlockFactors, scale: float) -> StateT | None:
         """Return the state without blocks that the observations that fit do not determine; None if there are none."""
 
+    def with_all_blocks(self, state: StateT) -> StateT:
+        """Return the state with the blocks that were left out, computed from their observations; itself if none are."""
+
     def with_doubtful_blocks_placed(self, state: StateT, equations: Equations, limit: float) -> StateT:
         """Return the state with blocks that do not fit placed by their observations alone, wherever they were."""
 

@@ -25,15 +25,11 @@ from orip.adjustment.final_weights import Tried, propose
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import Weighing
+from orip.adjustment.weighing import Weighing, has_many_reduced
 from orip.arrays import FloatArray
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
-
-_FEW_REDUCED = 0.02
-"""Part of the weights: a few observations may be far off only because the start is, as a distance that gives the scale.
-Where no more are reduced, steps are judged by the square sum."""
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
@@ -236,6 +232,8 @@ def _determined(
         weights = now.weighing.factors(equations, iteration)
         weights[list(now.full_weight)] = 1.0
         normals = solve_normals(equations, weights, problem.layout, settings.max_lost_digits, now.control.damping)
+        if not now.weighing.is_crowded_in(iteration, equations, weights):
+            return now, weights, normals
         scale = now.weighing.scale_in(equations, iteration)
         leave_out = problem.without_undetermined_blocks
         if now.weighing.has_begun_in(iteration):
@@ -287,8 +285,7 @@ def _lowers_cost(now: _IterationState[StateT], weights: FloatArray, normals: Sol
     """
     before, iteration = now.current.equations, len(now.records) + 1
     enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
-    reduced = np.count_nonzero(weights[before.active] < 1.0)
-    if enp >= _SAME_COST_ENP or now.full_weight or reduced <= _FEW_REDUCED * np.count_nonzero(before.active):
+    if enp >= _SAME_COST_ENP or now.full_weight or not has_many_reduced(before, weights):
         return True
     here = now.weighing.cost_in(before, iteration, before.residual)
     return now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
@@ -369,11 +366,20 @@ def _settled(
     What the iterations before made of points that do not fit depends on where they began.
     """
     equations = now.current.equations
-    if now.weighing.start is None or not (equations.active & (np.abs(equations.residual) > now.weighing.limit)).any():
-        return now
+    if not has_many_reduced(equations, weights):
+        return _with_all_blocks(problem, now)
+    now = replace(now, weighing=replace(now.weighing, crowded=True))
     weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage)
     state = problem.with_doubtful_blocks_placed(now.current.state, equations, weighing.final_limit)
     return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())
+
+
+def _with_all_blocks(problem: Problem[StateT], now: _IterationState[StateT]) -> _IterationState[StateT]:
+    """Return the state with the blocks that were left out while it was still far from the solution."""
+    state = problem.with_all_blocks(now.current.state)
+    if state is now.current.state:
+        return now
+    return replace(now, current=_linearised(problem, state), acceleration=Acceleration())
 
 
 def _attempt(

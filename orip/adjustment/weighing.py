@@ -32,8 +32,13 @@ _FAR_OFF = 1.5
 _OF_COMPUTED_DATA = 0.1
 """A smaller scale comes from observations without errors: it says nothing of how they would be measured."""
 
-_TESTABLE, _FEWEST = 0.05, 20
-"""Least redundancy number of a residual that the scale is estimated from, and how many such residuals it takes."""
+_MANY, _MANY_PART = 40, 0.0025
+"""Observations that do not fit, at least, and the part of all, as in tracks of feature matching: so many carry blocks
+and others away. Fewer are left to the weights."""
+
+_TESTABLE, _LEAST_REDUNDANCY = 0.05, 100.0
+"""Least redundancy number of a residual that the scale is estimated from, and the least sum of these numbers: the scale
+is then known to 12 % (the standard deviation of such a median is 1.17 / sqrt(redundancy))."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +55,15 @@ class Weighing:
         Iterations until the residuals no longer depended on the starting values; None: they still do.
     scale : float
         Of the observations, in a-priori errors: 1 unless these are far off.
+    crowded : bool
+        Many observations did not fit when the state had settled.
     """
 
     limit: float
     start: int | None
     settled_after: int | None = None
     scale: float = 1.0
+    crowded: bool = False
 
     @property
     def final_limit(self) -> float:
@@ -87,6 +95,10 @@ class Weighing:
         if self.start is None or self.has_begun_in(iteration):
             return self.scale
         return max(robust_scale(np.abs(equations.residual[_judged(equations)])), 1.0)
+
+    def is_crowded_in(self, iteration: int, equations: Equations, weights: FloatArray) -> bool:
+        """Return whether many observations do not fit: in an iteration with some weights, and once settled for good."""
+        return self.crowded if self.has_begun_in(iteration) else has_many_reduced(equations, weights)
 
     def has_begun_in(self, iteration: int) -> bool:
         """Return whether an iteration has the weights of the Danish method."""
@@ -133,6 +145,12 @@ class Weighing:
         return max(self.settled_after, self.start - 1)
 
 
+def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
+    """Return whether weights (n,) are reduced as often as in tracks of feature matching."""
+    reduced = np.count_nonzero(equations.active & (weights < 1.0))
+    return bool(reduced >= max(_MANY, _MANY_PART * np.count_nonzero(equations.active)))
+
+
 def scale_of_observations(
     equations: Equations, redundancy_numbers: FloatArray, among: BoolArray | None = None
 ) -> float:
@@ -149,7 +167,7 @@ def scale_of_observations(
     """
     tested = _judged(equations) if among is None else _judged(equations) & among
     tested &= np.nan_to_num(redundancy_numbers) > _TESTABLE
-    if np.count_nonzero(tested) < _FEWEST:
+    if np.sum(redundancy_numbers[tested]) < _LEAST_REDUNDANCY:
         return 1.0
     return robust_scale(np.abs(equations.residual[tested]) / np.sqrt(redundancy_numbers[tested]))
 

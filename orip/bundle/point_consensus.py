@@ -90,7 +90,9 @@ def _consensus(rays: PointRays, limit: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _costs(residuals: FloatArray, limit: float) -> FloatArray:
-    return np.asarray(np.minimum(residuals**2, limit**2).sum(axis=1))
+    """Return the costs (q,) of residuals (q, 2 k): a ray is wrong as a whole, whichever of its components shows it."""
+    squares = (residuals**2).reshape(len(residuals), -1, 2).sum(axis=2)
+    return np.asarray(np.minimum(squares, limit**2).sum(axis=1))
 
 
 def moves_of_points(

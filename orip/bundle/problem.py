@@ -144,8 +144,7 @@ class BlockProblem:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
         correction = self._moves(state, equations, limit, where_better)
         moved = state.moved(correction, self.unknowns)
-        more = replace(self.with_blocks_recomputed(moved), left_out=np.zeros_like(state.left_out))
-        more = replace(more, points=np.where(state.left_out[:, None], more.points, moved.points))
+        more = self.with_all_blocks(moved)
         back = state.left_out & self._points_that_fit(more, limit) & determined_points(self.block, more, state.left_out)
         if not (correction.any() or back.any()):
             return None
@@ -162,6 +161,13 @@ class BlockProblem:
                 correction += moves_of_points(kind, first, self.unknowns, equations, state, limit, moves)
             first += len(kind.rows.photo)
         return correction
+
+    def with_all_blocks(self, state: BlockState) -> BlockState:
+        """Return the state with the points that were left out, where their rays meet; itself if none are."""
+        if not state.left_out.any():
+            return state
+        points = np.where(state.left_out[:, None], self.with_blocks_recomputed(state).points, state.points)
+        return replace(state, points=points, left_out=np.zeros_like(state.left_out))
 
     def with_doubtful_blocks_placed(self, state: BlockState, equations: Equations, limit: float) -> BlockState:
         """Return the state with points that do not fit moved to where most of their rays agree, wherever they were.

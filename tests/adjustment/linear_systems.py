@@ -113,6 +113,9 @@ class CurvedProblem:
     def without_contradictory_blocks(self, state: np.ndarray, factors: BlockFactors, scale: float) -> None:
         del state, factors, scale
 
+    def with_all_blocks(self, state: np.ndarray) -> np.ndarray:
+        return state
+
     def with_doubtful_blocks_placed(self, state: np.ndarray, equations: Equations, limit: float) -> np.ndarray:
         del equations, limit
         return state
