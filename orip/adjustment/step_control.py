@@ -19,7 +19,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
-_FIRST, _LEAST, _MOST = 1e-3, 1e-6, 1e4
+_FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
 
 _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0

@@ -77,12 +77,18 @@ class Weighing:
             return factors
         judged = _judged(equations)
         size = np.abs(equations.residual[judged])
-        weights = danish_weights if self.has_begun_in(iteration) else wide_weights
-        factors[judged] = weights(size, self.limit * self.scale_in(equations, iteration))
+        limit = self.limit * self.scale_in(equations, iteration)
+        if self.has_begun_in(iteration):
+            factors[judged] = danish_weights(size, limit)
+        else:
+            factors[judged] = wide_weights(size, limit, 3 if _are_many(size > limit) else 2)
         return factors
 
     def cost_in(self, equations: Equations, iteration: int, residuals: FloatArray) -> float:
-        """Return the cost that an iteration from some equations minimises, at residuals (n,) of these."""
+        """Return the cost that an iteration from some equations minimises, at residuals (n,) of these.
+
+        For iterations in which many weights are reduced.
+        """
         judged = _judged(equations)
         size = np.abs(residuals[judged])
         if self.start is None:
@@ -147,8 +153,12 @@ class Weighing:
 
 def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
     """Return whether weights (n,) are reduced as often as in tracks of feature matching."""
-    reduced = np.count_nonzero(equations.active & (weights < 1.0))
-    return bool(reduced >= max(_MANY, _MANY_PART * np.count_nonzero(equations.active)))
+    judged = _judged(equations)
+    return _are_many(weights[judged] < 1.0)
+
+
+def _are_many(wrong: BoolArray) -> bool:
+    return bool(np.count_nonzero(wrong) >= max(_MANY, _MANY_PART * len(wrong)))
 
 
 def scale_of_observations(

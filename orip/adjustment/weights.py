@@ -63,26 +63,24 @@ def greatest_danish_cost(limit: float) -> float:
     return limit**2 * (0.5 + 2.0 / float(np.e))
 
 
-def wide_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
-    """Return weight factors for iterations that are not near the solution yet: 1 up to the limit L, (L / u)³ above it.
+def wide_weights(standard_residuals: FloatArray, limit: float, exponent: int) -> FloatArray:
+    """Return weight factors for iterations that are not near the solution yet: 1 up to the limit L, (L / u)^p above it.
 
     They fall more slowly than the Danish weights, since large residuals may come from a photo whose orientation is
-    still wrong, which must stay tied to the block; and fast enough that a fifth of wrong observations does not move it.
+    still wrong, which must stay tied to the block.
 
     Parameters
     ----------
     standard_residuals : array (n,)
     limit : float
-
-    Returns
-    -------
-    array (n,)
+    exponent : int
+        2; or 3 where many observations are wrong: it falls fast enough that a fifth of these does not move the block.
     """
-    return np.maximum((limit / np.maximum(standard_residuals, limit)) ** 3, LEAST_WEIGHT)
+    return np.maximum((limit / np.maximum(standard_residuals, limit)) ** exponent, LEAST_WEIGHT)
 
 
 def wide_costs(standard_residuals: FloatArray, limit: float) -> FloatArray:
-    """Return what each residual adds to the cost that `wide_weights` minimise: L² (3/2 - L / u) above the limit."""
+    """Return what each residual adds to the cost that wide weights of exponent 3 minimise: L² (3/2 - L / u) above L."""
     above = limit**2 * (1.5 - limit / np.maximum(standard_residuals, limit))
     return np.where(standard_residuals <= limit, standard_residuals**2 / 2.0, above)
 

@@ -49,7 +49,7 @@ def test_a_state_that_never_settles_is_not_waited_for():
 
 
 def test_what_sticks_out_of_the_others_loses_weight_from_the_first_iteration_on():
-    assert Weighing(5.0, 2).factors(equations([0.5] * 9 + [BLUNDER]), 1)[-1] == pytest.approx((5.0 / BLUNDER) ** 3)
+    assert Weighing(5.0, 2).factors(equations([0.5] * 9 + [BLUNDER]), 1)[-1] == pytest.approx((5.0 / BLUNDER) ** 2)
 
 
 def test_without_a_start_nothing_is_reduced():

@@ -31,17 +31,22 @@ def test_a_gigantic_residual_keeps_a_trace_of_weight():
     assert danish_weights(np.array([1e9]), 5.0).tolist() == [1e-10]
 
 
-@pytest.mark.parametrize("weights", [danish_weights, wide_weights])
+def steep(standard_residuals, limit):
+    return wide_weights(standard_residuals, limit, 3)
+
+
+@pytest.mark.parametrize("weights", [danish_weights, steep])
 def test_no_observations(weights):
     assert weights(np.zeros(0), 5.0).shape == (0,)
 
 
-def test_wide_weights_fall_with_the_cube():
-    found = wide_weights(np.array([4.9, 5.0, 10.0, 50.0, 1e6]), 5.0)
-    assert found.tolist() == pytest.approx([1.0, 1.0, 0.125, 1e-3, 1e-10])
+def test_wide_weights_fall_with_the_square_or_the_cube():
+    found = [wide_weights(np.array([4.9, 5.0, 10.0, 50.0, 1e6]), 5.0, exponent).tolist() for exponent in (2, 3)]
+    assert found[0] == pytest.approx([1.0, 1.0, 0.25, 1e-2, 25e-12])
+    assert found[1] == pytest.approx([1.0, 1.0, 0.125, 1e-3, 1e-10])
 
 
-@pytest.mark.parametrize(("weights", "costs"), [(danish_weights, danish_costs), (wide_weights, wide_costs)])
+@pytest.mark.parametrize(("weights", "costs"), [(danish_weights, danish_costs), (steep, wide_costs)])
 def test_costs_are_the_integral_of_residual_times_weight(weights, costs):
     # by the trapezoidal rule; its error is the jump of the Danish weights times half a step, 5 * 0.63 * 0.0005
     u = np.arange(0.0, 60.0, 0.001)
