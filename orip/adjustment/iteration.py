@@ -261,16 +261,15 @@ def _controlled_step(
         step = factor * accelerated.step
         moved = _linearised(problem, problem.update(now.current.state, step))
         if not control.damping:
-            accepted = control.accepts_correction(before, moved.equations, weights, normals)
-            if accepted and _lowers_cost(now, weights, normals, moved.equations):
+            if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
                 return _Step(normals, before, moved, factor < 1.0, control.relaxed(), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
         moved = with_blocks_fitted(problem, moved, before, weights)
-        accepted = control.accepts_fitted(before, moved.equations, weights, normals)
-        if accepted and (_lowers_cost(now, weights, normals, moved.equations) or not control.can_damp_more):
+        accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
+        if accepted or not control.can_damp_more:
             return _Step(normals, before, moved, True, control.relaxed(), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
@@ -278,17 +277,24 @@ def _controlled_step(
         normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
 
 
-def _lowers_cost(now: _IterationState[StateT], weights: FloatArray, normals: SolvedNormals, after: Equations) -> bool:
-    """Return whether a step does not raise the robust cost, where weights are reduced and a step could do so by far.
+def _is_accepted(
+    now: _IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    after: Equations,
+    by_square_sum: Callable[[Equations, Equations, FloatArray, SolvedNormals], bool],
+) -> bool:
+    """Return whether a step is taken: judged by the robust cost where many weights are reduced, else by square sums.
 
-    Observations that were given full weight are to raise it, and show afterwards what that was good for.
+    A block that is thrown far away by a few wrong observations raises square sums without limit, and the robust cost by
+    what these observations cost at most. Observations that were given full weight are to raise the cost.
     """
     before, iteration = now.current.equations, len(now.records) + 1
     enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
-    if enp >= _SAME_COST_ENP or now.full_weight or not has_many_reduced(before, weights):
-        return True
+    if now.full_weight or not has_many_reduced(before, weights):
+        return by_square_sum(before, after, weights, normals)
     here = now.weighing.cost_in(before, iteration, before.residual)
-    return now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
+    return enp >= _SAME_COST_ENP or now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
 
 
 def _after(
