@@ -74,6 +74,7 @@ def goto_command(
     from orip.workflow.drive.link import operating
 
     with operating(invocation.folder, bundle, link) as project:
+        invocation.terminal.warn(project.warnings)
         tell_driven(invocation, "goto", project.goto((x, y, z)), project.link.status().condition)
 
 
@@ -87,6 +88,7 @@ def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DE
 
     with observing(invocation.folder, bundle, link) as project:
         found = project.where()
+        invocation.terminal.warn(project.warnings)
     if invocation.terminal.json:
         invocation.terminal.document(where_document(found))
     else:
@@ -114,6 +116,7 @@ def profile_command(
 
     with operating(invocation.folder, bundle, link) as project:
         points = project.profile((x1, y1, z1), (x2, y2, z2), step)
+        invocation.terminal.warn(project.warnings)
     if invocation.terminal.json:
         invocation.terminal.document(profile_document(points))
     else:
@@ -139,8 +142,10 @@ def model_command(
     Example: orip drive model 1-2
     """
     from orip.link.client import open_link
+    from orip.workflow.drive.link import stale_table_warnings
 
     with open_link(link) as processor:
+        invocation.terminal.warn(stale_table_warnings(invocation.folder, None, processor))
         tell_driven(invocation, "model", processor.change_model(name), processor.status().condition)
 
 
@@ -150,8 +155,10 @@ def next_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
     Example: orip drive next
     """
     from orip.link.client import open_link
+    from orip.workflow.drive.link import stale_table_warnings
 
     with open_link(link) as processor:
+        invocation.terminal.warn(stale_table_warnings(invocation.folder, None, processor))
         tell_driven(invocation, "next", processor.next_model(), processor.status().condition)
 
 

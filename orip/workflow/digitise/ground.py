@@ -19,12 +19,12 @@ from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.project import StereoModel
 from orip.workflow.control.edits import ControlTable, add_control, list_control
-from orip.workflow.digitise.films import MountedFilms, mounted_films
 from orip.workflow.digitise.numbering import numbered
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import Ending, Entry, Outcome, Session
 from orip.workflow.digitise.setup import DigitisingSetup
 from orip.workflow.digitise.wanted import model_named
+from orip.workflow.observations.films import MountedFilms, mounted_films
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import carry_out
 from orip.workflow.project.folder import ProjectFolder

@@ -22,17 +22,19 @@ from orip.interior.orientation import (
     orient_photo,
     orient_template,
 )
+from orip.link.client import ProcessorFault
 from orip.multimodel.state import Position
 from orip.records.camera import Mark
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template
-from orip.workflow.digitise.films import MountedFilms, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import DriveTarget, Entry, Outcome, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted_marks import MarkChoice, WantedMarks, marks_to_visit
+from orip.workflow.drive.loaded_table import load_again
+from orip.workflow.observations.films import MountedFilms, mounted_films, plate_of_log, position
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +234,21 @@ def _digitise(films: MountedFilms, setup: DigitisingSetup, sheets: Sequence[_She
             orientations += _digitise_sheet(session, sheet)
             if session.ending != "complete":
                 break
+        if orientations and not setup.is_trial:
+            _load_table_again(films, session)
     return setup.outcome(films, session, orientations)
+
+
+def _load_table_again(films: MountedFilms, session: Session) -> None:
+    """Load the drive table with the new orientation where the plate processor drives with the one before."""
+    try:
+        bundle = load_again(films.project.folder, films.log, session.link)
+    except (InputError, ProcessorFault) as reason:
+        text = f"still has the orientation from before: {reason}; run 'orip drive download' when that is mended"
+        session.warnings.append(ProjectWarning("stale-table", "the plate processor", text))
+    else:
+        if bundle is not None:
+            session.tell(f"download  {bundle}.DRV with this orientation is loaded into the plate processor")
 
 
 class _Digitising:

@@ -16,13 +16,13 @@ from orip.multimodel.digitising import Turn
 from orip.records.names import name_fault, record_key
 from orip.wording import listed_names
 from orip.workflow.control.edits import list_control
-from orip.workflow.digitise.films import MountedFilms, mounted_films
 from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named
 from orip.workflow.digitise.point_visits import PointVisits, Viewing
 from orip.workflow.digitise.session import Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, bundle_points, model_named
+from orip.workflow.observations.films import MountedFilms, mounted_films
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,9 +163,7 @@ def _measure(session: Session, visits: PointVisits, place: _Place, numbers: _Num
         point = named or numbers.free()
         photos = tuple(photo for photo in place.photos if not visits.is_measured(photo, point))
         if not photos:
-            session.tell(
-                f"point {point} is measured here; 'orip digitise points --point {point} --again' does it again"
-            )
+            session.tell(f"point {point} is measured here; --point {point} --again, without --new, measures it again")
             named = None
             continue
         found = visits.offer(Turn(point, photos, place.model))

@@ -24,7 +24,7 @@ from orip.records.drive_table import DriveCode
 from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import name_fault, record_key
 from orip.records.photo import Stage
-from orip.workflow.digitise.films import MountedFilms
+from orip.workflow.observations.films import MountedFilms
 
 PAUSE_S = 0.05
 """Seconds between two queries for an event: too short for an operator to notice."""
@@ -38,6 +38,12 @@ class Instrument(Protocol):
 
     def request(self, line: str) -> str:
         """Send a request."""
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the drive table that is loaded."""
+
+    def download(self, table: bytes) -> str:
+        """Load a drive table."""
 
     def drive_plate(self, stage: Stage, x: float, y: float) -> Driven:
         """Drive one stage to plate coordinates."""
@@ -183,8 +189,8 @@ class WaitingHint:
             enter = "digits and ENTER, or a name typed here, name another point, ENTER alone says no more here"
         self._tell(
             f"waiting for the operator: the right foot switch digitises, the left one {left}; {enter}; ZERO or another "
-            f"key ends. Press them at the plate processor, on the page of 'orip drive watch --link {self._url}', or "
-            "with 'orip drive foot right', 'orip drive key ENTER' in another window"
+            "key ends. Press them at the plate processor, with 'orip drive foot right' or 'orip drive key ENTER' in another "
+            f"window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
         )
 
 

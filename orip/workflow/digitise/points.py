@@ -7,10 +7,10 @@ from pathlib import Path
 
 from orip.errors import ProjectWarning, UsageError
 from orip.multimodel.digitising import Turn, from_point
-from orip.workflow.digitise.films import mounted_films
 from orip.workflow.digitise.point_visits import PointVisits, Viewing
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
+from orip.workflow.observations.films import mounted_films
 
 
 def digitise_points(

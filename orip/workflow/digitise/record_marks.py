@@ -7,7 +7,7 @@ replayed (`orip.interior.fiducial_system`); tick marks keep their plate coordina
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -21,11 +21,11 @@ from orip.records.camera import Camera, Mark
 from orip.records.measurement import MeasuredMarks
 from orip.records.names import name_fault, near_names, record_key
 from orip.records.photo import Stage, Temtick
-from orip.workflow.digitise.films import mounted_films
 from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named, Sought, Visit
 from orip.workflow.digitise.session import Entry, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
+from orip.workflow.observations.films import mounted_films
 
 FEWEST_FIDUCIALS = 4
 FEWEST_TICKS = 2
@@ -154,6 +154,7 @@ def _digitise(session: Session, record: _Record, names: Sequence[str]) -> None:
     if len(found) < record.fewest:
         text = f"{len(found)} marks digitised of at least {record.fewest}; nothing is written"
         session.warnings.append(ProjectWarning("too-few-marks", record.title, text))
+        session.entries[:] = [replace(entry, outcome="skipped", xy=None) for entry in session.entries]
 
 
 def _put(session: Session, record: _Record, found: Mapping[str, Position]) -> None:

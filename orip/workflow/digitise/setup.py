@@ -15,7 +15,6 @@ from orip.link.client import ProcessorFault, host_link
 from orip.multimodel.state import Position
 from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
-from orip.workflow.digitise.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Instrument,
@@ -30,6 +29,7 @@ from orip.workflow.digitise.operator import (
     typed_requests,
 )
 from orip.workflow.digitise.session import Ending, Entry, Rehearsal, Session
+from orip.workflow.observations.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.project.leftovers import remove_leftovers_of_kills
 
 _SAME_PLACE = 0.5e-4
