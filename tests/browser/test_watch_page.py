@@ -155,11 +155,11 @@ def test_keys(browser, server):
 
 
 def test_foot_switches_and_keys(browser, server):
-    """Pressed with the mouse and from the keyboard, they come out of the plate processor's queue; nothing moves."""
+    """Pressed with the mouse and from the keyboard, they reach the plate processor in their order."""
     page = Page(browser, server.url)
     pressed = []
-    server.watch._processor.foot = lambda side: pressed.append(side)
-    server.watch._processor.key = lambda name: pressed.append(name)
+    server.watch._processor.foot = pressed.append
+    server.watch._processor.key = pressed.append
     browser.find_element("css selector", "[data-foot=RIGHT]").click()
     browser.find_element("css selector", "[data-key='15']").click()
     browser.find_element("css selector", "[data-key=ENTER]").click()

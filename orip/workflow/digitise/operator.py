@@ -189,8 +189,8 @@ class WaitingHint:
             enter = "digits and ENTER, or a name typed here, name another point, ENTER alone says no more here"
         self._tell(
             f"waiting for the operator: the right foot switch digitises, the left one {left}; {enter}; ZERO or another "
-            "key ends. Press them at the plate processor, with 'orip drive foot right' or 'orip drive key ENTER' in another "
-            f"window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
+            "key ends. Press them at the plate processor, with 'orip drive foot right' or 'orip drive key ENTER' in "
+            f"another window, or, where a drive table is loaded, on the page of 'orip drive watch --link {self._url}'"
         )
 
 
