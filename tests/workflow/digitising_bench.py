@@ -7,7 +7,7 @@ from pathlib import Path
 
 from orip.errors import LinkError
 from orip.link.client import PlateProcessorLink
-from orip.link.protocol import answer, greeting
+from orip.link.protocol import answer, downloaded, greeting
 from orip.link.reply_values import greeting_of
 from orip.link.station import bare_stages
 from orip.workflow.digitise.ground import GroundChoice, digitise_ground
@@ -31,13 +31,16 @@ class InProcess:
         self.station, self.requests, self.breaks_at = station, [], None
         self.replies = []
 
-    def send(self, data):
-        request = data.decode().strip()
+    def send(self, data, _timeout_s=None):
+        request, _, table = data.decode().partition("\n")
         if self.breaks_at is not None and len(self.requests) >= self.breaks_at:
             message = "the connection broke off"
             raise LinkError(message)
         self.requests.append(request)
-        found = answer(self.station, data.rstrip(b"\n"))
+        if table:
+            found = downloaded(self.station, table.encode(), load_drive_table)
+        else:
+            found = answer(self.station, request.encode())
         self.station = found.station
         self.replies = found.reply.decode().splitlines()
 
