@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.repeated import photos_per_point
 
 
 def without_photo(block: Block, photo: int) -> Block:
@@ -23,7 +24,7 @@ def without_photo(block: Block, photo: int) -> Block:
     known = {point.name for point in block.control_points if point.kind == "control"}
     known |= {name for distance in block.distances for name in (distance.start, distance.end)}
     known |= {name for direction in block.directions for name in (direction.station, direction.target)}
-    rays = np.bincount(points.point[used], minlength=len(block.point_names))
+    rays = photos_per_point(points.photo, points.point, used, len(block.point_names))
     kept = np.array([rays[row] > 1 or (name in known) for row, name in enumerate(block.point_names)])
     return without_unused_cameras(_of(block, np.arange(len(block.photos)) != photo, kept))
 
