@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
+from bundle.same_lens import with_two_frames
 from support.conditioning import EPSILON, condition_of_normals
 from support.synthetic_block import DISTORTED, synthetic_block
 
@@ -127,6 +128,8 @@ BLOCKS = {
     "tied points": tied_points,
     "behind": behind,
     "measured twice": measured_twice,
+    "same lens": lambda: with_two_frames(self_calibrated("ideal")),
+    "same lens at measured": lambda: with_two_frames(self_calibrated("measured")),
     "Ebner": lambda: with_set("EBNER", "ideal"),
     "Gruen": lambda: with_set("GRUEN", "ideal"),
     "Gruen at measured": lambda: with_set("GRUEN", "measured"),

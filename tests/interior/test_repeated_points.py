@@ -138,7 +138,7 @@ def test_a_point_that_one_photo_shows_twice_has_one_ray(tmp_path):
     text = log(-10.0, "POINTS MAIN P\n7 3 4\n") + "7 3.001 4\n"
     found = solved(tmp_path, text, BOTH)
     assert found.points["7"].rays == 1
-    assert np.isinf(found.points["7"].sd).all()
+    assert np.isinf(found.points["7"].deviations).all()
 
 
 def test_files_tell_the_measurements_apart(tmp_path):

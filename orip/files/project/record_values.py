@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
 from typing import Any, TypeAlias, TypeVar, cast
@@ -35,7 +36,8 @@ def _elements(part: Part, table: CheckedTable) -> Sequence[Any]:
         return [0.0 if value is None else getattr(value, name) for name in part.names]
     if part.size > 1:
         return (0.0,) * part.size if value is None else value
-    return (value,)
+    # a camera with the lens of another one has no principal distance of its own
+    return (math.nan if value is None else value,)
 
 
 def _value(record_field: RecordField, value: Any) -> Any:
