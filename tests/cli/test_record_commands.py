@@ -9,7 +9,7 @@ import pytest
 from cli.command_line import Said, orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
-from orip.files.stores import observations, photos
+from orip.files.stores.contents import observations, photos
 from orip.files.stores.transaction import reading
 
 KINDS = ("camera", "temtick", "photo", "template", "bundle", "model")
@@ -305,6 +305,21 @@ def test_the_other_form_of_a_distortion(project: Path) -> None:
     assert done(orip(project, "init")).err.startswith("init     unchanged")
     done(orip(project, "camera", "edit", "C35", "distortion="))
     done(orip(project, "camera", "edit", "C35", "distortion_isp=", "distortion.A3=1e-5"))
+    assert done(orip(project, "init")).err.startswith("init     unchanged")
+
+
+def test_a_camera_with_the_lens_of_another_follows_it(project: Path) -> None:
+    done(orip(project, "camera", "add", "CUT", "same_lens_as=C35", "principal_point=[0.2,0.1]"))
+    done(orip(project, "camera", "edit", "C35", "c=35.4", "distortion.A3=1e-5"))
+    found = values(project, "camera", "CUT")
+    assert (found["same_lens_as"], found["c"]) == ("C35", None)
+    refused(project, "CUT names it", "camera", "delete", "C35", "--yes")
+    done(orip(project, "camera", "rename", "C35", "NEW"))
+    assert values(project, "camera", "CUT")["same_lens_as"] == "NEW"
+    refused(project, "has c, but its lens is that of camera 'NEW'; give it there", "camera", "edit", "CUT", "c=35")
+    done(orip(project, "photo", "edit", "left", "camera=CUT"))
+    done(orip(project, "export-toml"))
+    assert (project / "orip.toml").read_text().count("c = 35.4") == 1
     assert done(orip(project, "init")).err.startswith("init     unchanged")
 
 

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.files.project.reader import parse_project, read_project
+from orip.files.project.text import project_document, project_text
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.photo import Photo, Scan, Template, Temtick
 from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
