@@ -12,6 +12,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.names import name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
 from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
+from orip.records.shared_lens import with_lens_of
 
 letters = st.characters(codec="utf-8", categories=("L", "N", "P", "S"))
 names = (
@@ -95,6 +96,9 @@ def bundles(draw: Any, name: str, photos: list[str]) -> BundleDefinition:
 def project_definitions(draw: Any) -> ProjectDefinition:
     """Return definitions as a text is read: distortions of another form have a polynomial of 0."""
     camera_records = [draw(cameras(name)) for name in draw(unique(names, max_size=3))]
+    if len(camera_records) > 1 and draw(st.booleans()):
+        lens, other = (replace(camera, additional_set=None) for camera in camera_records[:2])
+        camera_records[:2] = lens, with_lens_of(replace(other, same_lens_as=lens.name), lens)
     temticks = [Temtick(name, draw(marks)) for name in draw(unique(names, max_size=2))]
     template_names = draw(unique(names, max_size=2)) if temticks else []
     photos = [

@@ -176,8 +176,8 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[3,1]]\n", 6, "has 3 different radii above 0"),
         (f"{PROJECT}{CAMERA}distortion_curve = [[0,0],[2,1],[3,1],[4,1]]\n", 6, "3 different radii above 0; give"),
         (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[4,1],\n[-3,1]]\n", 7, "has the radius -3; write 0"),
-        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "o"\nc = 8.5\n', 9, "has c, but its lens is that of camera 'o'; give"),
-        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion = {{A3 = 1.0}}\n', 9, "has A3 of distortion, but its"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "o"\nc = 8.5\n', 9, "has c, but its lens is that of camera 'o'"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion = {{A3 = 1.0}}\n', 9, "has A3 of distortion, but"),
         (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion_isp = {{}}\n', 9, "has distortion_isp, but its lens"),
         (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion_at = "measured"\n', 9, "has distortion_at, but its"),
         (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\nunknown = ["C", "DX"]\n', 9, "has C unknown, but its lens is"),
@@ -414,7 +414,9 @@ def test_documents_of_any_values_are_read_or_complained_of(seed: int, changes: i
 
 
 def test_a_camera_with_the_lens_of_another_has_its_distance_and_distortion() -> None:
-    text = f'{PROJECT}{CAMERA}distortion = {{ A3 = 1e-5, P1 = 2e-6 }}\ndistortion_at = "measured"\nunknown = ["C", "DX"]\n'
+    text = (
+        f'{PROJECT}{CAMERA}distortion = {{ A3 = 1e-5, P1 = 2e-6 }}\ndistortion_at = "measured"\nunknown = ["C", "DX"]\n'
+    )
     project = definition(f'{text}{OTHER}same_lens_as = "o"\nprincipal_point = [0.1, 0.2]\nunknown = ["DY"]\n')
     lens, other = project.cameras
     assert other.parameters == (8.5, 0.1, 0.2, *lens.parameters[3:])
