@@ -301,7 +301,7 @@ def test_the_other_form_of_a_distortion(project: Path) -> None:
     found = values(project, "camera", "C35")
     assert [found[f"distortion_isp.{name}"] for name in ("R0", "A1")] == [10.0, 1e-4]
     assert [found[f"distortion.{name}"] for name in ("P1", "B2")] == [2e-6, 3e-5]
-    done(orip(project, "export-toml"))
+    done(orip(project, "export-toml", "--output", "orip.toml", "--force"))
     assert done(orip(project, "init")).err.startswith("init     unchanged")
     done(orip(project, "camera", "edit", "C35", "distortion="))
     done(orip(project, "camera", "edit", "C35", "distortion_isp=", "distortion.A3=1e-5"))
@@ -317,7 +317,7 @@ def test_a_camera_with_the_lens_of_another_follows_it(project: Path) -> None:
     done(orip(project, "camera", "rename", "C35", "NEW"))
     assert values(project, "camera", "CUT")["same_lens_as"] == "NEW"
     refused(project, "has c, but its lens is that of camera 'NEW'; give it there", "camera", "edit", "CUT", "c=35")
-    done(orip(project, "export-toml"))
+    done(orip(project, "export-toml", "--output", "orip.toml", "--force"))
     assert (project / "orip.toml").read_text().count("c = 35.4") == 1
     assert done(orip(project, "init")).err.startswith("init     unchanged")
 
