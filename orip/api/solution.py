@@ -53,8 +53,8 @@ class Solution:
     check_points : tuple of CheckPoint
         Adjusted minus given coordinates.
     zero_directions : tuple of ZeroDirection
-        Of each set of theodolite directions: `set`, `value` (R, the azimuth of a reading of 0, degrees) and `sd`, NaN for a
-        constant and infinite for what nothing determines.
+        Of each set of theodolite directions: `set`, `value` (R: the azimuth of a reading of 0), `sd`; degrees. The sd
+        is NaN for a constant and infinite for what nothing determines.
     correlations : tuple of Correlation
         Between the parameters of each camera.
     singular : tuple of SingularUnknown
