@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.adjustment.elimination import BlockFactors
+from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState

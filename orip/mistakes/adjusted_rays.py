@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.prediction import predict_photo_coordinates
+from orip.bundle.results.prediction import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
@@ -64,6 +64,8 @@ class AdjustedRays:
         chosen = np.asarray(rows, dtype=np.int64)
         photos = self.block.photo_points.photo[chosen]
         directions = (self._rotations[photos] @ self._vectors[chosen][:, :, None])[:, :, 0]
+        if not np.isfinite(directions).all():  # distortion cannot be removed so far from the frame
+            return None
         index = np.zeros(len(chosen), dtype=np.int64)
         position = intersect_rays(self._centres[photos], directions, index, 1)
         if not np.isfinite(position).all():

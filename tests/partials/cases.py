@@ -11,14 +11,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from bundle.same_lens import with_two_frames
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.bundle.ground_results import rotation_partials
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.problem import starting_state
+from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
@@ -405,6 +406,9 @@ def _refinement() -> Iterator[Case]:
 # kinds of observation
 
 
+_ARGUMENTS = ("ideal", "measured")
+
+
 def blocks() -> dict[str, Block]:
     """Return blocks in which every kind of observation occurs, all 11 camera parameters unknown."""
     plain = {
@@ -415,7 +419,7 @@ def blocks() -> dict[str, Block]:
             ).block
         )
         for scene in ("strip", "convergent", "terrestrial")
-        for argument in ("ideal", "measured")
+        for argument in _ARGUMENTS
     }  # fmt: skip
     with_set = {
         f"{label}, {name}": _with_set(plain[label], name)
@@ -425,7 +429,8 @@ def blocks() -> dict[str, Block]:
             ("strip, ideal", "GRUEN"),
         )
     }
-    return plain | with_set | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+    same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
+    return plain | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
 
 
 def _in_a_crs(block: Block) -> Block:

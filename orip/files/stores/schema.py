@@ -5,15 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
+from orip.files.stores import provenance
 from orip.files.stores.checksum import CHECKSUM
+from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 4
-"""3: there were no checksums and no zero directions; 2: no groups of observations, no alternatives of a blunder; 1: no
-correlations of coordinates. A store of an older version is refused."""
-DUMP_VERSION = 4
+SCHEMA_VERSION = 5
+"""4: a photo had each point once; 3: there were no checksums and no zero directions; 2: no groups of observations, no
+alternatives of a blunder; 1: no correlations of coordinates. A store of an older version is refused."""
+DUMP_VERSION = 5
 """Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {

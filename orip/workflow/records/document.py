@@ -15,7 +15,7 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
 from orip.files.project.text import project_document, project_text
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
@@ -51,7 +51,7 @@ def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> Proj
 def in_given_form(camera: Camera) -> Camera:
     """Return the camera without the form that its distortion was given in, if it no longer says what the polynomial is.
 
-    Of a camera with such a form the polynomial is computed, so the other coefficients are 0.
+    Of a camera with such a form A1, A3, A5, A7 are computed.
     """
     with suppress(InputError):  # a form that no text may have
         if with_polynomial(camera) == camera:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orip.files.project.record_values import TomlTable
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.table import Column, table_lines
 from orip.records.fields import headings_of
@@ -107,7 +107,7 @@ def _value_lines(values: Iterable[RecordValue]) -> list[str]:
 
 def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
     if key == "distortion":
-        forms = {"distortion": "polynomial", "distortion_isp": "ISP", "distortion_curve": "curve"}
+        forms = {"distortion_isp": "ISP", "distortion_curve": "curve", "distortion": "polynomial"}
         return next((forms[key] for key in forms if key in table), "none")
     if key == "fiducials" and "sensor" in table:
         return "sensor"

@@ -1,0 +1,230 @@
+"""Cholesky factorisation of a band with a border, its selected inverse, and the removal of what is not determined.
+
+A full matrix of the same unknowns names the same ones as not determined (`orip.adjustment.factorisation.null_space`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, lapack, solve_triangular
+
+from orip.adjustment.factorisation.band import Arrangement, BandMatrix
+from orip.adjustment.factorisation.cholesky import LOST_ALL
+from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.arrays import FloatArray
+
+_PANEL = 64
+
+
+@dataclass(frozen=True, slots=True)
+class BandFactor:
+    """The factor of the columns that are determined.
+
+    Parameters
+    ----------
+    arrangement : Arrangement
+    band : array (banded, width + 1)
+        L of the band.
+    spread : array (banded, k)
+        A^-1 B^T, with the band A and the k rows of the border B, without those that are not determined.
+    corner : array (k, k)
+        L of what remains of the border's own unknowns.
+    at_border : array (k,)
+        Places of these unknowns.
+    lost_digits : array (m,)
+    removed : array (m,) of bool
+        Columns that are not determined.
+    """
+
+    arrangement: Arrangement
+    band: FloatArray
+    spread: FloatArray
+    corner: FloatArray
+    at_border: NDArray[np.int64]
+    lost_digits: FloatArray
+    removed: NDArray[np.bool_]
+
+    def reduce(self, right: FloatArray) -> FloatArray:
+        """Return c = L^-1 right for right-hand sides (m,) or (m, k); rows are in the order of elimination."""
+        ordered = np.where(self._taking_part(right), right, 0.0)[self.arrangement.columns]
+        of_border = ordered[self.at_border]
+        ordered[self.at_border] = 0.0
+        in_band = ordered[: self.arrangement.banded]
+        rest = of_border - self.spread.T @ in_band
+        return np.concatenate([_solved(self.band, in_band, "N"), solve_triangular(self.corner, rest, lower=True)])
+
+    def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
+        """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
+        banded = self.arrangement.banded
+        of_border = solve_triangular(self.corner, reduced_right[banded:], lower=True, trans="T")
+        ordered = np.zeros((len(self.removed), *reduced_right.shape[1:]))
+        ordered[:banded] = _solved(self.band, reduced_right[:banded], "T") - self.spread @ of_border
+        ordered[self.at_border] = of_border
+        solution = ordered[self.arrangement.places]
+        return np.where(self._taking_part(solution), solution, 0.0)
+
+    def inverse(self) -> BandMatrix:
+        """Return the inverse where the matrix has its band and border, zero for removed columns."""
+        banded, size = self.arrangement.banded, len(self.removed)
+        corner = cho_solve((self.corner, True), np.eye(len(self.corner)))
+        cross = -self.spread @ corner
+        band = _selected_inverse(self.band, -cross, self.spread)
+        rows = np.zeros((len(corner), size))
+        rows[:, :banded] = cross.T
+        rows[:, self.at_border] = corner
+        border = np.zeros((size - banded, size))
+        border[self.at_border - banded] = rows
+        found = BandMatrix(self.arrangement, band, border)
+        if self.removed.any():
+            found.scale((~self.removed).astype(np.float64))
+        return found
+
+    def _taking_part(self, vectors: FloatArray) -> NDArray[np.bool_]:
+        return ~self.removed if vectors.ndim == 1 else ~self.removed[:, None]
+
+
+def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> BandFactor:
+    """Factorise a symmetric positive semidefinite band with a border, removing what is not determined.
+
+    Parameters
+    ----------
+    matrix : BandMatrix
+        Scaled so that the diagonal was 1 before any elimination.
+    max_lost_digits : float
+        A movement whose stiffness has lost more is not determined; a column is removed for it.
+    undetermined : array (m,) of bool
+        Columns known to have no observation at all; they are removed at once.
+
+    Returns
+    -------
+    BandFactor
+    """
+    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
+    if not (np.isfinite(matrix.band).all() and np.isfinite(matrix.border).all()):
+        removed[:], lost[:] = True, LOST_ALL
+    while True:
+        factor = _factor(matrix, removed, lost)
+        found = _undetermined(matrix, factor, removed, max_lost_digits)
+        if factor is not None and not len(found.columns):
+            return factor
+        removed[found.columns] = True
+        lost[found.columns] = found.lost_digits
+
+
+def _undetermined(
+    matrix: BandMatrix, factor: BandFactor | None, removed: NDArray[np.bool_], max_lost_digits: float
+) -> RemovedUnknowns:
+    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
+    least, shift = 10.0**-max_lost_digits, SHIFT
+    singular = factor is None
+    while factor is None:
+        factor = _factor(matrix, removed, np.zeros(len(matrix)), shift)
+        shift *= 10.0
+    solver, taking_part = factor, ~removed
+    while True:
+        found = soft_movements(
+            lambda x: taking_part[:, None] * matrix.times(x),
+            lambda x: solver.back_substitute(solver.reduce(x)),
+            np.flatnonzero(taking_part),
+            len(matrix),
+            least,
+        )
+        if len(found.stiffness) or not singular:
+            return unknowns_to_remove(found)
+        least *= 10.0
+
+
+def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, shift: float = 0.0) -> BandFactor | None:
+    """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
+    arrangement, banded = matrix.arrangement, matrix.arrangement.banded
+    left_out = removed[arrangement.columns]
+    band, border = matrix.band, matrix.border
+    if left_out.any():
+        band, border = _without(matrix, left_out)
+    if shift:
+        band = band.copy()
+        band[:, 0] += shift
+    lower, info = lapack.dpbtrf(band.T, lower=1)
+    if info != 0:
+        return None
+    lower = np.asarray(lower).T
+    at_border = banded + np.flatnonzero(~left_out[banded:])
+    rows = border[at_border - banded]
+    half = _solved(lower, rows[:, :banded].T, "N")
+    corner = np.tril(rows[:, at_border])
+    corner += np.tril(corner, -1).T + shift * np.eye(len(corner)) - half.T @ half
+    corner, info = lapack.dpotrf(corner, lower=1, clean=1) if len(corner) else (corner, 0)
+    if info != 0:
+        return None
+    pivots = np.concatenate([lower[:, 0], np.ones(len(matrix) - banded)])
+    pivots[at_border] = np.diag(corner)
+    digits = np.where(left_out, lost[arrangement.columns], -2.0 * np.log10(pivots))
+    return BandFactor(
+        arrangement, lower, _solved(lower, half, "T"), np.asarray(corner), at_border, digits[arrangement.places],
+        removed.copy(),
+    )  # fmt: skip
+
+
+def _without(matrix: BandMatrix, left_out: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Return band and border with unit rows and columns at the places (m,) that are left out."""
+    banded, width = matrix.arrangement.banded, matrix.arrangement.width
+    kept = (~left_out).astype(np.float64)
+    padded = np.append(kept[:banded], np.zeros(width))
+    band = np.where(padded[:banded, None] * np.lib.stride_tricks.sliding_window_view(padded, width + 1), matrix.band, 0)
+    band[left_out[:banded], 0] = 1.0
+    return band, np.where(kept, matrix.border, 0.0)
+
+
+def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
+    """Return L^-1 right, or L^-T right for "T", with the factor L of a band."""
+    if not right.size:
+        return right
+    found, _ = lapack.dtbtrs(band.T, right, uplo="L", trans=trans)
+    return np.asarray(found).reshape(right.shape)
+
+
+def _selected_inverse(band: FloatArray, spread_corner: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the inverse of the whole within the band: Takahashi's recursion (1973), panel by panel from the end.
+
+    Below a panel with L = (D; E) the inverse is Z G with G = -E D^-1 and the part Z known already, and the panel's own
+    is D^-T D^-1 + G^T Z G. `spread_corner` (banded, k) @ `spread`.T is what the border adds.
+    """
+    banded, width = len(band), band.shape[1] - 1
+    result = np.zeros_like(band)
+    known = np.zeros((0, 0))
+    for start in range((banded - 1) // _PANEL * _PANEL, -1, -_PANEL):
+        count = min(_PANEL, banded - start)
+        rows = count + min(width, banded - start - count)
+        panel = _panel(band, start, count, rows)
+        inverse = solve_triangular(panel[:count], np.eye(count), lower=True)
+        multiplier = -panel[count:] @ inverse
+        below = known[: rows - count, : rows - count] @ multiplier
+        own = inverse.T @ inverse + multiplier.T @ below
+        grown = np.empty((rows, rows))
+        grown[:count, :count], grown[count:, :count], grown[:count, count:] = own, below, below.T
+        grown[count:, count:] = known[: rows - count, : rows - count]
+        known = grown
+        added = spread[start : start + rows] @ spread_corner[start : start + count].T
+        _put_panel(result, start, grown[:, :count] + added)
+    return result
+
+
+def _panel(band: FloatArray, start: int, count: int, rows: int) -> FloatArray:
+    """Return rows from `start` of the `count` columns from there, as a full matrix (rows, count)."""
+    width = band.shape[1] - 1
+    panel = np.zeros((rows, count))
+    for column in range(count):
+        length = min(width + 1, rows - column)
+        panel[column : column + length, column] = band[start + column, :length]
+    return panel
+
+
+def _put_panel(band: FloatArray, start: int, panel: FloatArray) -> None:
+    width = band.shape[1] - 1
+    rows, count = panel.shape
+    for column in range(count):
+        length = min(width + 1, rows - column)
+        band[start + column, :length] = panel[column : column + length, column]

@@ -1,0 +1,57 @@
+"""Precision of unknowns that exact constraints bind.
+
+In the normal equations a constraint c x = 0 has a moderate weight, and its value is met by iterating. Cofactors of the
+unknowns with constraints C (k, m) that have an infinite weight follow from any finite one: Q - S (C S)^-1 S^T with
+S = Q C^T, as the weight drops out of the projection onto the null space of C (Koch 1999, section 3.2.7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.adjustment.factorisation.band import BandMatrix, Symmetric
+from orip.arrays import FloatArray
+
+_DEPENDENT = 1e-10
+"""Constraints whose cofactors have eigenvalues below this part of the largest repeat each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExactConstraints:
+    """k constraints of m + 3 b unknowns, of which those of eliminated blocks take no part.
+
+    Parameters
+    ----------
+    spread : array (m + 3 b, k)
+        S = Q C^T, with Q from normal equations in which the constraints have any weight.
+    inverse : array (k, k)
+        Pseudo-inverse of C S.
+    leverage : array (k,)
+        What each constraint takes of the unknowns: 1, less where constraints repeat each other.
+    """
+
+    spread: FloatArray
+    inverse: FloatArray
+    leverage: FloatArray
+
+    def bound(self, vectors: FloatArray, right: FloatArray) -> FloatArray:
+        """Return Q_c r (m + 3 b, k), with the constraints met, from the vectors Q r and the right-hand sides r."""
+        return np.asarray(vectors - self.spread @ (self.inverse @ (self.spread.T @ right)))
+
+    def bind(self, cofactor: Symmetric) -> None:
+        """Take what the constraints determine off the cofactors of the reduced unknowns (m, m)."""
+        spread = self.spread[: len(cofactor)]
+        if isinstance(cofactor, BandMatrix):
+            cofactor.subtract_product(spread @ self.inverse, spread)
+        else:
+            cofactor -= spread @ self.inverse @ spread.T
+
+
+def exact_constraints(design: FloatArray, spread: FloatArray) -> ExactConstraints:
+    """Return constraints from their rows C (k, m + 3 b) of the design matrix and S (m + 3 b, k)."""
+    cofactor = design @ spread
+    symmetric = (cofactor + cofactor.T) / 2.0
+    inverse = np.asarray(np.linalg.pinv(symmetric, rcond=_DEPENDENT, hermitian=True), dtype=np.float64)
+    return ExactConstraints(spread, inverse, np.einsum("ij,ji->i", inverse, cofactor))

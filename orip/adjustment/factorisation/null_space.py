@@ -1,0 +1,117 @@
+"""Movements of the unknowns that the observations do not determine, and the unknowns that are removed for them.
+
+A movement x has the stiffness x^T N x / x^T x, with N scaled to a unit diagonal. Movements of least stiffness are found
+by subspace iteration with the factor of N (Bauer 1957; Rutishauser 1969), and their stiffness is computed with N
+itself: errors of its factorisation do not count. For each movement below the limit one unknown is removed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+
+SHIFT = 1e-13
+"""Put on the diagonal of a matrix that has no factor; far below any limit, and above the rounding of its elements."""
+
+_FIRST_GUESSES = 2
+_MORE_GUESSES = 8
+_STEPS = 4
+"""A step magnifies a movement against another one by the ratio of their stiffnesses: mostly by more than 10^5."""
+
+_UNLIKELY_PART = 1e-4
+"""Of the mean part that a movement has in a random one; two random ones have less with a probability of 10^-8."""
+
+_LARGE_ENOUGH = 0.2
+"""Of the largest part that an unknown has in a movement; of those that have more, the last unknown is removed."""
+
+_ROUNDING = float(np.finfo(np.float64).eps)
+
+
+class SoftMovements(NamedTuple):
+    """Orthonormal movements (m, r) that are not determined, and their stiffnesses (r,)."""
+
+    movements: FloatArray
+    stiffness: FloatArray
+
+
+class RemovedUnknowns(NamedTuple):
+    """Unknowns (r,) to be removed, and the digits (r,) that each has lost."""
+
+    columns: IntArray
+    lost_digits: FloatArray
+
+
+def soft_movements(
+    product: Callable[[FloatArray], FloatArray],
+    solution: Callable[[FloatArray], FloatArray],
+    unknowns: IntArray,
+    size: int,
+    least_stiffness: float,
+) -> SoftMovements:
+    """Return the movements of a symmetric matrix N whose stiffness is below a limit.
+
+    Parameters
+    ----------
+    product, solution : callable
+        Return N x and N^-1 x (or that of N with a small shift) for x (size, k) that is zero but for `unknowns`.
+    unknowns : array (k,) of int
+        Places that take part.
+    size : int
+        m.
+    least_stiffness : float
+
+    Returns
+    -------
+    SoftMovements
+    """
+    guesses = min(_FIRST_GUESSES, len(unknowns))
+    random = np.random.default_rng(len(unknowns))
+    while guesses:
+        moved = np.zeros((size, guesses))
+        moved[unknowns] = random.normal(size=(len(unknowns), guesses))
+        moved = solution(moved)
+        if _is_stiff(moved, least_stiffness):
+            break
+        for _ in range(_STEPS - 1):
+            moved = solution(np.linalg.qr(moved)[0])
+        moved, _ = np.linalg.qr(moved)
+        stiffness, turn = np.linalg.eigh(moved.T @ product(moved))
+        soft = stiffness < least_stiffness
+        if not soft.all() or guesses == len(unknowns):
+            return SoftMovements(moved @ turn[:, soft], stiffness[soft])
+        guesses = min(_MORE_GUESSES * guesses, len(unknowns))
+    return SoftMovements(np.zeros((size, 0)), np.zeros(0))
+
+
+def _is_stiff(moved: FloatArray, least_stiffness: float) -> bool:
+    """Return whether no movement is softer than a limit, from N^-1 x (m, k) of k vectors x of normal random numbers.
+
+    The part x^T v of a movement v with the stiffness s, normal with variance 1, makes N^-1 x at least |x^T v| / s long.
+    """
+    lengths = np.linalg.norm(moved, axis=0)
+    return len(lengths) > 1 and bool(lengths.max() * least_stiffness < _UNLIKELY_PART)
+
+
+def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
+    """Return one unknown for each movement: without them no combination of the movements is possible.
+
+    Of the unknowns that have a large part in what is still possible the last one is taken, so that the same unknowns
+    are named whatever the order of elimination is, and by iteration after iteration. The digits lost by an unknown are
+    -log10 of the stiffness of the movement in which it takes part and no other removed one does.
+    """
+    rest, chosen = found.movements.copy(), []
+    for _ in range(rest.shape[1]):
+        sizes = np.linalg.norm(rest, axis=1)
+        column = int(np.flatnonzero(sizes >= _LARGE_ENOUGH * sizes.max())[-1])
+        direction = rest[column] / sizes[column]
+        rest -= np.outer(rest @ direction, direction)
+        chosen.append(column)
+    columns = np.array(chosen, dtype=np.int64)
+    parts = np.linalg.solve(found.movements[columns], np.eye(len(columns)))
+    stiffness = (parts**2 * found.stiffness[:, None]).sum(axis=0) / (parts**2).sum(axis=0)
+    # of what rounding leaves no more digits can be lost than there are
+    return RemovedUnknowns(columns, -np.log10(np.maximum(stiffness, _ROUNDING)))

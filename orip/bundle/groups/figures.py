@@ -1,0 +1,322 @@
+"""The figures and tests of each group of observations.
+
+The variance factor of the photo points is estimated, and taken as 1 where it is less, so that photo coordinates worse
+than their a-priori error do not make other groups look wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.special import bdtrc
+
+from orip.adjustment.group_tests import (
+    against_others,
+    chi_square_tail,
+    generalised_square_tail,
+    largest_of,
+    square_sum_tail,
+    two_sided_normal,
+)
+from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_sums, with_checks_used
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.groups.observation_groups import ObservationGroup
+from orip.bundle.problem import BlockProblem
+from orip.bundle.solve import SolvedBlock, threads_that_pay
+from orip.records.group_test import GroupTest
+from orip.records.observation_kinds import PHOTO_POINT
+
+TestName = Literal["mean", "scatter", "point", "down-weighted"]
+
+_MOST_EXACT = 150
+"""Residuals of a group whose square sum is tested with their covariances; that of more is nearly chi-square."""
+
+_MOST_CHECKS = 150
+"""Check coordinates that are tested together and help to tell groups apart; of more a part is taken."""
+
+TESTABLE = 1e-4
+"""Variance of a sum of residuals, as part of that of as many independent ones, below which an error does not show."""
+
+_SHARE = 0.05
+"""Part of the observations that may be down-weighted; more make an adjustment doubtful."""
+
+
+class JudgedGroup(NamedTuple):
+    """A group's figures, the logarithms of the probabilities of its tests, and its median a-priori error."""
+
+    test: GroupTest
+    log_p: Mapping[TestName, float]
+    typical_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class GroupFigures:
+    """What the tests need of an adjustment; arrays (n,) of all observation equations.
+
+    Parameters
+    ----------
+    residual : array
+        Divided by the a-priori errors.
+    error, weight, leverage, redundancy_number : arrays
+        Weights of disregarded observations are 0.
+    photo_variance : float
+        Variance factor of the photo points, 1 at least.
+    """
+
+    residual: FloatArray
+    error: FloatArray
+    weight: FloatArray
+    leverage: FloatArray
+    redundancy_number: FloatArray
+    photo_variance: float
+
+    @classmethod
+    def of(cls, solved: SolvedBlock) -> GroupFigures:
+        """Return the figures of an adjusted block."""
+        rows = [kind.rows for kind in solved.problem.observations]
+        equations, numbers = solved.equations, solved.variance.redundancy_numbers
+        weight = np.where(equations.active, solved.weight_factors, 0.0)
+        of_photos = np.concatenate([np.full(len(part.error), part.kind == PHOTO_POINT) for part in rows])
+        full = of_photos & (weight >= 1.0)
+        redundancy = float(np.sum(numbers[full]))
+        variance = float(np.sum(equations.residual[full] ** 2)) / redundancy if redundancy > TESTABLE else 1.0
+        return cls(
+            equations.residual,
+            np.concatenate([part.error for part in rows]),
+            weight,
+            solved.cofactors.leverage,
+            numbers,
+            max(variance, 1.0),
+        )
+
+
+def photo_test(group: ObservationGroup, figures: GroupFigures) -> JudgedGroup:
+    """Return figures and tests of photo points.
+
+    Their residuals vary no more than independent ones with their redundancy, which bounds both tests from above.
+    """
+    rows = group.rows
+    v, weight, error = figures.residual[rows], figures.weight[rows], figures.error[rows]
+    full = weight >= 1.0
+    redundancy, square_sum = float(np.sum(figures.redundancy_number[rows][full])), float(np.sum(v[full] ** 2))
+    factors = weight / error
+    scale, total = float(np.sum(weight / error**2)), float(factors @ v)
+    bound = float(np.sqrt(figures.photo_variance * (factors @ factors)))
+    log_p: dict[TestName, float] = {}
+    if redundancy > TESTABLE:
+        log_p["scatter"] = chi_square_tail(square_sum, redundancy)
+    if bound > 0.0:
+        log_p["mean"] = float(two_sided_normal(total / bound))
+    return _tested(
+        group, figures, redundancy, _root(square_sum, redundancy), log_p,
+        mean=_over(total, scale), mean_sd=_over(bound, scale),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class GroundGroups:
+    """The groups on the ground, all but photo points, with k observation equations.
+
+    Parameters
+    ----------
+    groups : tuple of ObservationGroup
+    places : tuple of arrays
+        Rows of each group's observations among the k.
+    sums : ResidualSums
+        One for each group: its residuals weighted by their a-priori errors and weight factors.
+    errors : array (k, number of groups)
+        An error of one unit common to each group, divided by the a-priori errors.
+    checks : array (k,) of bool
+        The check observations that are tested together.
+    """
+
+    groups: tuple[ObservationGroup, ...]
+    places: tuple[IntArray, ...]
+    sums: ResidualSums
+    errors: FloatArray
+    checks: BoolArray
+
+    @classmethod
+    def of(cls, solved: SolvedBlock, groups: Sequence[ObservationGroup], figures: GroupFigures) -> GroundGroups:
+        """Return the groups of an adjusted block with the sums of their residuals."""
+        ends = np.cumsum([0, *(len(group.rows) for group in groups)])
+        places = tuple(np.arange(start, end) for start, end in pairwise(ends.tolist()))
+        rows = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
+        is_check = np.zeros(len(rows), dtype=bool)
+        errors = np.zeros((len(rows), len(groups)))
+        for column, (group, mine) in enumerate(zip(groups, places, strict=True)):
+            is_check[mine] = group.kind == "check"
+            errors[mine, column] = 1.0 / figures.error[group.rows]
+        checks = np.zeros(len(rows), dtype=bool)
+        checks[_thinned(np.flatnonzero(is_check), _MOST_CHECKS)] = True
+        errors[is_check & ~checks] = 0.0
+        weight = figures.weight[rows]
+        tested = RowsUnderTest(
+            _design(solved, rows), figures.residual[rows], weight, _inverse_of(solved), figures.photo_variance
+        )
+        factors = np.where(is_check, 1.0, weight)[:, None] * errors
+        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks)
+
+    def unit_sums(self, rows: IntArray) -> ResidualSums:
+        """Return single residuals as sums."""
+        units = np.zeros((len(self.checks), len(rows)))
+        units[rows, np.arange(len(rows))] = 1.0
+        return residual_sums(self.sums.rows, units)
+
+    def sums_with_checks(self) -> ResidualSums:
+        """Return the sums after an adjustment in which the check points take part."""
+        if not self.checks.any():
+            return self.sums
+        return with_checks_used(self.sums, self.checks, self.unit_sums(np.flatnonzero(self.checks)).smoothed)
+
+
+def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGroup]:
+    """Return figures and tests of the groups on the ground."""
+    if not ground.groups:
+        return []
+    sums = ground.sums
+    deviation = np.sqrt(np.maximum(np.diag(sums.covariance()), 0.0))
+    shown = is_testable(np.sum(sums.factors**2, axis=0), deviation**2)
+    response = np.array([sums.response(error)[place] for place, error in enumerate(ground.errors.T)])
+    found = []
+    for place, group in enumerate(ground.groups):
+        total, sd = float(sums.values[place]), float(deviation[place])
+        scale = float(sums.factors[:, place] @ ground.errors[:, place])
+        scatter = _check_scatter if group.kind == "check" else _scatter
+        tested = scatter(group, ground, place, figures)
+        log_p = dict(tested.log_p)
+        if shown[place]:
+            log_p["mean"] = float(two_sided_normal(total / sd))
+        test = replace(
+            tested.test,
+            mean=_over(total, scale),
+            mean_sd=_over(sd, scale),
+            p_mean=_probability(log_p, "mean"),
+            shift=_over(-total, float(response[place])) if shown[place] else np.nan,
+            shift_sd=_over(sd, float(response[place])) if shown[place] else np.nan,
+        )
+        found.append(tested._replace(test=test, log_p=log_p))
+    return found
+
+
+def is_testable(most: FloatArray, variance: FloatArray) -> BoolArray:
+    """Return of which sums (j,) of residuals an error would show: not of those that the unknowns absorb.
+
+    `most` are the variances of as many independent residuals.
+    """
+    return np.asarray((variance > TESTABLE * most) & (most > 0.0))
+
+
+def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
+    """Return a group with the test of the square sum of its residuals with full weight."""
+    weight = figures.weight[group.rows]
+    full = weight >= 1.0
+    rows = group.rows[full]
+    redundancy = float(np.sum(figures.redundancy_number[rows]))
+    square_sum = float(np.sum(figures.residual[rows] ** 2))
+    log_p: dict[TestName, float] = {}
+    if redundancy > TESTABLE * len(rows) and len(rows) <= _MOST_EXACT:
+        covariance = ground.unit_sums(ground.places[place][full]).covariance()
+        log_p["scatter"] = square_sum_tail(square_sum, covariance)
+    elif redundancy > TESTABLE * len(rows):
+        log_p["scatter"] = chi_square_tail(square_sum / figures.photo_variance, redundancy)
+    if down := int(np.count_nonzero(~full)):
+        log_p["down-weighted"] = float(np.log(bdtrc(down - 1, len(full), _SHARE)))
+    only = group.names[0] if len(group.names) == 1 else ""
+    return _tested(group, figures, redundancy, _root(square_sum, redundancy), log_p, worst=only)
+
+
+def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
+    """Return check coordinates with the tests of all their differences together, and of the largest of them.
+
+    A difference is held against its own standard deviation, and against what those of the others predict of it.
+    """
+    mine = ground.places[place]
+    chosen = np.flatnonzero(ground.checks[mine])
+    together = mine[chosen]
+    differences, covariance = ground.sums.rows.residual[together], ground.unit_sums(together).covariance()
+    quantity, tail = generalised_square_tail(differences, covariance)
+    deviation = np.sqrt(1.0 + figures.photo_variance * figures.leverage[group.rows])
+    statistic = np.abs(figures.residual[group.rows]) / deviation
+    statistic[chosen] = np.maximum(statistic[chosen], against_others(differences, covariance))
+    worst = int(np.argmax(statistic))
+    row = group.rows[worst]
+    log_p: dict[TestName, float] = {
+        "scatter": tail,
+        "point": largest_of(float(two_sided_normal(statistic[worst])), 2 * len(group.rows)),
+    }
+    return _tested(
+        group, figures, float(len(group.rows)), _root(quantity, float(len(together))), log_p, worst=group.names[worst],
+        worst_size=float(figures.residual[row] * figures.error[row]),
+    )  # fmt: skip
+
+
+def _tested(
+    group: ObservationGroup, figures: GroupFigures, redundancy: float, sigma0: float,
+    log_p: Mapping[TestName, float], *, mean: float = np.nan, mean_sd: float = np.nan, worst: str = "",
+    worst_size: float = np.nan,
+) -> JudgedGroup:  # fmt: skip
+    weight = figures.weight[group.rows]
+    test = GroupTest(
+        kind=group.kind,
+        of=group.of,
+        component=group.component,
+        number=len(group.rows),
+        down_weighted=0 if group.kind == "check" else int(np.count_nonzero(weight < 1.0)),
+        redundancy=redundancy,
+        sigma0=sigma0,
+        p_sigma0=_probability(log_p, "scatter"),
+        mean=mean,
+        mean_sd=mean_sd,
+        p_mean=_probability(log_p, "mean"),
+        shift=np.nan,
+        shift_sd=np.nan,
+        worst=worst,
+        worst_size=worst_size,
+        p_worst=_probability(log_p, "point"),
+        doubted=False,
+    )
+    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows])))
+
+
+def _design(solved: SolvedBlock, rows: IntArray) -> csr_array:
+    """Return rows (k, u) of the design matrix that are not of photo points."""
+    problem = solved.problem
+    others = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
+    numbers, first = [np.zeros(0, dtype=np.int64)], 0
+    for kind in problem.observations:
+        if kind.rows.kind != PHOTO_POINT:
+            numbers.append(first + np.arange(len(kind.rows.error)))
+        first += len(kind.rows.error)
+    design = BlockProblem(problem.block, problem.unknowns, others).design(solved.state)
+    return csr_array(design[np.searchsorted(np.concatenate(numbers), rows)])
+
+
+def _inverse_of(solved: SolvedBlock) -> Callable[[FloatArray], FloatArray]:
+    def solve(right: FloatArray) -> FloatArray:
+        with threads_that_pay(solved.problem):
+            return solved.normals.solve(right)
+
+    return solve
+
+
+def _thinned(rows: IntArray, most: int) -> IntArray:
+    """Return so many rows at most, spread evenly."""
+    return rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(np.int64))] if len(rows) > most else rows
+
+
+def _probability(log_p: Mapping[TestName, float], name: TestName) -> float:
+    return float(np.exp(log_p[name])) if name in log_p else np.nan
+
+
+def _root(square_sum: float, redundancy: float) -> float:
+    return float(np.sqrt(square_sum / redundancy)) if redundancy > TESTABLE else np.nan
+
+
+def _over(value: float, scale: float) -> float:
+    return value / scale if scale > 0.0 else np.nan

@@ -1,0 +1,162 @@
+"""The verdict on groups of observations: which of them contradict all the others, and in what.
+
+Thousands of photo points hide a few hundred observations of other kinds in sigma0. Here each group is tested by itself:
+the square sum of its residuals, and their mean. The mean's test is the most powerful one against an error common to the
+whole group. Where stations and control points contradict each other, the means of both show it alike; the check points
+decide which of them is shifted, and where they cannot, both are named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.group_tests import two_sided_normal
+from orip.adjustment.residual_sums import ResidualSums
+from orip.bundle.groups.figures import (
+    GroundGroups,
+    GroupFigures,
+    JudgedGroup,
+    TestName,
+    ground_tests,
+    is_testable,
+    photo_test,
+)
+from orip.bundle.groups.observation_groups import observation_groups
+from orip.bundle.solve import SolvedBlock
+from orip.records.group_test import Contradiction, ContradictionKind, GroupTest
+
+FAMILY = 0.03
+"""Probability that any group of a block is doubted although all a-priori errors are right."""
+
+_ALIKE = 6.0
+"""Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
+
+_PHOTO_SIGMA0 = 1.5
+_PHOTO_MEAN = 0.5
+"""Photo points are so many that immaterial effects are significant: sigma0 and standard mean from which they count."""
+
+_APART = 1.2
+"""A camera's photo points scatter more than others if their sigma0 is so many times that of the block."""
+
+_KIND_OF_TEST: Mapping[TestName, ContradictionKind] = {
+    "mean": "shift",
+    "scatter": "scatter",
+    "point": "point",
+    "down-weighted": "down-weighted",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class GroupVerdict:
+    """All groups, and what contradicts the others: the gravest first."""
+
+    groups: tuple[GroupTest, ...]
+    contradictions: tuple[Contradiction, ...]
+
+
+class _Candidate(NamedTuple):
+    """What may be doubted: the logarithm of its probability, what it is, and the groups concerned by their number."""
+
+    log_p: float
+    what: ContradictionKind
+    groups: tuple[int, ...]
+
+
+def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVerdict:
+    """Test all groups of observations of an adjusted block.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    check_points : collection of str
+        Names of the points whose given coordinates are compared. Those of a free network are not tested: its
+        coordinates are arbitrary by a movement of the whole block.
+    """
+    groups = observation_groups(solved, () if solved.problem.datum is not None else check_points)
+    figures = GroupFigures.of(solved)
+    of_photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
+    ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
+    tested = [*of_photos, *ground_tests(ground, figures)]
+    limit = float(np.log(FAMILY / max(sum(len(group.log_p) for group in tested), 1)))
+    sigma0 = solved.variance.sigma0
+    shifts = [
+        candidate._replace(groups=tuple(len(of_photos) + place for place in candidate.groups))
+        for candidate in _shifts(ground.sums_with_checks(), limit)
+    ]
+    found = _without_consequences([*shifts, *_others(tested, limit, sigma0)], tested)
+    named = {place for candidate in found for place in candidate.groups}
+    results = [
+        replace(group.test, doubted=place in named or bool(_doubts(group, limit, sigma0)))
+        for place, group in enumerate(tested)
+    ]
+    contradictions = tuple(
+        Contradiction(what, tuple(results[place] for place in places), float(np.exp(log_p)))
+        for log_p, what, places in found
+    )
+    return GroupVerdict(tuple(results), contradictions)
+
+
+def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
+    """Return the tests that a group fails by more than what is immaterial."""
+    test = group.test
+    failed = [name for name, log_p in group.log_p.items() if log_p < limit]
+    if test.kind != "photo":
+        return failed
+    apart = test.sigma0 > max(_PHOTO_SIGMA0, _APART * sigma0)
+    material = {"scatter": apart, "mean": abs(test.mean) > _PHOTO_MEAN * group.typical_error}
+    return [name for name in failed if material[name]]
+
+
+def _shifts(sums: ResidualSums, limit: float) -> Iterator[_Candidate]:
+    """Yield the errors common to a group, each after those before it have been allowed for.
+
+    That one takes the part of all other sums that is correlated with it, as if it were another unknown.
+    """
+    values, covariance = sums.values.copy(), sums.covariance()
+    most = np.sum(sums.factors**2, axis=0)
+    possible = is_testable(most, np.diag(covariance))
+    while possible.any():
+        variance = np.where(possible, np.diag(covariance), 1.0)
+        squares = np.where(possible, values**2 / variance, 0.0)
+        best = int(np.argmax(squares))
+        log_p = float(two_sided_normal(np.sqrt(squares[best])))
+        if log_p >= limit:
+            return
+        alike = possible & (squares > squares[best] - _ALIKE)
+        rest = np.flatnonzero(alike & (np.arange(len(squares)) != best)).tolist()
+        yield _Candidate(log_p, "shift", (best, *rest))
+        column = covariance[:, best] / variance[best]
+        values = values - column * values[best]
+        covariance = covariance - np.outer(column, covariance[best])
+        possible &= ~alike & is_testable(most, np.diag(covariance))
+
+
+def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float) -> Iterator[_Candidate]:
+    """Yield all other failed tests; the means on the ground are in `_shifts`."""
+    for place, group in enumerate(tested):
+        for name in _doubts(group, limit, sigma0):
+            if name != "mean" or group.test.kind == "photo":
+                yield _Candidate(group.log_p[name], _KIND_OF_TEST[name], (place,))
+
+
+def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[JudgedGroup]) -> list[_Candidate]:
+    """Return the gravest contradiction, and of the others those that it does not explain.
+
+    A shift makes groups scatter, and one wrong check point moves the mean of all; but further shifts were found after
+    the first had been allowed for. Of several failed tests of a kind of observation the gravest is enough.
+    """
+    ordered = sorted(candidates)
+    if not ordered or ordered[0].what == "shift":
+        return [candidate for candidate in ordered if candidate.what == "shift"]
+    kinds = set()
+    found = []
+    for candidate in ordered:
+        kind = tested[candidate.groups[0]].test.kind
+        if candidate.what != "shift" and kind not in kinds:
+            found.append(candidate)
+        kinds.add(kind)
+    return found

@@ -1,0 +1,180 @@
+"""Adjusted photos and points in the project's coordinates, with their precision about the project's axes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.results.undetermined_points import undetermined_coordinates
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
+from orip.records.names import record_key
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.units import DEGREES_PER_RADIAN
+
+UNDETERMINED = np.inf
+"""Standard deviation of what depends on an unknown that was removed."""
+
+_LEVEL_PHI = 0.001
+"""Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
+
+
+class PhotoResults(NamedTuple):
+    """Values and standard deviations (n, 6), ground unit and degrees, and whose rotations are about the axes (n,)."""
+
+    values: FloatArray
+    sd: FloatArray
+    about_axes: BoolArray
+
+
+class PointResults(NamedTuple):
+    """Values and standard deviations (n, 3), ground unit."""
+
+    values: FloatArray
+    sd: FloatArray
+
+
+def adjusted_points(solved: SolvedBlock) -> PointResults:
+    """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
+    local = solved.state.points
+    sd = _place_deviations(solved, solved.problem.unknowns.points, local, undetermined_points(solved))
+    index = solved.block.point_index()
+    for element in solved.block.constant_elements:
+        if element.group == "POINT":
+            sd[index[element.name], "XYZ".index(element.kind)] = np.nan
+    return PointResults(solved.block.ground.to_project(local), sd)
+
+
+def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
+    """Return the photos; a standard deviation is NaN for a constant and infinite for what was removed."""
+    state, ground = solved.state, solved.block.ground
+    centres = ground.to_project(state.centres)
+    angles = angles_from_rotation(ground.axes_at(centres) @ state.rotations)
+    shown, about_axes = rotation_partials(solved)
+    centre = solved.problem.unknowns.photos[:, :3]
+    sd = np.hstack(
+        [
+            _place_deviations(solved, centre, state.centres, _removed(solved, centre)),
+            deviations(solved, solved.problem.unknowns.photos[:, 3:]),
+        ]
+    )
+    for photo in np.flatnonzero(~state.turned_by_angles):
+        sd[photo, 3:] = _rotation_deviations(solved, int(photo), shown[photo])
+    sd[:, 3:] *= DEGREES_PER_RADIAN
+    row_of = {record_key(photo.name): row for row, photo in enumerate(solved.block.photos)}
+    for element in solved.block.constant_elements:
+        if element.group == "PHOTO":
+            sd[row_of[record_key(element.name)], PHOTO_PARAMETERS.index(element.kind)] = np.nan
+    return PhotoResults(np.hstack([centres, angles * DEGREES_PER_RADIAN]), sd, about_axes)
+
+
+def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:
+    """Return the partials (n, 3, 3) of the photos' omega, phi, kappa by their rotation unknowns, radians.
+
+    Near phi = ±90 degrees they are those of rotations about the project's axes; the second array (n,) tells where.
+    """
+    state, ground = solved.state, solved.block.ground
+    axes = ground.axes_at(ground.to_project(state.centres))
+    angles = angles_from_rotation(axes @ state.rotations)
+    by_angles = state.turned_by_angles
+    level = ~by_angles & (np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI)
+    partials = axes.copy()
+    partials[~level] = angle_rates_from_axes_rotation(angles[~level]) @ axes[~level]
+    partials[by_angles] = np.eye(3)
+    return partials, level
+
+
+def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+    """Return standard deviations of unknowns: NaN for constants, infinite for removed ones."""
+    blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
+    diagonal = np.concatenate([solved.cofactors.reduced.diagonal(), blocks])
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
+    deviation[solved.normals.removed] = UNDETERMINED
+    padded = np.append(deviation, np.nan)
+    return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
+
+
+def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> FloatArray:
+    """Return deviations (3,) of what is shown of a photo's small rotations: `shown` (3, 3) are its partials."""
+    rotation = solved.problem.unknowns.photos[photo, 3:]
+    cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
+    variance = np.diag(shown @ cofactor @ shown.T)
+    removed = solved.normals.removed[rotation]
+    return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def point_correlations(solved: SolvedBlock) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the points; see `_place_correlations`."""
+    columns = solved.problem.unknowns.points
+    return _place_correlations(solved, columns, solved.state.points, undetermined_points(solved))
+
+
+def photo_correlations(solved: SolvedBlock) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the projection centres; see `_place_correlations`."""
+    columns = solved.problem.unknowns.photos[:, :3]
+    return _place_correlations(solved, columns, solved.state.centres, _removed(solved, columns))
+
+
+def _place_correlations(
+    solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray
+) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of places with unknowns at `columns` (n, 3).
+
+    Coordinates are those of the project; NaN where one of the two is constant or not determined.
+    """
+    covariance = _project_cofactors(solved, columns, local)
+    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+    deviation[~np.isfinite(_place_deviations(solved, columns, local, undetermined))] = np.nan
+    a, b = [0, 0, 1], [1, 2, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
+        return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
+
+
+def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
+    return np.asarray((columns != CONSTANT) & solved.normals.removed[columns])
+
+
+def undetermined_points(solved: SolvedBlock) -> BoolArray:
+    """Return which local coordinates (number of points, 3) of the points are not determined."""
+    return undetermined_coordinates(solved, _place_cofactors(solved, solved.problem.unknowns.points))
+
+
+def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray) -> FloatArray:
+    """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3).
+
+    `undetermined` (n, 3) marks local coordinates that are not determined.
+    """
+    ground = solved.block.ground
+    variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
+    deviation[undetermined @ ground.dependence.T] = UNDETERMINED
+    deviation[~((columns != CONSTANT) @ ground.dependence.T)] = np.nan
+    return np.asarray(deviation)
+
+
+def _project_cofactors(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
+    """Return the cofactors (n, 3, 3) of the project's coordinates of places."""
+    by_local = solved.block.ground.project_with_partials(local).by_local
+    return np.asarray(by_local @ _place_cofactors(solved, columns) @ by_local.transpose(0, 2, 1))
+
+
+def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+    """Return the cofactors (n, 3, 3) of places, each with its unknowns in the reduced system or in a block of its own.
+
+    Rows and columns of constants are zero.
+    """
+    result = np.zeros((len(columns), 3, 3))
+    first_of_blocks = solved.problem.layout.reduced
+    last = columns.max(axis=1, initial=CONSTANT)
+    eliminated = last >= first_of_blocks
+    result[eliminated] = solved.cofactors.blocks[(last[eliminated] - first_of_blocks) // 3]
+    reduced = (last != CONSTANT) & ~eliminated
+    mine = columns[reduced]
+    unknown = mine != CONSTANT
+    mine = np.where(unknown, mine, mine.max(axis=1, keepdims=True, initial=CONSTANT))
+    found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
+    result[reduced] = np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0)
+    return result

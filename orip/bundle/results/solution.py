@@ -1,0 +1,212 @@
+"""The solution in the user's names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.precision import residual_cofactor
+from orip.arrays import BoolArray
+from orip.bundle.results.ground import (
+    adjusted_photos,
+    adjusted_points,
+    deviations,
+    photo_correlations,
+    point_correlations,
+)
+from orip.bundle.results.lost_rays import lost_control, lost_photos
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT, set_names
+from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import PointKind
+from orip.records.repeated import photos_per_point
+from orip.records.solution import (
+    AdditionalEstimate,
+    CheckPoint,
+    Correlation,
+    Estimates,
+    IterationPass,
+    Remark,
+    Residuals,
+    SingularUnknown,
+    Solution,
+    Status,
+    ZeroDirection,
+)
+from orip.units import DEGREES_PER_RADIAN
+
+_DOUBTFUL_SHARE = 0.05
+_DOUBTFUL_RATIO = 2.0
+_TESTABLE = 1e-6
+"""Redundancy number below which a residual does not show the error of its observation."""
+
+
+def solution_of(solved: SolvedBlock) -> Solution:
+    """Return the solution in the user's names, without what belongs to the project it is of."""
+    block, state = solved.block, solved.state
+    variance = solved.variance
+    equations = solved.equations
+    points = Estimates(block.point_names, *adjusted_points(solved))
+    photos = adjusted_photos(solved)
+    return Solution(
+        project="",
+        user="",
+        bundle=block.definition.name,
+        ground_unit=block.ground_unit,
+        run="",
+        status=_status(solved),
+        sigma0=variance.sigma0,
+        sigma0_all=variance.sigma0_all,
+        redundancy=variance.redundancy,
+        redundancy_used=variance.redundancy_used,
+        observations=int(np.count_nonzero(equations.active)),
+        unknowns=solved.problem.layout.unknowns + solved.problem.defect,
+        enp=solved.iterations[-1].enp,
+        iterations=tuple(iteration_pass(record) for record in solved.iterations),
+        cameras=Estimates(
+            tuple(camera.name for camera in block.cameras),
+            state.cameras,
+            deviations(solved, solved.problem.unknowns.cameras),
+        ),
+        photos=Estimates(tuple(photo.name for photo in block.photos), photos.values, photos.sd),
+        points=points,
+        point_rays=_rays_per_point(solved),
+        point_kinds=_point_kinds(block),
+        residuals=_residuals(solved),
+        photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
+        additional=_additional(solved),
+        zero_directions=_zero_directions(solved),
+        singular=_singular(solved),
+        correlations=_camera_correlations(solved),
+        check_points=_check_points(block, points),
+        remarks=tuple(Remark(line) for line in block.ground.description()),
+        photo_correlations=photo_correlations(solved),
+        point_correlations=point_correlations(solved),
+    )
+
+
+def iteration_pass(record: IterationRecord) -> IterationPass:
+    """Return an iteration as it is printed and stored."""
+    return IterationPass(
+        record.iteration, record.enp, record.sigma0, record.down_weighted, record.singular, record.step_limited
+    )
+
+
+def _status(solved: SolvedBlock) -> Status:
+    termination = solved.reason
+    if termination is TerminationReason.STOPPED:
+        return "stopped"
+    if termination is not TerminationReason.CONVERGED:
+        return "not_converged"
+    if lost_control(solved) or lost_photos(solved):
+        return "not_converged"
+    active = solved.equations.active
+    share = float(np.mean(solved.weight_factors[active] < 1.0))
+    variance = solved.variance
+    if share > _DOUBTFUL_SHARE or variance.sigma0_all > _DOUBTFUL_RATIO * variance.sigma0:
+        return "doubtful"
+    return "converged"
+
+
+def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
+    points = solved.block.photo_points
+    used: BoolArray = np.asarray(points.used.all(axis=1))
+    return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
+
+
+def _point_kinds(block: Block) -> tuple[PointKind, ...]:
+    kinds: dict[str, PointKind] = {point.name: point.kind for point in block.control_points}
+    return tuple(kinds.get(name, "tie") for name in block.point_names)
+
+
+def _residuals(solved: SolvedBlock) -> Residuals:
+    rows = [observations.rows for observations in solved.problem.observations]
+    state, equations = solved.state, solved.equations
+    error = np.concatenate([part.error for part in rows])
+    # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
+    added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
+    residual = equations.residual * error - added
+    taking_part = np.where(equations.active, 1.0, np.nan)
+    numbers = solved.variance.redundancy_numbers
+    testable = np.where(numbers > _TESTABLE, numbers, np.nan)
+    weight_factors = solved.weight_factors * taking_part
+    standard = np.abs(residual) / error
+    return Residuals(
+        kind=tuple(part.kind.name for part in rows for _ in part.photo),
+        photo=_chained([part.photo for part in rows]),
+        point=_chained([part.point for part in rows]),
+        component=_chained([part.component for part in rows]),
+        observed=np.concatenate([part.observed for part in rows]),
+        residual=residual,
+        a_priori=error,
+        standard_residual=standard,
+        weight_factor=weight_factors,
+        redundancy_number=numbers,
+        w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
+    )
+
+
+def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    return tuple(name for part in parts for name in part)
+
+
+def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
+    sd = deviations(solved, solved.problem.unknowns.additional)
+    values = solved.state.additional
+    return tuple(
+        AdditionalEstimate(camera.name, name, float(values[row, place]), float(sd[row, place]))
+        for row, camera in enumerate(solved.block.cameras)
+        for place, name in enumerate(set_names(camera))
+    )
+
+
+def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:
+    sd = deviations(solved, solved.problem.unknowns.theodolites) * DEGREES_PER_RADIAN
+    values = np.mod(solved.state.theodolites * DEGREES_PER_RADIAN, 360.0)
+    return tuple(
+        ZeroDirection(theodolite.name, float(value), float(deviation))
+        for theodolite, value, deviation in zip(solved.block.theodolites, values, sd, strict=True)
+    )
+
+
+def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:
+    normals = solved.normals
+    names = solved.problem.unknowns.names
+    found = []
+    for column in np.flatnonzero(normals.removed):
+        name = names[column]
+        if name is not None:
+            found.append(SingularUnknown(name.group, name.name, name.kind, float(normals.lost_digits[column])))
+    return tuple(found)
+
+
+def _camera_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
+    """Return the correlations of the unknowns of each camera."""
+    found = []
+    removed = solved.normals.removed
+    for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
+        kinds = [
+            (kind, column) for kind, column in zip(CAMERA_PARAMETERS, columns, strict=True)
+            if column != CONSTANT and not removed[column]
+        ]  # fmt: skip
+        for place, (b, column_b) in enumerate(kinds):
+            for a, column_a in kinds[:place]:
+                cofactor = solved.cofactors.reduced
+                r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
+                found.append(Correlation(f"{camera.name}.{a}", f"{camera.name}.{b}", float(r)))
+    return tuple(found)
+
+
+def _check_points(block: Block, points: Estimates) -> tuple[CheckPoint, ...]:
+    place = {name: index for index, name in enumerate(points.names)}
+    found = []
+    for point in block.control_points:
+        if point.kind == "check" and np.isfinite(points.sd[place[point.name]]).all():
+            given = np.array([np.nan if value is None else value for value in point.coordinates])
+            difference = points.values[place[point.name]] - given
+            found.append(CheckPoint(point.name, *(float(value) for value in difference)))
+    return tuple(found)

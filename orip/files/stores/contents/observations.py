@@ -1,0 +1,69 @@
+"""The store of photo observations of one bundle adjustment (.EXO)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orip.files.stores.store import Store
+from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
+from orip.records.measurement import PhotoObservations
+from orip.records.repeated import observed_before
+
+# The number makes it a table of one row: a store holds the observations of one bundle.
+BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
+OBSERVATION = StoreTable(
+    "observation",
+    (
+        record_name("photo"),
+        text("point"),
+        integer("measurement", "measurement > 0"),
+        position(),
+        real("x"),
+        real("y"),
+        real("error_x", "nan"),
+        real("error_y", "nan"),
+        flag("disregarded"),
+    ),
+    key=("photo", "point", "measurement"),
+)
+TABLES = (BUNDLE, OBSERVATION)
+
+
+def read(store: Store) -> PhotoObservations | None:
+    """Return the photo observations in the order they were written; None if none were ever written."""
+    bundle = next(store.rows(BUNDLE), None)
+    if bundle is None:
+        return None
+    columns: tuple[Any, ...] = store.columns(OBSERVATION)
+    photos, points, _measurement, _position, x, y, error_x, error_y, disregarded = columns
+    return PhotoObservations(
+        bundle=bundle[1],
+        photos=photos,
+        points=points,
+        measured=np.column_stack([x, y]),
+        errors=np.column_stack([error_x, error_y]),
+        disregarded=disregarded,
+    )
+
+
+def write(store: Store, observations: PhotoObservations) -> None:
+    """Replace all photo observations."""
+    store.delete(BUNDLE)
+    store.insert(BUNDLE, [(1, observations.bundle)])
+    store.delete(OBSERVATION)
+    measured = observations.measured.reshape(-1, 2)
+    errors = observations.errors.reshape(-1, 2)
+    store.insert_columns(
+        OBSERVATION,
+        observations.photos,
+        observations.points,
+        observed_before(observations) + 1,
+        np.arange(len(observations.photos)),
+        measured[:, 0],
+        measured[:, 1],
+        errors[:, 0],
+        errors[:, 1],
+        observations.disregarded,
+    )

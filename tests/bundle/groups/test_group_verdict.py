@@ -1,0 +1,120 @@
+"""Groups of observations that contradict all others are named, though thousands of photo points fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from monte_carlo.grouped_blocks import STATION_ERROR, exact_block, grouped_block, verdict_of
+from support.synthetic_block import SyntheticBlock
+
+from orip.bundle.groups.verdict import GroupVerdict
+from orip.bundle.groups.words import group_diagnosis, group_name
+from orip.bundle.methods import Method, adjust_block
+from orip.records.block import Block
+from orip.records.solution import Solution
+
+STATIONS_OFF = {"X0": 0.04 / 0.02, "Y0": -0.03 / 0.02, "Z0": 0.25 / 0.03}
+"""In a-priori errors: stations of a survey receiver, 4, -3 and 25 cm off, with errors of 2, 2 and 3 cm."""
+
+
+def solution_of(block: Block) -> Solution:
+    return adjust_block(block, Method(), lambda _: None, lambda: False)[0]
+
+
+def with_stations_off(block: Block) -> Block:
+    elements = tuple(
+        replace(element, value=element.value + STATIONS_OFF[element.kind] * element.error) for element in block.elements
+    )
+    return replace(block, elements=elements)
+
+
+def first(verdict: GroupVerdict) -> set[str]:
+    return {group_name(group) for group in verdict.contradictions[0].groups}
+
+
+def test_clean_groups_do_not_contradict_one_another() -> None:
+    solution = solution_of(grouped_block("none", 1).block)
+    assert solution.verdict in {"Converged, nothing conspicuous", "Converged; 1 note on what is weak"}
+    assert not any(group.doubted for group in solution.groups)
+    assert {group.kind for group in solution.groups} == {"photo", "control", "element", "distance", "check"}
+
+
+def test_redundancies_of_the_groups_sum_up_to_that_of_the_block() -> None:
+    solution = solution_of(grouped_block("none", 2).block)
+    measured = [group.redundancy for group in solution.groups if group.kind != "check"]
+    assert sum(measured) == pytest.approx(solution.redundancy, abs=1e-6)
+    assert sum(group.number for group in solution.groups if group.kind != "check") == solution.observations
+
+
+def test_stations_of_a_receiver_with_an_antenna_offset_are_named() -> None:
+    solution = solution_of(with_stations_off(grouped_block("none", 3).block))
+    assert solution.verdict.startswith("Converged, but all Z0 of the exposure stations are off by about +0.4")
+    stations = {group.component: group for group in solution.groups if group.of == "PHOTO"}
+    offset = STATIONS_OFF["Z0"] * STATION_ERROR
+    assert abs(stations["Z0"].shift - offset) < 4.0 * stations["Z0"].shift_sd
+    assert solution.diagnosis[0].code == "group"
+    assert "antenna" in solution.diagnosis[0].remedy
+
+
+def test_without_check_points_nothing_tells_stations_from_control() -> None:
+    block = with_stations_off(grouped_block("none", 4).block)
+    control = tuple(point for point in block.control_points if point.kind == "control")
+    _, verdict = verdict_of(replace(block, control_points=control))
+    assert first(verdict) == {"Z0 of the exposure stations", "Z of the control points"}
+    (diagnosis, *_) = group_diagnosis(verdict.contradictions, "m")
+    assert "the Z0 of the exposure stations" in diagnosis.text
+    assert "contradict each other by about 0.4" in diagnosis.text
+
+
+def test_one_wrong_check_point_is_named_and_not_all_of_them() -> None:
+    block = grouped_block("none", 5).block
+    wrong = next(point for point in block.control_points if point.kind == "check")
+    x, y, z = wrong.coordinates
+    assert z is not None
+    moved = replace(wrong, coordinates=(x, y, z + 1000.0))
+    control = tuple(moved if point is wrong else point for point in block.control_points)
+    solution = solution_of(replace(block, control_points=control))
+    # it is compared, and has no influence
+    assert solution.verdict.startswith(f"Converged, but check point {wrong.name} differs by -1000 m in Z")
+
+
+def test_the_mean_of_correlated_residuals_scatters_as_its_standard_deviation_says() -> None:
+    ratios = [
+        [group.mean / group.mean_sd for group in verdict_of(grouped_block("none", run).block)[1].groups[2:]]
+        for run in range(12)
+    ]
+    # chi-square of 12 runs of ten means: 0.1 % beyond these limits, more runs in the long Monte Carlo study
+    squares = float(np.mean(np.square(ratios)))
+    assert 0.4 < squares < 2.0
+
+
+def test_coordinates_of_a_free_network_are_no_check() -> None:
+    block = grouped_block("none", 6).block
+    free = replace(block, definition=replace(block.definition, datum="free"))
+    _, verdict = verdict_of(free)
+    assert {group.kind for group in verdict.groups} == {"photo", "distance"}
+
+
+def test_a_camera_whose_photo_points_scatter_more_than_the_others_is_named() -> None:
+    made: SyntheticBlock = exact_block(7)
+    block, random = grouped_block("none", 7).block, np.random.default_rng(7)
+    cameras = (*block.cameras, replace(block.cameras[0], name="WORN"))
+    of_photo = np.arange(len(block.photos)) % 4 == 0
+    points = block.photo_points
+    scatter = 3.0 * points.error * random.normal(size=points.xy.shape) * of_photo[points.photo][:, None]
+    photos = tuple(
+        replace(photo, camera="WORN") if worn else photo for photo, worn in zip(block.photos, of_photo, strict=True)
+    )
+    mixed = replace(
+        block,
+        cameras=cameras,
+        photos=photos,
+        photo_camera=of_photo.astype(np.int64),
+        photo_points=replace(points, xy=points.xy + scatter),
+    )
+    _, verdict = verdict_of(mixed)
+    (diagnosis, *_) = group_diagnosis(verdict.contradictions, "m")
+    assert diagnosis.text.startswith("the photo points of camera WORN fit ")
+    assert len(made.cameras) == 1
