@@ -21,7 +21,7 @@ SAMPLE := zurich_city_hall
 DOCS := build/docs
 build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
-state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum)
+state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum)
 state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
 
 .PHONY: help
@@ -156,7 +156,7 @@ $(READY):
 	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
 	  exit 1; \
 	}; \
-	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum; } >$(READY); \
+	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum; } >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 
