@@ -51,6 +51,8 @@ _OTHERS = {
         "digitise template RIGHT --link {} --simulate films/DAY1.MEA",
         "digitise photo 101 --again --link {} --simulate films/DAY1.MEA",
         "digitise points --list first.txt --link {} --simulate films/DAY1.MEA",
+        "digitise ticks SHEET 1 2 3 4 --link {} --script panel.txt",
+        "digitise fiducials REFLEX35 1 2 3 4 --link {} --script panel.txt",
     ),
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
@@ -64,6 +66,7 @@ ONLY_READING = frozenset(
         "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
+        "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",
     }
     | {f"{kind} {verb}" for kind in _RECORDS for verb in ("list", "show")}
     | {f"control {kind} list" for kind in _CONTROL}

@@ -136,6 +136,7 @@ def _film(folder: Path) -> None:
 def _half_digitised(folder: Path) -> None:
     new_cliff(folder.with_suffix(".sample")).rename(folder)
     (folder / "first.txt").write_text("POINTS MAIN 101\nCP1\n1103\n1104\nPOINTS MAIN 103\n1103\n1104\n")
+    (folder / "panel.txt").write_text("FOOT RIGHT\nMOVE 3 0\n" * 4)
 
 
 def _done(folder: Path, *words: str) -> None:
