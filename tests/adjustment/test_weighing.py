@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_systems import linear_problem
+from adjustment.factorisation.linear_systems import linear_problem
 
 from orip.adjustment.weighing import Weighing
 
