@@ -1,7 +1,7 @@
 """Parts of a block placed on the ground together, though no two of them share enough points to be joined alone.
 
-Each part (a strip, a model, a photo) is levelled by the attitude of its photos. What is left of its similarity is
-linear: scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without initial
+Each part (a strip, a model, a photo) is levelled by the attitude of its photos. The other unknowns of its similarity
+are linear: scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without initial
 values, from control and common points, as in the block adjustment of levelled models (Anblock: van den Hout 1966).
 Levels are improved with the heights.
 """
@@ -32,7 +32,10 @@ _ROUNDS = 3
 """Of plan and height."""
 
 _SMALLEST_SCALE = 0.2
-"""Of the median scale: parts that shrink more are not determined."""
+"""Of the median scale: parts that shrink more are not determined, and get the median."""
+
+_REGULAR = 1e-10
+"""Of the mean square of a column, added to the normal equations: parts that nothing ties stay where they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,28 +58,22 @@ class _Ties:
     known: FloatArray
 
 
-def place_parts(parts: Sequence[PartialBlock], known: FloatArray, axis: int) -> list[PartialBlock] | None:
+def place_parts(parts: Sequence[PartialBlock], known: FloatArray) -> list[PartialBlock] | None:
     """Place parts of a block on the ground together.
 
     Parameters
     ----------
     parts : sequence of PartialBlock
-        Each in its own system, all at similar scale; a photo may be in several.
+        Each in its own system, levelled, all at similar scale; a photo may be in several.
     known : array (number of points, 3)
         Coordinates of control; NaN where not known.
-    axis : int
-        Of the photos, that points up: 2 where they look down, 1 where they stand upright.
 
     Returns
     -------
     list of PartialBlock, or None
-        None where photos of a part contradict each other, or the parts are not determined together.
+        None where control and common points do not determine the parts together.
     """
-    level = [_levelled(part, axis) for part in parts]
-    placed = [part for part in level if part is not None]
-    if len(placed) < len(parts):
-        return None
-    placed = _with_common_azimuths(placed)
+    placed = _with_common_azimuths(parts)
     for _ in range(_ROUNDS):
         moved = _adjusted(placed, known)
         if moved is None:
@@ -85,12 +82,25 @@ def place_parts(parts: Sequence[PartialBlock], known: FloatArray, axis: int) -> 
     return placed
 
 
-def _levelled(part: PartialBlock, axis: int) -> PartialBlock | None:
+def levelled(part: PartialBlock, axis: int) -> PartialBlock | None:
+    """Return a part turned so that the mean axis of its photos points up; None where their axes contradict each other.
+
+    Parameters
+    ----------
+    part : PartialBlock
+    axis : int
+        Of the photos, that points up: 2 where they look down, 1 where they stand upright.
+    """
     mean = part.rotations[:, :, axis].mean(axis=0)
     length = float(np.linalg.norm(mean))
     if length < _AGREEING:
         return None
     return transformed(part, Similarity(1.0, _turn_to_up(mean / length), np.zeros(3)))
+
+
+def tilted(part: PartialBlock, slope_x: float, slope_y: float) -> PartialBlock:
+    """Return a part turned so that its horizontal plane gets slopes in X and Y."""
+    return transformed(part, Similarity(1.0, _turn_to_slopes(slope_x, slope_y), np.zeros(3)))
 
 
 def _turn_to_up(direction: FloatArray) -> FloatArray:
@@ -134,29 +144,49 @@ def _about_up(azimuth: float) -> FloatArray:
 def _adjusted(parts: Sequence[PartialBlock], known: FloatArray) -> list[PartialBlock] | None:
     """Return parts after an adjustment of all in plan, then of their heights and levels."""
     ties, coordinates = _ties(parts, known)
-    plan = _in_plan(ties, coordinates, _alike(parts))
+    middle = _middles(ties, coordinates)
+    plan = _in_plan(ties, coordinates - middle[ties.part], _alike(parts))
     scale = np.hypot(plan[:, 0], plan[:, 1])
-    if not np.isfinite(plan).all() or scale.min() < _SMALLEST_SCALE * np.median(scale):
+    if not np.isfinite(plan).all() or not scale.any():
         return None
-    azimuth = np.arctan2(plan[:, 1], plan[:, 0])
-    similarities = [
-        Similarity(float(size), _about_up(turn), np.array([*shift, 0.0]))
-        for size, turn, shift in zip(scale, azimuth, plan[:, 2:], strict=True)
+    usual = float(np.median(scale[scale > 0.0]))
+    scale = np.where(scale < _SMALLEST_SCALE * usual, usual, scale)
+    turned = [
+        transformed(part, _moved_in_plan(centre, values, float(size)))
+        for part, centre, values, size in zip(parts, middle, plan, scale, strict=True)
     ]
-    turned = [transformed(part, similarity) for part, similarity in zip(parts, similarities, strict=True)]
     ties, coordinates = _ties(turned, known)
-    middle = np.array([part.coordinates.mean(axis=0) for part in turned])
+    middle = _middles(ties, coordinates)
     height = _in_height(ties, coordinates - middle[ties.part])
     return [
         transformed(part, _lifted(centre, *values)) for part, centre, values in zip(turned, middle, height, strict=True)
     ]
 
 
+def _middles(ties: _Ties, coordinates: FloatArray) -> FloatArray:
+    """Return the means (parts, 3) of the coordinates by which parts are tied."""
+    number = np.maximum(np.bincount(ties.part, minlength=ties.parts), 1)
+    sums = [np.bincount(ties.part, weights=column, minlength=ties.parts) for column in coordinates.T]
+    return np.stack(sums, axis=1) / number[:, None]
+
+
+def _moved_in_plan(middle: FloatArray, plan: FloatArray, scale: float) -> Similarity:
+    """Return the movement of a part at a scale, its middle to where a row (4,) of `_in_plan` has it."""
+    a, b, x, y = plan
+    rotation = _about_up(np.arctan2(b, a))
+    return Similarity(scale, rotation, np.array([x, y, 0.0]) - scale * (rotation @ [*middle[:2], 0.0]))
+
+
 def _lifted(middle: FloatArray, slope_x: float, slope_y: float, lift: float) -> Similarity:
     """Return the movement that takes the middle of a part to a height, and tilts the part there."""
-    normal = np.array([-slope_x, -slope_y, 1.0])
-    rotation = _turn_to_up(normal / np.linalg.norm(normal)).T
+    rotation = _turn_to_slopes(slope_x, slope_y)
     return Similarity(1.0, rotation, np.array([*middle[:2], lift]) - rotation @ middle)
+
+
+def _turn_to_slopes(slope_x: float, slope_y: float) -> FloatArray:
+    """Return the smallest rotation that gives the horizontal plane slopes in X and Y."""
+    normal = np.array([-slope_x, -slope_y, 1.0])
+    return _turn_to_up(normal / np.linalg.norm(normal)).T
 
 
 def _ties(parts: Sequence[PartialBlock], known: FloatArray) -> tuple[_Ties, FloatArray]:
@@ -184,50 +214,84 @@ def _alike(parts: Sequence[PartialBlock]) -> list[tuple[int, int]]:
 
 
 def _in_plan(ties: _Ties, coordinates: FloatArray, alike: Sequence[tuple[int, int]]) -> FloatArray:
-    """Return a, b, shift in X and Y of each part (parts, 4): X = a x - b y + shift, Y = b x + a y + shift."""
+    """Return a, b and plan of the middle of each part (parts, 4), from which coordinates are taken.
+
+    X = a x - b y + X of the middle, Y = b x + a y + Y of the middle.
+    """
     parts, n = ties.parts, len(ties.part)
     free: BoolArray = np.asarray(~np.isfinite(ties.known[:, :2]).all(axis=1))
     column = 4 * parts + 2 * (np.cumsum(free) - 1)
-    size = float(np.sqrt((coordinates[:, :2] ** 2).sum(axis=1).mean())) or 1.0
-    design = np.zeros((2 * n + 2 * len(alike), 4 * parts + 2 * np.count_nonzero(free)))
-    right = np.zeros(len(design))
-    rows, at = 2 * np.arange(n), 4 * ties.part
-    x, y = coordinates[:, 0], coordinates[:, 1]
-    design[rows, at], design[rows, at + 1], design[rows, at + 2] = x, -y, size
-    design[rows + 1, at], design[rows + 1, at + 1], design[rows + 1, at + 3] = y, x, size
+    size = _size(coordinates)
+    x, y, ones = coordinates[:, 0], coordinates[:, 1], np.full(n, size)
     unknown = free[ties.place]
-    design[rows[unknown], column[ties.place[unknown]]] = -size
-    design[rows[unknown] + 1, column[ties.place[unknown]] + 1] = -size
     middle = np.nanmean(ties.known[~free, :2], axis=0) if (~free).any() else np.zeros(2)
-    given = ties.known[ties.place[~unknown], :2] - middle
-    right[rows[~unknown]], right[rows[~unknown] + 1] = given.T
-    for row, (one, other) in enumerate(alike):
-        for component in range(2):
-            columns = [4 * one + component, 4 * other + component]
-            design[2 * n + 2 * row + component, columns] = _ALIKE * size, -_ALIKE * size
-    solution = np.linalg.lstsq(design, right, rcond=1e-9)[0][: 4 * parts].reshape(parts, 4)
+    given = np.where(unknown[:, None], 0.0, ties.known[ties.place, :2] - middle)
+    equations, at, of_point = _Equations(4 * parts + 2 * int(free.sum())), 4 * ties.part, column[ties.place]
+    for component, (for_a, for_b) in enumerate(((x, -y), (y, x))):
+        equations.add(
+            (at, at + 1, at + 2 + component, np.where(unknown, of_point + component, 0)),
+            (for_a, for_b, ones, np.where(unknown, -size, 0.0)),
+            given[:, component],
+        )
+    one, other = np.array(alike, dtype=np.int64).reshape(-1, 2).T
+    for component in range(2):
+        columns = 4 * one + component, 4 * other + component
+        equations.add(
+            columns, (np.full(len(one), _ALIKE * size), np.full(len(one), -_ALIKE * size)), np.zeros(len(one))
+        )
+    solution = equations.solved()[: 4 * parts].reshape(parts, 4)
     solution[:, 2:] = solution[:, 2:] * size + middle
-    return np.asarray(solution)
+    return solution
 
 
 def _in_height(ties: _Ties, coordinates: FloatArray) -> FloatArray:
     """Return slopes in X and Y, and height, of the middle of each part (parts, 3), from which coordinates are taken."""
-    parts, n = ties.parts, len(ties.part)
+    parts = ties.parts
     free: BoolArray = np.asarray(~np.isfinite(ties.known[:, 2]))
     column = 3 * parts + np.cumsum(free) - 1
-    size = float(np.sqrt((coordinates[:, :2] ** 2).sum(axis=1).mean())) or 1.0
-    design = np.zeros((n + 2 * parts, 3 * parts + np.count_nonzero(free)))
-    right = np.zeros(len(design))
-    rows, at = np.arange(n), 3 * ties.part
-    design[rows, at], design[rows, at + 1], design[rows, at + 2] = coordinates[:, 0], coordinates[:, 1], size
-    unknown = free[ties.place]
-    design[rows[unknown], column[ties.place[unknown]]] = -size
+    size = _size(coordinates)
+    unknown, at = free[ties.place], 3 * ties.part
     datum = float(np.mean(ties.known[~free, 2])) if (~free).any() else 0.0
-    right[rows] = -coordinates[:, 2]
-    right[rows[~unknown]] += ties.known[ties.place[~unknown], 2] - datum
-    for part in range(parts):
-        for component in range(2):
-            design[n + 2 * part + component, 3 * part + component] = _LEVEL * size
-    solution = np.linalg.lstsq(design, right, rcond=1e-9)[0][: 3 * parts].reshape(parts, 3)
+    given = np.where(unknown, 0.0, ties.known[ties.place, 2] - datum)
+    equations = _Equations(3 * parts + int(free.sum()))
+    equations.add(
+        (at, at + 1, at + 2, np.where(unknown, column[ties.place], 0)),
+        (coordinates[:, 0], coordinates[:, 1], np.full(len(at), size), np.where(unknown, -size, 0.0)),
+        given - coordinates[:, 2],
+    )
+    slopes = np.flatnonzero(np.arange(3 * parts) % 3 < 2)
+    equations.add((slopes,), (np.full(len(slopes), _LEVEL * size),), np.zeros(len(slopes)))
+    solution = equations.solved()[: 3 * parts].reshape(parts, 3)
     solution[:, 2] = solution[:, 2] * size + datum
-    return np.asarray(solution)
+    return solution
+
+
+def _size(coordinates: FloatArray) -> float:
+    return float(np.sqrt((coordinates[:, :2] ** 2).sum(axis=1).mean())) or 1.0
+
+
+class _Equations:
+    """Linear equations with few unknowns each, to be solved by least squares."""
+
+    def __init__(self, columns: int) -> None:
+        self._columns, self._count = columns, 0
+        self._parts: list[tuple[IntArray, IntArray, FloatArray]] = []
+        self._right: list[FloatArray] = []
+
+    def add(self, columns: Sequence[IntArray], values: Sequence[FloatArray], right: FloatArray) -> None:
+        """Add n equations: for each of their terms the columns (n,) and values (n,), and their right sides (n,)."""
+        rows = self._count + np.arange(len(right))
+        self._parts += [(rows, column, value) for column, value in zip(columns, values, strict=True)]
+        self._right.append(right)
+        self._count += len(right)
+
+    def solved(self) -> FloatArray:
+        """Return the unknowns (columns,); those that nothing determines are near 0."""
+        from scipy.sparse import coo_array, eye_array
+        from scipy.sparse.linalg import splu
+
+        rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        design = coo_array((values, (rows, columns)), shape=(self._count, self._columns)).tocsc()
+        normal = (design.T @ design).tocsc()
+        regular = normal + _REGULAR * float(normal.diagonal().mean()) * eye_array(self._columns, format="csc")
+        return np.asarray(splu(regular.tocsc()).solve(design.T @ np.concatenate(self._right)))
