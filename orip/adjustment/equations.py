@@ -8,8 +8,8 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import Arrangement, Symmetric
-from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.band import Arrangement, Symmetric
+from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 StateT = TypeVar("StateT")

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from orip.adjustment.elimination import block_diagonal
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.factorisation.elimination import block_diagonal
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import BoolArray, FloatArray, IntArray
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.adjustment.band import BandMatrix, Symmetric, add_to_diagonal, scale_matrix
-from orip.adjustment.band_cholesky import BandFactor, factorise_band
-from orip.adjustment.cholesky import Factor, factorise
-from orip.adjustment.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.equations import Equations, Layout
-from orip.adjustment.exact_constraints import ExactConstraints, exact_constraints
+from orip.adjustment.factorisation.band import BandMatrix, Symmetric, add_to_diagonal, scale_matrix
+from orip.adjustment.factorisation.band_cholesky import BandFactor, factorise_band
+from orip.adjustment.factorisation.cholesky import Factor, factorise
+from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
+from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
 from orip.arrays import FloatArray
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.adjustment.band import Symmetric, scale_matrix
 from orip.adjustment.equations import Equations
+from orip.adjustment.factorisation.band import Symmetric, scale_matrix
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import Symmetric, band_of
-from orip.adjustment.elimination import (
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.factorisation.band import Symmetric, band_of
+from orip.adjustment.factorisation.elimination import (
     BlockFactors,
     Coupling,
     EliminatedNormals,
@@ -18,7 +19,6 @@ from orip.adjustment.elimination import (
     block_diagonal,
     factorise_blocks,
 )
-from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000

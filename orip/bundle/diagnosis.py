@@ -13,8 +13,8 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.lost_rays import lost_control, lost_photos
 from orip.bundle.problem import BlockProblem
+from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from orip.adjustment.iteration import IterationRecord
 from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
-from orip.bundle.group_verdict import GroupVerdict, group_verdict
-from orip.bundle.group_words import group_diagnosis
-from orip.bundle.results import iteration_pass, solution_of
+from orip.bundle.groups.verdict import GroupVerdict, group_verdict
+from orip.bundle.groups.words import group_diagnosis
+from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.snooping.findings import findings_told, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, solve_block

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import arranged
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from orip.bundle.group_words import CODE
+from orip.bundle.groups.words import CODE
 from orip.records.solution import Diagnosis, Solution
 from orip.wording import counted
 

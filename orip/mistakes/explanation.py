@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.bundle.results import solution_of
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles

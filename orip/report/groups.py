@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from orip.bundle.group_words import group_name, unit_of_group
+from orip.bundle.groups.words import group_name, unit_of_group
 from orip.records.group_test import GroupTest
 from orip.records.solution import Solution
 from orip.report.numbers import MISSING, probability, significant

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.bundle.figures import figure
+from orip.bundle.results.figures import figure
 from orip.bundle.verdict import GlobalTest, Level, headline, sigma0_finding
 from orip.records.gate import GATE_FIGURES
 from orip.records.solution import Solution

@@ -6,7 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import CurvedProblem, adjusted, converged, settings
+from adjustment.factorisation.linear_systems import CurvedProblem, adjusted, converged, settings
 
 from orip.adjustment.acceleration import AcceleratedStep, Acceleration
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import equations_of
+from adjustment.factorisation.linear_systems import equations_of
 
 from orip.adjustment.block_fit import judged_residuals, with_blocks_fitted
 from orip.adjustment.equations import Equations, Layout, Linearised

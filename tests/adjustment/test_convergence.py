@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import adjusted, linear_problem, settings
+from adjustment.factorisation.linear_systems import adjusted, linear_problem, settings
 
 from orip.adjustment.convergence import (
     ENP_LIMIT,

@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import (
+from adjustment.factorisation.linear_systems import (
     OFF,
     CurvedProblem,
     adjusted,

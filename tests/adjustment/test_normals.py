@@ -6,7 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import dense_normals, equations_of, pseudo_inverse, random_equations, random_weights
+from adjustment.factorisation.linear_systems import (
+    dense_normals,
+    equations_of,
+    pseudo_inverse,
+    random_equations,
+    random_weights,
+)
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import CurvedProblem, adjusted, converged, equations_of, settings
+from adjustment.factorisation.linear_systems import CurvedProblem, adjusted, converged, equations_of, settings
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals

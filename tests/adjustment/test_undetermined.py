@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from adjustment.linear_systems import equations_of, random_equations
+from adjustment.factorisation.linear_systems import equations_of, random_equations
 
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.normals import solve_normals

@@ -9,7 +9,7 @@ import numpy as np
 from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.diagnosis import diagnose
-from orip.bundle.results import solution_of
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.control import ControlDirection, ControlPoint

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
-from orip.adjustment.band import BandMatrix
-from orip.adjustment.band_cholesky import BandFactor
+from orip.adjustment.factorisation.band import BandMatrix
+from orip.adjustment.factorisation.band_cholesky import BandFactor
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle.problem import pose_problem, starting_state
-from orip.bundle.results import solution_of
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 
 MAX_LOST = 12.0

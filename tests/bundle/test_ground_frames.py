@@ -17,7 +17,7 @@ from support.aerial_block_in_crs import CRS, AerialBlock, aerial_block, geocentr
 from threadpoolctl import threadpool_limits
 from workflow.small_projects import replace_in
 
-from orip.bundle.results import solution_of
+from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
 from orip.errors import InputError

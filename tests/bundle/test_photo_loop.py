@@ -14,7 +14,7 @@ from bundle.aerial_block import aerial_block
 from support.conditioning import EPSILON, condition_of_normals
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.adjustment.elimination import times_half, times_transposed_half
+from orip.adjustment.factorisation.elimination import times_half, times_transposed_half
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle import problem

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import orip
-from orip.bundle.results import solution_of
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.records.photo import PHOTO_PARAMETERS
 

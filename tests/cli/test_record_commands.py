@@ -9,7 +9,7 @@ import pytest
 from cli.command_line import Said, orip
 from workflow.small_projects import contents, film_project, first_project, replace_in, two_bundles
 
-from orip.files.stores import observations, photos
+from orip.files.stores.contents import observations, photos
 from orip.files.stores.transaction import reading
 
 KINDS = ("camera", "temtick", "photo", "template", "bundle", "model")

@@ -10,7 +10,7 @@ import pytest
 from cli.command_line import Said, orip
 from workflow.small_projects import REPOSITORY, contents, first_project, replace_in, two_bundles
 
-from orip.files.stores import cameras, photos, solutions
+from orip.files.stores.contents import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
 
 KINDS = ("cameras", "photos", "points")

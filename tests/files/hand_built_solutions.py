@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.reliability import reliability
+from orip.bundle.results.reliability import reliability
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.result.residuals_csv import residuals_csv_pieces

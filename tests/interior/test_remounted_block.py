@@ -9,7 +9,7 @@ import pytest
 from cli.command_line import orip
 from interior.template_project import MOUNTED, MOUNTED_AGAIN, Operator, photo_points, template_project
 
-from orip.files.stores import observations, solutions
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.transaction import reading
 from orip.records.solution import Solution
 

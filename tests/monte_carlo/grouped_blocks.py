@@ -15,7 +15,7 @@ from bundle.aerial_block import aerial_block
 from monte_carlo.simulated_blocks import random_numbers, solved
 from support.synthetic_block import SyntheticBlock
 
-from orip.bundle.group_verdict import GroupVerdict, group_verdict
+from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
 from orip.records.control import ControlDistance, ControlElement, ControlPoint

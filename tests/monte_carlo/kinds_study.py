@@ -10,7 +10,7 @@ from bundle.aerial_block import PRECISION_MM
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.bundle.reliability import NON_CENTRALITY
+from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, TheodoliteSet

@@ -14,11 +14,11 @@ import numpy as np
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.bundle.ground_results import rotation_partials
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.problem import starting_state
+from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns

@@ -64,14 +64,14 @@ PART_OF = {
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
 GIVES_NONE = {
-    "orip.bundle.covariance._joined": "partials of several records, side by side",
-    "orip.bundle.covariance.camera_figures": "unit matrices: parameters of cameras are shown as they are estimated",
-    "orip.bundle.covariance.covariance": "covariances",
-    "orip.bundle.covariance.photo_figures": "project_with_partials and rotation_partials, side by side",
-    "orip.bundle.covariance.point_figures": "project_with_partials, unchanged",
+    "orip.bundle.results.covariance._joined": "partials of several records, side by side",
+    "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
+    "orip.bundle.results.covariance.covariance": "covariances",
+    "orip.bundle.results.covariance.photo_figures": "project_with_partials and rotation_partials, side by side",
+    "orip.bundle.results.covariance.point_figures": "project_with_partials, unchanged",
     "orip.bundle.point_moves.moves_to_consensus": "moves of points",
-    "orip.bundle.ground_results._project_cofactors": "cofactors",
-    "orip.bundle.ground_results._rotation_deviations": "standard deviations",
+    "orip.bundle.results.ground._project_cofactors": "cofactors",
+    "orip.bundle.results.ground._rotation_deviations": "standard deviations",
     "orip.bundle.problem.BlockProblem._pattern": "places of unknowns",
     "orip.bundle.problem.BlockProblem._stored": "the rows of all kinds of observation, unchanged",
     "orip.geometry.ground_frame.GroundFrame.axes_at": "rotations, from differences of coordinates",

@@ -12,7 +12,7 @@ import pytest
 from report.sample_pages import SAMPLES, sample
 from scipy import stats
 
-from orip.bundle.group_words import CODE
+from orip.bundle.groups.words import CODE
 from orip.files.listings.errors import error_listing_lines
 from orip.records.gate import Gate, GateResult
 from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution

@@ -9,7 +9,7 @@ import pytest
 from files.hand_built_solutions import awkward
 from scipy.stats import chi2
 
-from orip.bundle.group_words import CODE
+from orip.bundle.groups.words import CODE
 from orip.bundle.verdict import global_test, sigma0_finding
 from orip.files.text.gate import parse_gate
 from orip.records.gate import GateResult

@@ -14,7 +14,7 @@ from workflow.small_projects import contents, film_project, first_project, repla
 
 from orip.errors import InputError, UsageError
 from orip.files.project.text import project_document, project_text
-from orip.files.stores import cameras
+from orip.files.stores.contents import cameras
 from orip.files.stores.digest import record_digest
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading

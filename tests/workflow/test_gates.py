@@ -10,7 +10,7 @@ import pytest
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project, replace_in
 
-from orip.bundle.figures import figure
+from orip.bundle.results.figures import figure
 from orip.errors import UsageError
 from orip.records.gate import GATE_FIGURES, Gate, GateResult
 from orip.records.solution import CheckPoint, Correlation, SingularUnknown, Solution
@@ -44,7 +44,7 @@ def test_every_figure_has_a_meaning_and_a_value(solution: Solution, name: str) -
 
 
 def test_no_figure_is_without_a_meaning(solution: Solution) -> None:
-    from orip.bundle import figures
+    from orip.bundle.results.solution import figures
 
     assert list(figures._FIGURES) == list(GATE_FIGURES)
 

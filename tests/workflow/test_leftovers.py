@@ -11,7 +11,7 @@ from workflow.commands import edit_control, rename_record
 from workflow.killed_here import Killed
 from workflow.small_projects import contents
 
-from orip.files.stores import observations
+from orip.files.stores.contents import observations
 from orip.files.stores.transaction import reading, remove_empty, writing
 from orip.files.text.leftovers import temporary_beside
 from orip.workflow.records.edits import RecordName

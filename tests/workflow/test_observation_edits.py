@@ -20,9 +20,9 @@ from workflow.commands import edit_observations, list_observations, measure, mea
 from workflow.small_projects import film_project, replace_in
 
 from orip.bundle.local_frame import ground_system
-from orip.bundle.prediction import predict_photo_coordinates
+from orip.bundle.results.prediction import predict_photo_coordinates
 from orip.errors import InputError, LockedError
-from orip.files.stores import observations, solutions
+from orip.files.stores.contents import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
 from orip.interior.distortion import corrected_with_partials

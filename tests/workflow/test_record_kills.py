@@ -12,7 +12,7 @@ from workflow.killed_here import Killed, killed_at
 from workflow.small_projects import contents, film_project
 
 from orip.errors import UsageError
-from orip.files.stores import observations
+from orip.files.stores.contents import observations
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
 from orip.workflow.records.edits import RecordName

@@ -13,7 +13,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
 
 from orip.errors import InputError
-from orip.files.stores import cameras, exterior, photos
+from orip.files.stores.contents import cameras, exterior, photos
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera
 from orip.records.photo import Photo

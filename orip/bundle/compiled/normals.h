@@ -65,7 +65,7 @@ INLINE int factorise_in_order(
     return 1;
 }
 
-/* Factor a symmetric 3 x 3 block by largest pivots; see orip/adjustment/elimination.py. */
+/* Factor a symmetric 3 x 3 block by largest pivots; see orip/adjustment/factorisation/elimination.py. */
 static void factorise_by_size(
     const double *block, const double *full, const uint8_t *fixed, double least_pivot, double *half, double *pivots,
     uint8_t *removed)

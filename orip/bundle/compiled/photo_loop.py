@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import Arrangement, BandMatrix, Symmetric, band_of
-from orip.adjustment.elimination import BlockFactors, EliminatedNormals
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.factorisation.band import Arrangement, BandMatrix, Symmetric, band_of
+from orip.adjustment.factorisation.elimination import BlockFactors, EliminatedNormals
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import Symmetric
-from orip.adjustment.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.factorisation.band import Symmetric
+from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling

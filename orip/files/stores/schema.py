@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
+from orip.files.stores import provenance
 from orip.files.stores.checksum import CHECKSUM
+from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")

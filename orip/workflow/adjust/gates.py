@@ -6,7 +6,7 @@ import difflib
 import math
 from collections.abc import Iterable, Sequence
 
-from orip.bundle.figures import figure
+from orip.bundle.results.figures import figure
 from orip.errors import Complaint, UsageError
 from orip.files.project.toml_lines import TomlLines
 from orip.files.text.gate import parse_gate

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
-from orip.files.stores.solutions import SolutionHead
+from orip.files.stores.contents.solutions import SolutionHead
 from orip.prelim.project_coordinates import absolute_in_project
 from orip.records.gate import GateResult
 from orip.records.ground import GroundSystem

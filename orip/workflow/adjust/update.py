@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS

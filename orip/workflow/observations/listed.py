@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.reliability import reliability
+from orip.bundle.results.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
 from orip.records.names import near_names, record_key

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import ProjectWarning
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
 from orip.interior.in_force import Interior

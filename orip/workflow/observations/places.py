@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.bundle.local_frame import ground_system
-from orip.bundle.prediction import predict_photo_coordinates
+from orip.bundle.results.prediction import predict_photo_coordinates
 from orip.interior.fiducial_system import frame_corners
 from orip.interior.log_coordinates import stored_to_log
 from orip.records.listed_observation import Pair

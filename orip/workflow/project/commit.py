@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Generic, Protocol, Self, TypeVar
 
 from orip.errors import LockedError
-from orip.files.stores import solutions
+from orip.files.stores.contents import solutions
 from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store

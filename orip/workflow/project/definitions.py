@@ -6,8 +6,8 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 from orip.errors import InputError
-from orip.files.stores import cameras, exterior, photos, templates, temticks
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents import cameras, exterior, photos, templates, temticks
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.transaction import Stores
 from orip.interior.definitions import Definitions
 from orip.records.camera import Camera

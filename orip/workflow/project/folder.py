@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
-from orip.files.stores import exterior
+from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key

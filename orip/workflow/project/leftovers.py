@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from orip.errors import OripError
-from orip.files.stores import observations
+from orip.files.stores.contents import observations
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import reading, remove_empty
 from orip.files.text.leftovers import remove_leftovers

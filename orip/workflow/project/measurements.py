@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from orip.files.stores import observations, photos, templates
+from orip.files.stores.contents import observations, photos, templates
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import Stores
 from orip.records.measurement import Measured, no_observations

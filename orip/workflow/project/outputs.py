@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.bundle.reliability import reliability
+from orip.bundle.results.reliability import reliability
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.listings.interior import interior_listing

@@ -13,9 +13,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeVar
 
-from orip.files.stores import observations, solutions
+from orip.files.stores.contents import observations, solutions
+from orip.files.stores.contents.solutions import SolutionHead
 from orip.files.stores.provenance import read_inputs
-from orip.files.stores.solutions import SolutionHead
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation

@@ -15,7 +15,7 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
 from orip.files.project.text import project_document, project_text
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition

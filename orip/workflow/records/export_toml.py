@@ -10,7 +10,7 @@ from typing import TypeVar
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
 from orip.files.project.text import project_document
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.regular_file import regular_bytes

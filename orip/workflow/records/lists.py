@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orip.files.project.record_values import TomlTable
-from orip.files.stores.definitions import NamedRecord, StoredRecord
+from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.table import Column, table_lines
 from orip.records.fields import headings_of

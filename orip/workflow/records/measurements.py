@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import InputError
-from orip.files.stores import observations, photos, templates
+from orip.files.stores.contents import observations, photos, templates
 from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from orip.errors import InputError, OripError, ProjectWarning
-from orip.files.stores import solutions
+from orip.files.stores.contents import solutions
 from orip.files.stores.transaction import Stores
 from orip.files.text.atomic import replace_bytes
 from orip.files.text.regular_file import regular_bytes

@@ -6,8 +6,8 @@ from typing import get_args
 import numpy as np
 from hypothesis import strategies as st
 
-from orip.files.stores import cameras, exterior, observations, photos, solutions, templates, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.control import PointKind
 from orip.records.group_test import GroupKind, GroupTest

@@ -12,8 +12,8 @@ import pytest
 import store_samples as samples
 
 from orip.errors import InputError
-from orip.files.stores import observations, solutions, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.contents import observations, solutions, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
 from orip.records.measurement import PhotoObservations

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.errors import InputError, UsageError
-from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores import provenance
+from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.stores.transaction import reading, writing

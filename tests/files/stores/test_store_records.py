@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.errors import InputError
-from orip.files.stores import cameras, exterior, observations, photos, provenance, solutions, templates, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores import provenance
+from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera, Mark

@@ -14,8 +14,9 @@ import pytest
 import store_samples as samples
 
 from orip.errors import InputError, LockedError, OripError, UsageError
-from orip.files.stores import cameras, photos, provenance, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores import provenance
+from orip.files.stores.contents import cameras, photos, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import reading, writing
 from orip.records.photo import Photo, Temtick
 
@@ -313,8 +314,8 @@ def test_reading_rolls_back_what_a_killed_run_left_half_written(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from orip.files.stores import photos, temticks
-from orip.files.stores.definitions import StoredRecord
+from orip.files.stores.contents import photos, temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import writing
 from orip.records.photo import Photo, Temtick
 

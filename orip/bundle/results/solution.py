@@ -9,14 +9,14 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.bundle.ground_results import (
+from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
     deviations,
     photo_correlations,
     point_correlations,
 )
-from orip.bundle.lost_rays import lost_control, lost_photos
+from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block

@@ -25,7 +25,7 @@ from orip.adjustment.group_tests import (
 )
 from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.observation_groups import ObservationGroup
+from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock, threads_that_pay
 from orip.records.group_test import GroupTest

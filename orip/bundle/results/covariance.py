@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.ground_results import rotation_partials, undetermined_points
+from orip.bundle.results.ground import rotation_partials, undetermined_points
 from orip.bundle.solve import SolvedBlock, threads_that_pay
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.units import DEGREES_PER_RADIAN

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.adjustment.band import BandMatrix, Symmetric
+from orip.adjustment.factorisation.band import BandMatrix, Symmetric
 from orip.arrays import FloatArray
 
 _DEPENDENT = 1e-10

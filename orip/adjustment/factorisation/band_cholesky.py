@@ -1,6 +1,6 @@
 """Cholesky factorisation of a band with a border, its selected inverse, and the removal of what is not determined.
 
-A full matrix of the same unknowns names the same ones as not determined (`orip.adjustment.null_space`).
+A full matrix of the same unknowns names the same ones as not determined (`orip.adjustment.factorisation.null_space`).
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
-from orip.adjustment.band import Arrangement, BandMatrix
-from orip.adjustment.cholesky import LOST_ALL
-from orip.adjustment.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.adjustment.factorisation.band import Arrangement, BandMatrix
+from orip.adjustment.factorisation.cholesky import LOST_ALL
+from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
 from orip.arrays import FloatArray
 
 _PANEL = 64

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orip.bundle.reliability import NON_CENTRALITY, reliability
+from orip.bundle.results.reliability import NON_CENTRALITY, reliability
 from orip.records.solution import Residuals
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import orip
 
-BLOCKS = Path(__file__).parent / "undetermined_blocks"
+BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"
 
 
 def solved(folder: Path, name: str) -> orip.Solution:

@@ -9,8 +9,8 @@ import pytest
 from monte_carlo.grouped_blocks import STATION_ERROR, exact_block, grouped_block, verdict_of
 from support.synthetic_block import SyntheticBlock
 
-from orip.bundle.group_verdict import GroupVerdict
-from orip.bundle.group_words import group_diagnosis, group_name
+from orip.bundle.groups.verdict import GroupVerdict
+from orip.bundle.groups.words import group_diagnosis, group_name
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block
 from orip.records.solution import Solution

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.cholesky import LOST_ALL, factorise
+from orip.adjustment.factorisation.cholesky import LOST_ALL, factorise
 
 MAX_LOST = 12.0
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from orip.adjustment.group_tests import two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
-from orip.bundle.group_figures import (
+from orip.bundle.groups.figures import (
     GroundGroups,
     GroupFigures,
     JudgedGroup,
@@ -25,7 +25,7 @@ from orip.bundle.group_figures import (
     is_testable,
     photo_test,
 )
-from orip.bundle.observation_groups import observation_groups
+from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.solve import SolvedBlock
 from orip.records.group_test import Contradiction, ContradictionKind, GroupTest
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar, cast
 
 from orip.errors import Complaint, InputError
-from orip.files.stores.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
+from orip.files.stores.contents.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, position, record_name, text
 from orip.records.fields import fields_of

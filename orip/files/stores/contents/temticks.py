@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, record_list
+from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.records.camera import Mark
 from orip.records.photo import Temtick

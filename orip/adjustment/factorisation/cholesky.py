@@ -1,9 +1,9 @@
 """Cholesky factorisation that removes the unknowns that nothing determines.
 
 The digits that a diagonal element loses during the elimination are watched, as Poder did; which unknowns are removed
-is decided by movements of small stiffness (`orip.adjustment.null_space`), not by single pivots: rounding leaves a
-pivot of its own size, magnified, where nothing should be left. A removed unknown has neither row nor column, and its
-correction is zero.
+is decided by movements of small stiffness (`orip.adjustment.factorisation.null_space`), not by single pivots: rounding
+leaves a pivot of its own size, magnified, where nothing should be left. A removed unknown has neither row nor column,
+and its correction is zero.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
-from orip.adjustment.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
 from orip.arrays import FloatArray, IntArray
 
 LOST_ALL = 99.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from orip.adjustment.band import arranged, zero_matrix
-from orip.adjustment.band_cholesky import factorise_band
-from orip.adjustment.cholesky import factorise
+from orip.adjustment.factorisation.band import arranged, zero_matrix
+from orip.adjustment.factorisation.band_cholesky import factorise_band
+from orip.adjustment.factorisation.cholesky import factorise
 
 MAX_LOST = 12.0
 NONE = np.zeros(0, dtype=bool)

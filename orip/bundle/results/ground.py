@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.results.undetermined_points import undetermined_coordinates
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.undetermined_points import undetermined_coordinates
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.names import record_key

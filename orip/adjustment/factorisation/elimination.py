@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from orip.adjustment.band import Symmetric
-from orip.adjustment.cholesky import LOST_ALL
+from orip.adjustment.factorisation.band import Symmetric
+from orip.adjustment.factorisation.cholesky import LOST_ALL
 from orip.arrays import BoolArray, FloatArray
 
 _AS_LARGE = 1e-9

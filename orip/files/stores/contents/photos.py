@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from orip.files.stores.definitions import DefinitionTables, StoredRecord, definition_table, refuse_case_twins
-from orip.files.stores.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
+from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, refuse_case_twins
+from orip.files.stores.contents.marks import TRANSFORMATION, measured_marks_table, measured_of, measured_rows
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, record_name, text
 from orip.records.measurement import PhotoOrientation
