@@ -45,6 +45,9 @@ _GOOD = 2.5
 _AS_GOOD = 1.03
 """Ratio of misfits: two routes that end alike are right, though the camera may not be calibrated."""
 
+_BETTER = 0.999
+"""Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
+
 _STRONG = 10.0
 """Redundancy per photo from which a wrong block cannot fit."""
 
@@ -96,7 +99,7 @@ class _End(NamedTuple):
 def _best_outcome(measured: MeasuredBlock) -> _Search:
     """Try routes until nothing better is to be expected."""
     best: Outcome | None = None
-    best_rank = (False, -np.inf)
+    beaten = (False, -np.inf)
     ends: list[_End] = []
     by_the_models: Route | None = None
     for number, route in enumerate(_routes(measured)):
@@ -106,8 +109,8 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
         if outcome is not None:
             lengths = lengths_of_residuals(measured, outcome)
             misfit = _misfit(measured.rays, outcome.grown, lengths)
-            if (rank := (outcome.is_final, -misfit)) > best_rank:
-                best, best_rank = outcome, rank
+            if (outcome.is_final, -misfit) > beaten:
+                best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
             if _is_complete(measured, outcome):
                 ends.append(_end(measured, outcome.grown, lengths, misfit))
         if _is_enough(ends):
