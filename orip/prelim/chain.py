@@ -13,7 +13,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
-from orip.prelim.fit import fits_by_chance, redundancy, robust_square_sum
+from orip.prelim.fit import fits_by_chance, is_strong, redundancy, robust_square_sum
 from orip.prelim.found_values import found_values
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
@@ -47,9 +47,6 @@ _AS_GOOD = 1.03
 
 _BETTER = 0.999
 """Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
-
-_STRONG = 10.0
-"""Redundancy per photo from which a wrong block cannot fit."""
 
 _FAR_OFF = 15.0
 """Residuals over the a-priori error count up to this."""
@@ -155,9 +152,8 @@ def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:
 def _end(measured: MeasuredBlock, grown: GrowingBlock, lengths: FloatArray, misfit: float) -> _End:
     misplaced = np.flatnonzero(misplaced_photos(measured.rays, grown, lengths))
     held: BoolArray = np.asarray(np.isfinite(measured.full_control()).all(axis=1))
-    degrees = redundancy(measured.rays, grown, held, lengths)
-    is_strong = degrees >= _STRONG * len(measured.rays.photos)
-    fits = is_strong or fits_by_chance(robust_square_sum(lengths), degrees)
+    degrees = redundancy(measured.rays, held, ~np.isnan(lengths))
+    fits = is_strong(degrees, len(measured.rays.photos)) or fits_by_chance(robust_square_sum(lengths), degrees)
     return _End(frozenset(misplaced.tolist()), misfit, fits)
 
 

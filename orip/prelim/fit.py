@@ -8,11 +8,13 @@ import numpy as np
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 
-_PHOTO, _POINT, _CAMERA = 6, 3, 4
+_PHOTO, _POINT = 6, 3
 """Unknowns."""
+
+_STRONG = 10.0
+"""Redundancy per photo."""
 
 _LIMIT = 3.1
 """Of a normal deviate: chance exceeds it once in a thousand blocks."""
@@ -26,22 +28,33 @@ def robust_square_sum(lengths: FloatArray) -> float:
     return float((np.minimum(lengths[~np.isnan(lengths)], LIMIT_OF_TWO_COMPONENTS) ** 2).sum())
 
 
-def redundancy(rays: ImageRays, grown: GrowingBlock, held_points: BoolArray, lengths: FloatArray) -> int:
-    """Return the redundancy of the oriented photos and their points.
+def redundancy(rays: ImageRays, held_points: BoolArray, used: BoolArray) -> int:
+    """Return the redundancy of an adjustment of photos and points.
 
     Parameters
     ----------
     rays : ImageRays
-    grown : GrowingBlock
     held_points : array (number of points,) of bool
         Control that does not move.
-    lengths : array (n,)
-        Residuals of the rays; NaN for a ray that tells nothing.
+    used : array (n,) of bool
+        Rays that take part, and so do their photos and points.
     """
-    used = ~np.isnan(lengths)
     points = len(np.unique(rays.point[used & ~held_points[rays.point]]))
-    unknowns = _PHOTO * np.count_nonzero(grown.oriented) + _POINT * points + _CAMERA * len(grown.corrections)
-    return int(2 * np.count_nonzero(used) - unknowns)
+    photos = len(np.unique(rays.photo[used]))
+    unknowns = _PHOTO * photos + _POINT * points + int(np.count_nonzero(rays.cameras.unknown))
+    return int(2 * np.count_nonzero(used)) - unknowns
+
+
+def rays_that_count(rays: ImageRays, photos: BoolArray, held_points: BoolArray) -> BoolArray:
+    """Return which rays (n,) of some photos determine something: of points held, or seen by two of the photos."""
+    used = photos[rays.photo]
+    number = np.bincount(rays.point[used], minlength=len(rays.points))
+    return np.asarray(used & ((number >= 2) | held_points)[rays.point])
+
+
+def is_strong(redundancy: int, photos: int) -> bool:
+    """Tell whether a wrong block cannot nearly fit its rays, as it can where few of them are redundant."""
+    return redundancy >= _STRONG * photos
 
 
 def fits_by_chance(square_sum: float, redundancy: int) -> bool:

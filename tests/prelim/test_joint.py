@@ -8,7 +8,7 @@ from monte_carlo.preliminary_records import gathered
 from monte_carlo.weakly_joined_blocks import weakly_joined_records
 from scipy import stats
 
-from orip.prelim.fit import fits_by_chance, robust_square_sum
+from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
 from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.joint.placing import levelled, place_parts, tilted
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
@@ -125,3 +125,16 @@ def test_what_measuring_errors_explain_is_exceeded_once_in_a_thousand_blocks(deg
 
 def test_large_residuals_count_as_the_limit_and_missing_ones_do_not() -> None:
     assert robust_square_sum(np.array([1.0, np.nan, np.inf])) == pytest.approx(1.0 + robust_square_sum(np.array([1e6])))
+
+
+def test_redundancy_counts_what_takes_part() -> None:
+    rays, known = weak_rays()
+    held = np.isfinite(known).all(axis=1)
+    found = redundancy(rays, held, rays_that_count(rays, np.ones(len(rays.photos), dtype=bool), held))
+    # every point is seen twice, or is control
+    assert found == 2 * len(rays.photo) - 6 * 4 - 3 * np.count_nonzero(~held)
+    assert not is_strong(found, 4)
+    assert is_strong(40, 4)
+    alone = rays_that_count(rays, np.arange(4) == 0, held)
+    assert alone.any()
+    assert held[rays.point[alone]].all()
