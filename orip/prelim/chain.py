@@ -19,7 +19,7 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.joint.by_parts import by_parts
 from orip.prelim.joint.by_photos import by_photos
-from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT
+from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
 from orip.prelim.routes import (
@@ -158,9 +158,10 @@ def _end(measured: MeasuredBlock, grown: GrowingBlock, lengths: FloatArray, misf
 
 
 def _is_complete(measured: MeasuredBlock, outcome: Outcome) -> bool:
-    """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
+    """Tell whether all photos that can be are oriented, and on the ground if there is control enough for that."""
     control_suffices = measured.known_coordinates >= _LEAST_COORDINATES
-    return (outcome.is_final or not control_suffices) and bool(outcome.grown.oriented.all())
+    supported = supported_photos(measured.rays, measured.known_control())
+    return (outcome.is_final or not control_suffices) and bool(outcome.grown.oriented[supported].all())
 
 
 def _is_enough(ends: list[_End]) -> bool:

@@ -34,6 +34,9 @@ _ROUNDS = 3
 _SMALLEST_SCALE = 0.2
 """Of the median scale: parts that shrink more are not determined, and get the median."""
 
+_DENSE = 300
+"""Unknowns up to which setting up a sparse matrix takes longer than solving a full one."""
+
 _REGULAR = 1e-10
 """Of the mean square of a column, added to the normal equations: parts that nothing ties stay where they are."""
 
@@ -287,11 +290,21 @@ class _Equations:
 
     def solved(self) -> FloatArray:
         """Return the unknowns (columns,); those that nothing determines are near 0."""
+        rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        right = np.concatenate(self._right)
+        if self._columns <= _DENSE:
+            design = np.zeros((self._count, self._columns))
+            np.add.at(design, (rows, columns), values)
+            normal = design.T @ design
+            regular = _REGULAR * float(normal.diagonal().mean()) * np.eye(self._columns)
+            return np.asarray(np.linalg.solve(normal + regular, design.T @ right))
+        return self._solved_sparse(rows, columns, values, right)
+
+    def _solved_sparse(self, rows: IntArray, columns: IntArray, values: FloatArray, right: FloatArray) -> FloatArray:
         from scipy.sparse import coo_array, eye_array
         from scipy.sparse.linalg import splu
 
-        rows, columns, values = (np.concatenate(part) for part in zip(*self._parts, strict=True))
         design = coo_array((values, (rows, columns)), shape=(self._count, self._columns)).tocsc()
         normal = (design.T @ design).tocsc()
-        regular = normal + _REGULAR * float(normal.diagonal().mean()) * eye_array(self._columns, format="csc")
-        return np.asarray(splu(regular.tocsc()).solve(design.T @ np.concatenate(self._right)))
+        regular = _REGULAR * float(normal.diagonal().mean()) * eye_array(self._columns, format="csc")
+        return np.asarray(splu((normal + regular).tocsc()).solve(design.T @ right))
