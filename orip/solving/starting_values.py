@@ -10,6 +10,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.assemble import with_starting_values
+from orip.bundle.part_of_block import without_photos
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
@@ -19,7 +20,6 @@ from orip.records.camera import Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
-from orip.solving.reduced_block import without_photos
 
 _ADVICE = (
     "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"

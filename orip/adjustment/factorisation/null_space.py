@@ -22,6 +22,9 @@ _MORE_GUESSES = 8
 _STEPS = 4
 """A step magnifies a movement against another one by the ratio of their stiffnesses: mostly by more than 10^5."""
 
+_UNLIKELY_PART = 1e-4
+"""Of the mean part that a movement has in a random one; two random ones have less with a probability of 10^-8."""
+
 _LARGE_ENOUGH = 0.2
 """Of the largest part that an unknown has in a movement; of those that have more, the last unknown is removed."""
 
@@ -70,14 +73,27 @@ def soft_movements(
     while guesses:
         moved = np.zeros((size, guesses))
         moved[unknowns] = random.normal(size=(len(unknowns), guesses))
-        for _ in range(_STEPS):
-            moved, _ = np.linalg.qr(solution(moved))
+        moved = solution(moved)
+        if _is_stiff(moved, least_stiffness):
+            break
+        for _ in range(_STEPS - 1):
+            moved = solution(np.linalg.qr(moved)[0])
+        moved, _ = np.linalg.qr(moved)
         stiffness, turn = np.linalg.eigh(moved.T @ product(moved))
         soft = stiffness < least_stiffness
         if not soft.all() or guesses == len(unknowns):
             return SoftMovements(moved @ turn[:, soft], stiffness[soft])
         guesses = min(_MORE_GUESSES * guesses, len(unknowns))
     return SoftMovements(np.zeros((size, 0)), np.zeros(0))
+
+
+def _is_stiff(moved: FloatArray, least_stiffness: float) -> bool:
+    """Return whether no movement is softer than a limit, from N^-1 x (m, k) of k vectors x of normal random numbers.
+
+    The part x^T v of a movement v with the stiffness s, normal with variance 1, makes N^-1 x at least |x^T v| / s long.
+    """
+    lengths = np.linalg.norm(moved, axis=0)
+    return len(lengths) > 1 and bool(lengths.max() * least_stiffness < _UNLIKELY_PART)
 
 
 def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:

@@ -13,9 +13,9 @@ from itertools import combinations
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.bundle.part_of_block import without_unmeasured_points
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.similarity import fit_similarity
-from orip.mistakes.block_parts import without_unmeasured_points
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.control_coordinates import mirrored_control, with_multiplied_control
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding

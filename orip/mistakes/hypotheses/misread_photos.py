@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from orip.bundle.part_of_block import without_photo
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation
-from orip.mistakes.block_parts import without_photo
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.photo_readings import FittingReading, fitting_reading, mirror_readings

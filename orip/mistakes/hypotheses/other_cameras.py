@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from orip.mistakes.block_parts import without_unused_cameras
+from orip.bundle.part_of_block import without_unused_cameras
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.camera import Camera
