@@ -1,9 +1,9 @@
 """The search: test all hypotheses, leave out the likeliest, adjust again; in the end take back what fits after all.
 
 Within one linearisation many blunders are left out one after the other, each judged without those before
-(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution. When nothing fails any more,
-photo points left out are compared with the other rays of their points once more: while other blunders were in use, they
-disturbed the choice.
+(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution. When nothing fails any
+more, photo points left out are compared with the other rays of their points once more: other blunders disturbed the
+choice while they were in use.
 """
 
 from __future__ import annotations
