@@ -19,7 +19,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
-_FIRST, _LEAST, _MOST = 1e-3, 1e-6, 1e4
+_FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
 _STEP = 10.0
 
 _WORSE, _WORSE_WITH_LOSS = 1e4, 100.0
@@ -43,15 +43,12 @@ class StepControl:
         Iterations since a correction was last refused; -1: in this one.
     least_mean_square : float
         Smallest weighted mean square of the residuals among the iterations that were judged.
-    after_damping : bool
-        The correction before was the last one damped.
     """
 
     unknowns: int
     damping: float = 0.0
     undamped: int = 0
     least_mean_square: float = np.inf
-    after_damping: bool = False
 
     def judging(self, before: Equations, weights: FloatArray, normals: SolvedNormals) -> StepControl:
         """Return the control that judges an attempt from a linearisation: it knows the mean square there."""
@@ -63,14 +60,12 @@ class StepControl:
     def accepts_correction(
         self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals
     ) -> bool:
-        """Return whether a full correction is accepted; it may raise the mean square for a while, but not at first."""
+        """Return whether a full correction is accepted; it may raise the mean square for a while."""
         if not self._judges(before, normals):
             return True
         here = _mean_square(before, weights, before.residual)
         lost = (before.active & ~after.active).any()
         allowed = max((_WORSE_WITH_LOSS if lost else _WORSE) * self.least_mean_square, here)
-        if self.after_damping:
-            allowed = here
         return _mean_square(before, weights, judged_residuals(before, after)) <= allowed
 
     def accepts_fitted(self, before: Equations, after: Equations, weights: FloatArray, normals: SolvedNormals) -> bool:
@@ -98,21 +93,16 @@ class StepControl:
     def relaxed(self) -> StepControl:
         """Return the control after a step was taken: the next correction is damped less, or not at all."""
         weaker = self.damping / _STEP
-        damping = weaker if weaker >= _LEAST else 0.0
-        return replace(
-            self, undamped=self.undamped + 1, damping=damping, after_damping=self.damping > 0.0 and damping == 0.0
-        )
+        return replace(self, undamped=self.undamped + 1, damping=weaker if weaker >= _LEAST else 0.0)
 
     def strengthened(self) -> StepControl:
         """Return the control that damps the next attempt more."""
-        first = _LEAST if self.after_damping else _FIRST
-        return replace(self, damping=_STEP * self.damping if self.damping else first, after_damping=False)
+        return replace(self, damping=_STEP * self.damping if self.damping else _FIRST)
 
     def _judges(self, before: Equations, normals: SolvedNormals) -> bool:
         near = self._enp(normals) >= _NEAR_ENP
         # exact constraints must be met whatever the square sum: their equations say nothing of it
-        is_sure = near and not self.damping and not self.after_damping
-        return not (is_sure or self.damping >= _MOST or (before.active & before.exact).any())
+        return not ((near and not self.damping) or self.damping >= _MOST or (before.active & before.exact).any())
 
     def _enp(self, normals: SolvedNormals) -> float:
         return exponent_of_numerical_precision(normals.reduced_square_sum, self.unknowns)
