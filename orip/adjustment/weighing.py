@@ -53,6 +53,8 @@ class Weighing:
         First iteration in which the Danish method may reduce weights; None: all weights are 1.
     settled_after : int or None
         Iterations until the residuals no longer depended on the starting values; None: they still do.
+    early : bool
+        Exceptionally large residuals lose weight before the Danish method; else all weights are 1 until then.
     scale : float
         Of the observations, in a-priori errors: 1 unless these are far off.
     crowded : bool
@@ -62,6 +64,7 @@ class Weighing:
     limit: float
     start: int | None
     settled_after: int | None = None
+    early: bool = True
     scale: float = 1.0
     crowded: bool = False
 
@@ -73,7 +76,7 @@ class Weighing:
     def factors(self, equations: Equations, iteration: int) -> FloatArray:
         """Return the weight factors (n,) for an iteration; exact constraints always have 1."""
         factors = np.ones(len(equations.residual))
-        if self.start is None:
+        if self.start is None or not (self.early or iteration >= self.start):
             return factors
         judged = _judged(equations)
         size = np.abs(equations.residual[judged])
@@ -149,6 +152,11 @@ class Weighing:
         if self.start is None or self.settled_after is None:
             return 0
         return max(self.settled_after, self.start - 1)
+
+
+def weighing_from(limit: float, start: int | None, *, early: bool) -> Weighing:
+    """Return the phase to begin with; without early weights the Danish method waits for nothing but its iteration."""
+    return Weighing(limit, start) if early or start is None else Weighing(limit, start, start - 1, early=False)
 
 
 def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
