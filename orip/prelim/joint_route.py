@@ -1,4 +1,4 @@
-"""The route by parts: what pairs of photos connect is placed on the ground together, by control and all common points.
+"""The route by parts: parts made of pairs of photos are placed on the ground together, by control and common points.
 
 For blocks whose parts share too few points to be joined one after the other, or see too little control each.
 """
@@ -28,16 +28,16 @@ _M = 1e-3
 """Parts are in metres at photo scale."""
 
 _FLAT = 0.1
-"""Deviation of the depth of points in a single photo, which are taken to lie in a plane, as part of that depth."""
+"""Deviation of the depth of points in a single photo, which are assumed to lie in a plane, as a part of that depth."""
 
 _NARROWER = 10.0
 """Ratio of the limits for blunders from one adjustment to the next."""
 
 _POINTS = 3
-"""Of a part."""
+"""Points that a part needs."""
 
 _EQUATIONS = 6
-"""Of a photo, with as many unknowns."""
+"""Equations that a photo needs, which has as many unknowns."""
 
 
 def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int) -> Route:
@@ -70,7 +70,7 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
 
 
 def _refined_with_all_ties(held: BlockGrower, start: GrowingBlock) -> GrowingBlock:
-    """Return a block after adjustments in which no ray is a blunder at first.
+    """Return a block after adjustments, in the first of which no ray counts as a blunder.
 
     Parts fit in themselves, so that the few points that tie them would lose their weight while the parts are still out
     of place (graduated non-convexity, Blake and Zisserman 1987).
@@ -100,9 +100,9 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
 
 
 def _supported_photos(rays: ImageRays, control: BoolArray) -> BoolArray:
-    """Return which photos (number of photos,) may be determined: others and control give them equations enough.
+    """Return which photos (number of photos,) may be determined: other photos and control give them enough equations.
 
-    A point gives two if it is control or if two other photos show it, one if one of them does.
+    A point gives two if it is control or in two other photos, one if it is in one other photo.
     """
     supported = np.ones(len(rays.photos), dtype=bool)
     while True:
@@ -116,7 +116,7 @@ def _supported_photos(rays: ImageRays, control: BoolArray) -> BoolArray:
 
 
 def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
-    """Return a part with the points that one of its photos shows, at the usual depth of that photo's other points."""
+    """Return a part with the points that are in one of its photos, at the median depth of that photo's other points."""
     rays = grower.rays
     points, coordinates, deviations = [part.points], [part.coordinates], [part.deviations]
     place = np.full(len(rays.points), -1)

@@ -1,8 +1,8 @@
 /* The loops over all photo points of a block for Python: residuals, normal equations, solving, precision.
  *
- * Called by orip/bundle/compiled/photo_loop.py alone, which says what the arrays hold; the sizes that follow from one another are
- * checked here, what the index arrays say is not. The design matrix is never stored: partials are computed where they
- * are needed.
+ * Called by orip/bundle/compiled/photo_loop.py alone, where the arrays are described. Sizes that follow from one another
+ * are checked here, the contents of index arrays are not. The design matrix is never stored: partials are computed where
+ * they are needed.
  */
 
 #define PY_SSIZE_T_CLEAN
@@ -11,7 +11,7 @@
 
 #include "loops.h"
 
-/* The arguments that all loops have in common, in this order, and then their own. */
+/* The arguments that all loops have in common, in this order; those of each loop follow. */
 enum {
     CAMERAS, ADDITIONAL_VALUES, CENTRES, ROTATIONS, BASES, GROUND, KIND, OF_SET, SET_POLYNOMIALS, FACTORS, AT_MEASURED,
     OF_CAMERA, OF_PHOTO, OF_POINT, XY, ERROR, OBSERVATION_END,
@@ -63,7 +63,7 @@ static void take_block(Call *call)
         && has_length(&v[XY], 2 * b->count, 8) && has_length(&v[ERROR], 2 * b->count, 8) && b->count <= INT32_MAX;
 }
 
-/* Take the pattern, and get the room that sums of its largest group need. */
+/* Take the pattern, and find the number of unknowns of its largest group, from which the work space follows. */
 static void take_pattern(Call *call)
 {
     const Py_buffer *v = call->view;
@@ -88,7 +88,7 @@ static void take_pattern(Call *call)
         int64_t size = 0;
         for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
             size += p->runs[r] < b->camera_count ? p->camera_unknowns[p->runs[r]] : PHOTO_UNKNOWNS;
-        /* a run of constants alone has a place among the first ones, too */
+        /* a run of constants has no unknown, but an element of Local.first */
         size = size > p->runs_start[group + 1] - p->runs_start[group] ? size : p->runs_start[group + 1] - p->runs_start[group];
         p->longest = size > p->longest ? size : p->longest;
     }
@@ -110,7 +110,7 @@ static PyObject *refused(Call *call)
     return NULL;
 }
 
-/* Open the buffers of `count` arguments, of which `writable` at the end, and take block and pattern from them. */
+/* Open the buffers of `count` arguments, the last `writable` of them for writing, and take block and pattern from them. */
 static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, int count, int others, int writable, int pattern)
 {
     memset(call, 0, sizeof *call);

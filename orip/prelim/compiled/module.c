@@ -1,7 +1,7 @@
 /* Inner loops of preliminary values: intersection, relative orientation, resection,
  * similarity, refinement.
  *
- * The headers stand beside the Python modules that they serve; the compiled package binds them. The sizes of arrays
+ * The headers are in the folders of the Python modules that they serve. The sizes of arrays
  * that follow from one another are checked here, the contents of index arrays are not.
  */
 

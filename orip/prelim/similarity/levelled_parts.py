@@ -1,7 +1,7 @@
 """Parts of a block placed on the ground together, though no two of them share enough points to be joined alone.
 
-Each part (a strip, a model, a photo) is levelled by the attitude of its photos. What is left of its similarity is
-linear: scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without initial
+Each part (a strip, a model, a photo) is levelled by the attitude of its photos. The rest of its similarity is linear:
+scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without initial
 values, from control and common points, as in the block adjustment of levelled models (Anblock: van den Hout 1966).
 Levels are improved with the heights.
 """
@@ -23,16 +23,16 @@ _AGREEING = 0.5
 """Length of the mean of the photos' axes below which they do not say where up is."""
 
 _ALIKE = 0.03
-"""Weight of the expectation that parts with a common photo have the same scale and azimuth; 1: that of a point."""
+"""Weight of the condition that parts with a common photo have the same scale and azimuth; 1 is that of a point."""
 
 _LEVEL = 0.1
-"""Weight of the expectation that a part is level, at the distance of its points; 1: that of a point."""
+"""Weight of the condition that a part is level, at the distance of its points; 1 is that of a point."""
 
 _ROUNDS = 3
-"""Of plan and height."""
+"""Number of adjustments of plan and height."""
 
 _SMALLEST_SCALE = 0.2
-"""Of the median scale: parts that shrink more are not determined."""
+"""Part of the median scale; parts that shrink to less are not determined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Ties:
     parts : int
     part : array (n,) of int
     place : array (n,) of int
-        Of a point, or of the projection centre of a photo, on the ground.
+        Index of a ground position: that of a point, or of the projection centre of a photo.
     known : array (number of places, 3)
         Ground coordinates; NaN where not known.
     """
@@ -65,7 +65,7 @@ def place_parts(parts: Sequence[PartialBlock], known: FloatArray, axis: int) -> 
     known : array (number of points, 3)
         Coordinates of control; NaN where not known.
     axis : int
-        Of the photos, that points up: 2 where they look down, 1 where they stand upright.
+        Axis of the photos that points up: 2 where they look down, 1 where they stand upright.
 
     Returns
     -------
@@ -211,7 +211,7 @@ def _in_plan(ties: _Ties, coordinates: FloatArray, alike: Sequence[tuple[int, in
 
 
 def _in_height(ties: _Ties, coordinates: FloatArray) -> FloatArray:
-    """Return slopes in X and Y, and height, of the middle of each part (parts, 3), from which coordinates are taken."""
+    """Return slopes in X and Y, and height, at the middle of each part (parts, 3), to which coordinates refer."""
     parts, n = ties.parts, len(ties.part)
     free: BoolArray = np.asarray(~np.isfinite(ties.known[:, 2]))
     column = 3 * parts + np.cumsum(free) - 1
