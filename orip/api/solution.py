@@ -52,6 +52,9 @@ class Solution:
         What data snooping left out, in the order in which it was found.
     check_points : tuple of CheckPoint
         Adjusted minus given coordinates.
+    zero_directions : tuple of ZeroDirection
+        Of each set of theodolite directions: `set`, `value` (R: the azimuth of a reading of 0), `sd`; degrees. The sd
+        is NaN for a constant and infinite for what nothing determines.
     correlations : tuple of Correlation
         Between the parameters of each camera.
     singular : tuple of SingularUnknown
@@ -83,6 +86,7 @@ class Solution:
         self.iterations = record.iterations
         self.blunders = record.blunders
         self.check_points = record.check_points
+        self.zero_directions = record.zero_directions
         self.correlations = record.correlations
         self.singular = record.singular
         self.diagnosis = record.diagnosis

@@ -235,7 +235,8 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
-/* Add a group's sums to the reduced system, one stretch of consecutive places after the other. */
+/* Add a group's sums to the reduced system, one stretch of consecutive places after the other. Cameras with the same lens
+ * have common places: where two unknowns of the group are one, both triangles of the sums go to the diagonal. */
 INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
 {
     const Reduced *m = &n->reduced;
@@ -256,6 +257,8 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
             } else
                 for (int64_t k = 0; place >= 0 && k < length; k++)
                     *element_at(m, own, place + k) += column[i + k];
+            if (i != j && place >= 0 && place <= own && own < place + length)
+                *element_at(m, own, own) += column[i + own - place];
         }
     }
 }

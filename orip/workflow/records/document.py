@@ -51,7 +51,7 @@ def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> Proj
 def in_given_form(camera: Camera) -> Camera:
     """Return the camera without the form that its distortion was given in, if it no longer says what the polynomial is.
 
-    Of a camera with such a form the polynomial is computed, so the other coefficients are 0.
+    Of a camera with such a form A1, A3, A5, A7 are computed.
     """
     with suppress(InputError):  # a form that no text may have
         if with_polynomial(camera) == camera:
