@@ -324,7 +324,7 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
         }
         scatter(&s, &local, n, numbers + 2 * p->longest);
     }
-    if (n->reduced.stride == n->reduced.size)
+    if (n->reduced.stride == n->reduced.size && n->reduced.banded == n->reduced.size)
         mirror(&n->reduced);
 }
 

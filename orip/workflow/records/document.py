@@ -20,7 +20,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import MOST_BUNDLES, ProjectFolder
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.apply_text import with_polynomial
 
 T = TypeVar("T", bound=NamedRecord)
@@ -76,10 +76,6 @@ def checked(document: Mapping[str, Any], faults: Sequence[str] = ()) -> CheckedD
     complaints = [
         Complaint(fault) for fault in (*faults, *(_without_line(complaint.message) for complaint in parsed.complaints))
     ]
-    bundles = len(document["bundle"])
-    if bundles > MOST_BUNDLES:
-        message = f"the project would have {bundles} bundles, at most {MOST_BUNDLES} are possible; delete another first"
-        complaints.append(Complaint(message))
     if complaints or parsed.value is None:
         raise InputError(complaints)
     definition = parsed.value.definition
