@@ -89,6 +89,7 @@ def iteration_settings(definition: BundleDefinition) -> IterationSettings:
         definition.max_standard_residual,
         None if off else definition.start_down_weight,
         definition.max_lost_digits,
+        definition.early_weights == "scaled",
     )
 
 
