@@ -220,12 +220,6 @@ def test_two_models_cannot_have_one_place(project: Path) -> None:
     refused(project, sentence, *typed("model add M2 left=left right=right row=1 column=1"))
 
 
-def test_too_many_bundles(project: Path) -> None:
-    for name in "ABCD":
-        done(orip(project, "bundle", "add", name))
-    refused(project, "at most 5 are possible", "bundle", "add", "E")
-
-
 def test_models_of_several_bundles(project: Path) -> None:
     done(orip(project, "bundle", "add", "AGAIN"))
     words = typed("left=left right=right row=1 column=1")

@@ -148,8 +148,10 @@ def _end(pact: Path, files: Iterable[Path]) -> None:
 
 
 def _restore(file: Path, content: bytes, connect: Connect) -> None:
-    """Give a store its bytes of before, in a transaction of its own."""
+    """Give a store its bytes of before, in a transaction of its own; one that has them may be held by readers."""
     with closing(sqlite3.connect(":memory:")) as source, closing(connect(file)) as store:
+        if _bytes_of(file, store) == content:
+            return
         if content:
             source.deserialize(content)
         source.backup(store)
@@ -157,12 +159,15 @@ def _restore(file: Path, content: bytes, connect: Connect) -> None:
 
 def _write_undo(file: Path, pact: Path, connect: Connect) -> None:
     """Copy a store as others see it: a connection of its own reads what is committed, whatever is being written."""
-    content = b""
-    if file.stat().st_size:  # an empty file, which this transaction has made, cannot be serialised
-        with closing(connect(file)) as store:
-            content = store.serialize()
+    with closing(connect(file)) as store:
+        content = _bytes_of(file, store)
     head = {"pact": _from(file, pact), "sha256": hashlib.sha256(content).hexdigest()}
     replace_bytes(_undo_of(file), json.dumps(head).encode() + b"\n" + content)
+
+
+def _bytes_of(file: Path, store: sqlite3.Connection) -> bytes:
+    """Return what is committed of a store; an empty file cannot be serialised."""
+    return store.serialize() if file.stat().st_size else b""
 
 
 def _read_undo(file: Path) -> tuple[Path, bytes]:

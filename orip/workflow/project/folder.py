@@ -15,8 +15,6 @@ from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 
 PROJECT_FILE = "orip.toml"
-MOST_BUNDLES = 5
-"""SQLite attaches ten databases to a connection: the five record stores, and an .EXO file of each bundle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +77,7 @@ class ProjectFolder:
 
     @property
     def heading_digest(self) -> tuple[str, str]:
-        """Return the name, in messages, and the digest of what stands on every output."""
+        """Return the name, in messages, and the digest of what is printed on every output."""
         definition = self.definition
         heading = (definition.name, definition.user, definition.ground_unit)
         return f"[project] of {PROJECT_FILE}", record_digest(heading)
@@ -151,7 +149,7 @@ class ProjectFolder:
         return self._outputs(bundle, only=self.has_one_bundle)
 
     def outputs_of_other_name(self, bundle: str) -> OutputFiles:
-        """Return where a bundle's results would go if the project had several bundles and has one, or the reverse."""
+        """Return where a bundle's results would go with several bundles where the project has one, or the reverse."""
         return self._outputs(bundle, only=not self.has_one_bundle)
 
     def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:
@@ -212,12 +210,6 @@ def open_project(folder: Path) -> ProjectFolder:
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
-    if len(parsed.value.definition.bundles) > MOST_BUNDLES:
-        message = (
-            f"the project has {len(parsed.value.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
-            f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
-        )
-        raise InputError.single(message, PROJECT_FILE)
     project = ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
     return replace(project, bundles_of_commands=_bundles_of_commands(project))
 

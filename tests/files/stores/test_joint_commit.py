@@ -12,11 +12,13 @@ from workflow.killed_here import Killed, killed_at
 
 from orip.errors import InputError, LockedError
 from orip.files.stores.contents import temticks
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Mark
 from orip.records.photo import Temtick
 
-MANY = 25
+MANY = 13
+"""Two connections."""
 
 
 def paths_in(folder: Path) -> list[Path]:
@@ -27,7 +29,7 @@ def write(folder: Path, name: str, timeout: float = 10.0) -> None:
     """Give all stores one record of a name."""
     with writing(paths_in(folder), timeout=timeout) as stores:
         for path in paths_in(folder):
-            temticks.write(stores[path], [Temtick(name, (Mark("1", 0.0, 0.0),))])
+            temticks.write(stores[path], [StoredRecord(Temtick(name, (Mark("1", 0.0, 0.0),)))])
 
 
 def names(folder: Path) -> list[str]:
@@ -58,8 +60,8 @@ def test_killed_at_any_step_all_stores_are_old_or_all_are_new(tmp_path, before):
     with killed_at(None) as steps:
         write(tmp_path / "count", "NEW")
     total, seen = steps(), set()
-    commits = range(total - 120, total + 1)
-    for step in sorted({*range(1, total, total // 10), *commits[::3], *commits[-12:]}):
+    commits = range(total - 60, total + 1)  # the pact, the copies, two commits
+    for step in sorted({*range(1, total, total // 4), *commits[::6], *commits[-5:]}):
         folder = tmp_path / str(step)
         folder.mkdir()
         if before:
@@ -86,7 +88,7 @@ def test_killed_while_putting_back(tmp_path):
                 names(tmp_path)
             is_killed = False
         except Killed:
-            step += 7
+            step += 9
     assert step > 20
     assert names(tmp_path) == ["OLD"] * MANY
 
@@ -99,7 +101,7 @@ def killed_between_commits(folder: Path) -> None:
         def execute(self, sql, *parameters):
             nonlocal commits
             commits += sql == "COMMIT"
-            if commits == 3:
+            if commits == 2:
                 raise Killed
             return super().execute(sql, *parameters)
 
@@ -115,8 +117,8 @@ def test_stores_that_are_moved_together_are_put_back(tmp_path):
     write(tmp_path / "here", "OLD")
     killed_between_commits(tmp_path / "here")
     (tmp_path / "here").rename(tmp_path / "there")
-    with reading([tmp_path / "there" / "S24.TIK"]) as stores:  # one of them is enough
-        assert [stored.record.name for stored in temticks.read(stores[tmp_path / "there" / "S24.TIK"])] == ["OLD"]
+    with reading([tmp_path / "there" / "S12.TIK"]) as stores:  # one of them is enough
+        assert [stored.record.name for stored in temticks.read(stores[tmp_path / "there" / "S12.TIK"])] == ["OLD"]
     assert names(tmp_path / "there") == ["OLD"] * MANY
     assert files_in(tmp_path / "there") == [path.name for path in paths_in(tmp_path)]
 
@@ -161,7 +163,7 @@ def test_readers_among_writers_see_one_state(tmp_path):
     """Two processes write in turns, this one reads: no mixture."""
     write(tmp_path, "A")
     spawn = multiprocessing.get_context("spawn")
-    writers = [spawn.Process(target=_alternate, args=(str(tmp_path), name, 6)) for name in "AB"]
+    writers = [spawn.Process(target=_alternate, args=(str(tmp_path), name, 3)) for name in "AB"]
     for process in writers:
         process.start()
     seen = set()
