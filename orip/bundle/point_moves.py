@@ -1,4 +1,4 @@
-"""Points moved otherwise than by corrections of their coordinates.
+"""Moving points in other ways than by corrections of their coordinates.
 
 Where a step of the iterations has failed, points are intersected from the rays of the photos, or moved along their
 corrections in direction and inverse distance. Photo coordinates are nearly linear in the inverse distance of a point
