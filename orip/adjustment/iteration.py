@@ -24,7 +24,7 @@ from orip.adjustment.equations import Equations, Layout, Linearised, Problem, St
 from orip.adjustment.final_weights import Restoration, improve
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import Weighing
+from orip.adjustment.weighing import Weighing, weighing_from
 from orip.arrays import FloatArray
 
 _IMPROVABLE_ENP = 2.0
@@ -48,6 +48,9 @@ class IterationSettings:
     start_down_weight : int or None
         First iteration in which it may; None: all weights are 1.
     max_lost_digits : float
+    early_weights : bool
+        Exceptionally large residuals lose weight before the Danish method, which waits until the block has settled;
+        else all weights are 1 before it, and it begins at `start_down_weight`.
     """
 
     enp_stop: float
@@ -55,6 +58,7 @@ class IterationSettings:
     max_standard_residual: float
     start_down_weight: int | None
     max_lost_digits: float
+    early_weights: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +200,7 @@ def adjust(
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> _IterationState[StateT]:
     return _IterationState(
         _linearised(problem, start),
-        Weighing(settings.max_standard_residual, settings.start_down_weight),
+        weighing_from(settings.max_standard_residual, settings.start_down_weight, early=settings.early_weights),
         StepControl(problem.layout.unknowns),
         Acceleration(),
         Restoration(),

@@ -32,16 +32,19 @@ class Weighing:
         First iteration in which the Danish method may reduce weights; None: all weights are 1.
     settled_after : int or None
         Iterations until the residuals no longer depended on the starting values; None: they still do.
+    early : bool
+        Exceptionally large residuals lose weight before the Danish method; else all weights are 1 until then.
     """
 
     limit: float
     start: int | None
     settled_after: int | None = None
+    early: bool = True
 
     def factors(self, equations: Equations, iteration: int) -> FloatArray:
         """Return the weight factors (n,) for an iteration; exact constraints always have 1."""
         factors = np.ones(len(equations.residual))
-        if self.start is None:
+        if self.start is None or not (self.early or iteration >= self.start):
             return factors
         judged = equations.active & ~equations.exact
         size = np.abs(equations.residual[judged])
@@ -64,3 +67,8 @@ class Weighing:
         if self.start is None or self.settled_after is None:
             return 0
         return max(self.settled_after, self.start - 1)
+
+
+def weighing_from(limit: float, start: int | None, *, early: bool) -> Weighing:
+    """Return the phase to begin with; without early weights the Danish method waits for nothing but its iteration."""
+    return Weighing(limit, start) if early or start is None else Weighing(limit, start, start - 1, early=False)

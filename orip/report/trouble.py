@@ -18,13 +18,13 @@ from orip.wording import first_names
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
 _FAMILY_ALPHA = 0.05
-"""Probability that anything is listed as misfitting in a block in which all is right."""
+"""Probability that anything is listed as misfitting in a block without blunders."""
 
 _LARGEST_ALPHA = 0.001
 """Error probability of one normalised residual in a block of few observations."""
 
 UNCHECKED = 0.10
-"""Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
+"""Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
 _FAR_WORSE = 3.0
 _NAMED = 12
@@ -35,6 +35,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
     found = solution.blunders
     if not found:
         return None
+    others = [blunder.alternatives for blunder in found]
     columns = (
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
         PageColumn(
@@ -46,13 +47,14 @@ def blunder_table(solution: Solution) -> PageTable | None:
         PageColumn("Unit", [_unit_of_blunder(blunder, solution) for blunder in found], words=True),
         PageColumn("Test", [significant(blunder.statistic) for blunder in found], key="statistic"),
         PageColumn("Limit", [significant(blunder.limit) for blunder in found], key="limit"),
+        *([PageColumn("Cannot be told apart from", others, words=True)] if any(others) else []),
     )
     note = "Size: observed minus what all other observations predict. They have no influence on the results."
     return PageTable("blunders", "Blunders found and left out", columns, note)
 
 
 def suspect_table(solution: Solution) -> PageTable | None:
-    """Return what was down-weighted, and what fits badly though it was not: the worst first."""
+    """Return the observations that were down-weighted, or fit badly although they were not, the worst first."""
     residuals = solution.residuals
     rows = suspect_rows(solution)
     if not rows.size:

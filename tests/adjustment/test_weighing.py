@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_systems import linear_problem
 
-from orip.adjustment.weighing import Weighing
+from orip.adjustment.weighing import Weighing, weighing_from
 
 BLUNDER, FAR = 100.0, 60.0
 
@@ -62,3 +62,15 @@ def test_without_a_start_nothing_is_reduced():
 def test_what_must_be_met_exactly_keeps_its_weight():
     found = equations([0.5] * 9 + [BLUNDER], np.arange(10) == 9)
     assert (Weighing(5.0, 1).factors(found, 1) == 1.0).all()
+
+
+def test_without_early_weights_the_danish_method_begins_at_its_iteration():
+    """As in ORIPROGRAM: all weights 1 before, those of the method from then on, whatever the corrections are."""
+    weighing, found = weighing_from(5.0, 3, early=False), equations([0.5] * 9 + [BLUNDER])
+    for iteration in (1, 2):
+        assert (weighing.factors(found, iteration) == 1.0).all()
+        assert not weighing.is_final_in(iteration)
+        weighing = weighing.after(iteration, -2.0)
+    assert weighing.factors(found, 3)[-1] == pytest.approx(np.exp(-BLUNDER / 5.0))
+    assert weighing.is_final_in(3)
+    assert weighing_from(5.0, None, early=False) == Weighing(5.0, None)

@@ -3,7 +3,7 @@
 A similarity with reflection fits equally well whether X and Y of the control are exchanged, one axis has the opposite
 sign, or the photos are mirrored: mirrored photos give a block that is a perfect mirror image, with all points in front
 of the cameras. Only the positions and the attitude of the cameras differ. Three points, or points in a plane, fit with
-and without a reflection; only the side on which the cameras are tells.
+and without a reflection; only the side on which the cameras are decides.
 """
 
 from __future__ import annotations
@@ -27,22 +27,26 @@ _BETTER = 0.1
 reading of few points fits three times better by chance."""
 
 _BETTER_THAN_FROM_BELOW = 0.5
-"""The same where the cameras look up from below the control as it is given: few photos are taken that way."""
+"""The same limit where the cameras look up from below the control as given: few photos are taken that way."""
+
+_BETTER_THAN_FLAT = 0.7
+"""A reading of X, Y or the unit of Z has to fit so much better than the control without its heights; otherwise single
+heights are wrong, and any reading fits in which they are small."""
 
 _EXPECTED = 3.0
-"""Standard errors of the control; what fits within them as given needs no other reading."""
+"""Standard errors within which control fits as given, so that no other reading is needed."""
 
 _MET = 0.1
 """Part of the distance from cameras to control within which projection centres are at their known positions."""
 
 _TOO_FEW = 5
-"""Up to this number of points a robust fit may take any three of them as right and reject the others."""
+"""Number of points up to which a robust fit may accept any three of them and reject the others."""
 
 _ENOUGH = 60
-"""Control points that are compared: a wrong reading concerns nearly all of them."""
+"""Most control points that are compared: a wrong reading concerns nearly all of them."""
 
 _METRES_PER_DEGREE = 111_195.0
-"""On a sphere of radius 6371 km; within a block the flattening does not matter."""
+"""Metres in a degree on a sphere of radius 6371 km; within a block the flattening does not matter."""
 
 _DEGREES = 5.0
 """Largest extent of a block in latitude plus longitude: 500 km."""
@@ -95,7 +99,8 @@ def other_reading(
     given = _fit(common)
     if given is None:
         return None
-    if (geographic := _geographic(common, given)) is not None:
+    flat = _flat_misfit(common)
+    if (geographic := _geographic(common, given, flat)) is not None:
         return geographic
     mirrored = _fit(replace(common, source=-common.source))
     if mirrored is None:
@@ -109,14 +114,24 @@ def other_reading(
         count = len(common.source)
         return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
     if given.misfit > expected:
-        return _other_unit(common, given)
+        return _other_unit(common, given, flat)
     # where the points exclude a reflection, the side of the cameras need not be looked at
     if mirrored.misfit <= max(expected, given.misfit / _BETTER):
         return _from_below(block, common, given)
     return None
 
 
-def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
+def _flat_misfit(common: CommonPoints) -> float:
+    """Return the misfit of the control without its heights, in units of the block; infinite where nothing fits.
+
+    Where heights alone are wrong, every reading fits that makes them small beside X and Y.
+    """
+    target = common.target * [1.0, 1.0, 0.0]
+    fit = _fit(replace(common, target=target))
+    return float("inf") if fit is None else fit.misfit / fit.similarity.scale
+
+
+def _geographic(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
     """Return longitude and latitude in degrees as the reading if they fit, and X and Y as lengths do not."""
     x, y, _ = common.target.T
     for longitude, latitude in ((0, 1), (1, 0)):
@@ -128,8 +143,11 @@ def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
         metres = _METRES_PER_DEGREE * np.array([np.cos(np.radians(common.target[:, latitude].mean())), 1.0])
         target = np.column_stack([common.target[:, [longitude, latitude]] * metres, common.target[:, 2]])
         fit = _fit(replace(common, target=target))
-        # both misfits in units of the block
-        if fit is not None and fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
+        if fit is None:
+            continue
+        # all misfits in units of the block
+        own = fit.misfit / fit.similarity.scale
+        if own < _BETTER * given.misfit / given.similarity.scale and own < _BETTER_THAN_FLAT * flat:
             count = len(common.source)
             if longitude == 0:
                 return ControlReading("longitude, latitude", count, fit.misfit, given.misfit)
@@ -191,33 +209,34 @@ def _known_centres(
 
 
 def camera_side(rotations: FloatArray) -> float:
-    """Return 1 where photos look down or stand upright, -1 where they look up or stand on their head, else 0.
+    """Return 1 where photos look down or stand upright, -1 where they look up or are upside down, else 0.
 
-    The third and second columns of the rotations tell; a mirrored photo has the same ones.
+    It follows from the third and second columns of the rotations, which a mirrored photo has, too.
     """
     down, up = rotations[:, 2, 2].mean(), rotations[:, 2, 1].mean()
     clearer = float(down if abs(down) >= abs(up) else up)
     return float(np.sign(clearer)) if abs(clearer) > _UPRIGHT else 0.0
 
 
-def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
+def _other_unit(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
     """Return another unit of Z as the reading if it explains the misfit."""
     fits = {}
     for factor in _Z_FACTORS:
         scaled = np.array([1.0, 1.0, factor])
         fit = _fit(replace(common, target=common.target * scaled, target_deviation=common.target_deviation * scaled))
         if fit is not None:
-            fits[factor] = fit.misfit
+            fits[factor] = fit
     if not fits:
         return None
-    factor = min(fits, key=lambda candidate: fits[candidate])
-    if fits[factor] >= _BETTER * given.misfit:
+    factor = min(fits, key=lambda candidate: fits[candidate].misfit)
+    fit = fits[factor]
+    if fit.misfit >= _BETTER * given.misfit or fit.misfit / fit.similarity.scale >= _BETTER_THAN_FLAT * flat:
         return None
-    return ControlReading("unit of Z", len(common.source), fits[factor], given.misfit, z_factor=factor)
+    return ControlReading("unit of Z", len(common.source), fit.misfit, given.misfit, z_factor=factor)
 
 
 def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
-    """Return that reading if points that fit with and without a reflection are seen from below."""
+    """Return the mirrored reading if points that fit with and without a reflection are seen from below."""
     if not _is_from_below(block, common, given):
         return None
     return ControlReading("from below", len(common.source), given.misfit, given.misfit)
