@@ -52,6 +52,8 @@ class Solution:
         What data snooping left out, in the order in which it was found.
     check_points : tuple of CheckPoint
         Adjusted minus given coordinates.
+    variance_components : tuple of VarianceComponent
+        By which factor the a-priori errors of each group of observations are wrong, if that was asked for.
     correlations : tuple of Correlation
         Between the parameters of each camera.
     singular : tuple of SingularUnknown
@@ -83,6 +85,7 @@ class Solution:
         self.iterations = record.iterations
         self.blunders = record.blunders
         self.check_points = record.check_points
+        self.variance_components = record.variance_components
         self.correlations = record.correlations
         self.singular = record.singular
         self.diagnosis = record.diagnosis
