@@ -21,7 +21,7 @@ SAMPLE := zurich_city_hall
 DOCS := build/docs
 build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
-state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum)
+state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum)
 state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
 
 .PHONY: help
@@ -30,6 +30,7 @@ help:
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make test-kernels  run the numerical tests and the samples as other processors calculate (some minutes)'
+	@echo 'make sanitize  run the tests of the C extensions with sanitizers (needs gcc with libasan; some minutes)'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
 	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
@@ -65,6 +66,11 @@ KERNELS :=
 .PHONY: test-kernels
 test-kernels: $(READY)
 	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
+
+# both C extensions built with gcc's address and undefined-behaviour sanitizers; says what is missing where that cannot be
+.PHONY: sanitize
+sanitize: $(READY)
+	PYTHONPATH=tests $(BIN)/python -m hostile.sanitize
 
 .PHONY: browser-test
 browser-test: $(READY)
@@ -156,7 +162,7 @@ $(READY):
 	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
 	  exit 1; \
 	}; \
-	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*/*/*.[ch] | cksum; } >$(READY); \
+	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum; } >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 

@@ -19,16 +19,16 @@ class Camera:
     ----------
     name : str
         Case does not count.
-    c : float
-        Principal distance, mm.
+    c : float, optional
+        Principal distance, mm; not given with `same_lens_as`.
     principal_point : (2,)
         DX, DY, mm.
     distortion : mapping, optional
         A1, A3, A5, A7, P1, P2, B1, B2 as far as they are not 0; powers of 1/mm.
     distortion_isp : mapping, optional
-        R0, A1, A2, A3 of the ISP regulations instead.
+        R0, A1, A2, A3 of the ISP regulations in place of A1, A3, A5, A7; P1, P2, B1, B2 may go with it.
     distortion_curve : array (n, 2), optional
-        Radius and distortion instead, mm.
+        Radius and radial distortion in place of A1, A3, A5, A7, mm.
     distortion_at : {"ideal", "measured"}
         Whether distortion is a function of the ideal or of the measured photo coordinate.
     frame : (2,), optional
@@ -39,10 +39,12 @@ class Camera:
         Parameters to be estimated, such as ``["C", "DX", "DY", "A3"]``; the others are held.
     additional_set : {"EBNER", "GRUEN"}, optional
         Additional parameters as weighted unknowns; needs `frame`.
+    same_lens_as : str, optional
+        Camera whose principal distance and distortion this one has; only the principal point is its own.
     """
 
     name: str
-    c: float
+    c: float | None = None
     principal_point: ArrayLike = (0.0, 0.0)
     distortion: Mapping[str, float] | None = None
     distortion_isp: Mapping[str, float] | None = None
@@ -52,6 +54,7 @@ class Camera:
     sensor: Mapping[str, float] | None = None
     unknown: Sequence[str] = ()
     additional_set: AdditionalSet | None = None
+    same_lens_as: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

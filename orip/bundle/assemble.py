@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +15,13 @@ from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project import BundleDefinition
+from orip.records.shared_lens import lens_key
 from orip.units import RADIANS_PER_DEGREE
 
 
@@ -184,7 +185,10 @@ def _with_constant_elements(keys: Sequence[str], inputs: BlockInput) -> tuple[tu
     """Return photos and their cameras with observed elements as starting values, constant where the error is 0."""
     photos = tuple(_photo_with_elements(inputs.records.photos[key], inputs.control.elements) for key in keys)
     camera_keys = dict.fromkeys(record_key(photo.camera) for photo in photos)
-    cameras = tuple(_camera_with_elements(inputs.records.cameras[key], inputs.control.elements) for key in camera_keys)
+    lenses = {key: lens_key(camera) for key, camera in inputs.records.cameras.items()}
+    cameras = tuple(
+        _camera_with_elements(inputs.records.cameras[key], inputs.control.elements, lenses) for key in camera_keys
+    )
     return photos, cameras
 
 
@@ -201,10 +205,14 @@ def _photo_with_elements(photo: Photo, elements: Sequence[ControlElement]) -> Ph
     return replace(photo, orientation=tuple(values), constant=held)
 
 
-def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement]) -> Camera:
+def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement], lenses: Mapping[str, str]) -> Camera:
+    """Return a camera with its constant elements, and those of its lens that are given with another camera."""
     values, unknown = list(camera.parameters), set(camera.unknown)
     for element in elements:
-        if element.group == "CAMERA" and record_key(element.name) == record_key(camera.name) and element.error == 0.0:
+        if element.group != "CAMERA" or element.error != 0.0:
+            continue
+        of_lens = element.kind not in OWN_PARAMETERS and lenses.get(record_key(element.name)) == lens_key(camera)
+        if of_lens or record_key(element.name) == record_key(camera.name):
             values[CAMERA_PARAMETERS.index(element.kind)] = element.value
             unknown.discard(element.kind)
     free = tuple(kind for kind in CAMERA_PARAMETERS if kind in unknown)

@@ -23,6 +23,7 @@ from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.observation_kinds import ADDITIONAL_PARAMETER
+from orip.records.shared_lens import first_of_lens
 from orip.records.solution import Diagnosis
 
 ALPHA = 0.05
@@ -71,8 +72,9 @@ def parameter_tests(solved: SolvedBlock) -> tuple[ParameterTest, ...]:
     if solved.variance.redundancy <= 0:
         return ()
     found = []
-    for camera, columns in zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True):
-        for group in _GROUPS:
+    first = first_of_lens(solved.block.cameras)
+    for row, (camera, columns) in enumerate(zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True)):
+        for group in _GROUPS if first[row] == row else ():  # a lens is tested once
             unknown = [kind for kind in group if columns[CAMERA_PARAMETERS.index(kind)] != CONSTANT]
             if unknown:
                 found.append(_test(solved, camera, unknown, columns))

@@ -20,9 +20,10 @@ from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.shared_lens import first_of_lens
 from orip.records.solution import Diagnosis
 from orip.wording import agreeing, counted, counted_names, joined
 
@@ -204,8 +205,9 @@ def _same_unknown(block: Block, camera: Camera) -> bool:
 
 
 def _principal_distance_and_scale(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    first = first_of_lens(solved.block.cameras)
     for row, camera in enumerate(solved.block.cameras):
-        if not _same_unknown(solved.block, camera):
+        if first[row] != row or not _same_unknown(solved.block, camera):
             continue
         column = solved.problem.unknowns.cameras[row, CAMERA_PARAMETERS.index("A1")]
         lost = digits_lost(solved, int(column))
@@ -220,8 +222,11 @@ def _principal_distance_and_scale(solved: SolvedBlock) -> Iterator[Diagnosis]:
 def _correlated(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name the pairs of camera unknowns, and the photos, whose unknowns are highly correlated."""
     unknowns = solved.problem.unknowns
-    for camera, columns in zip(solved.block.cameras, unknowns.cameras, strict=True):
+    first = first_of_lens(solved.block.cameras)
+    for row, (camera, columns) in enumerate(zip(solved.block.cameras, unknowns.cameras, strict=True)):
         for a, b, r in _strong_pairs(solved, CAMERA_PARAMETERS, columns.tolist()):
+            if first[row] != row and not {a, b} & set(OWN_PARAMETERS):
+                continue  # said of the first camera with this lens
             text = f"{a} and {b} of camera {camera.name} correlate by {r:.3f}"
             yield Diagnosis("correlation", f"camera {camera.name}", text, "judge them together, or hold one constant")
     found: dict[tuple[str, str], list[tuple[float, str]]] = {}

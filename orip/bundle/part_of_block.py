@@ -12,6 +12,7 @@ from orip.arrays import BoolArray, IntArray
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import ControlElement
 from orip.records.names import record_key
+from orip.records.repeated import photos_per_point
 
 
 def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
@@ -84,7 +85,7 @@ def without_photo(block: Block, photo: int) -> Block:
     known = {point.name for point in block.control_points if point.kind == "control"}
     known |= {name for distance in block.distances for name in (distance.start, distance.end)}
     known |= {name for direction in block.directions for name in (direction.station, direction.target)}
-    rays = np.bincount(points.point[used], minlength=len(block.point_names))
+    rays = photos_per_point(points.photo, points.point, used, len(block.point_names))
     kept = np.array([rays[row] > 1 or (name in known) for row, name in enumerate(block.point_names)])
     return part_of_block(block, np.arange(len(block.photos)) != photo, kept)
 

@@ -24,6 +24,7 @@ from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
+from orip.records.shared_lens import LENS_PLACES, first_of_lens
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +206,7 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
     return BlockState(
-        cameras=np.array([camera.parameters for camera in block.cameras], dtype=np.float64).reshape(-1, 11),
+        cameras=_camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         centres=block.photo_orientation[:, :3].copy(),
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
@@ -215,3 +216,10 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
+
+
+def _camera_parameters(block: Block) -> FloatArray:
+    """Return the values of all cameras, those of a lens as its first camera has them."""
+    values = np.array([camera.parameters for camera in block.cameras], dtype=np.float64).reshape(-1, 11)
+    values[:, LENS_PLACES] = values[first_of_lens(block.cameras)][:, LENS_PLACES]
+    return values

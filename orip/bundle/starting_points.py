@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rays import intersect_rays, without_near_points
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
+from orip.records.repeated import photos_per_point
 
 _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""
@@ -46,8 +47,9 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     single: NDArray[np.bool_] = np.asarray(np.isnan(start).any(axis=1))
     if single.any():
         start[single] = _points_on_first_ray(block, start, single)
-        used = block.photo_points.point[block.photo_points.used.all(axis=1)]
-        rays = np.bincount(used, minlength=len(start))
+        measured = block.photo_points
+        in_use: BoolArray = np.asarray(measured.used.all(axis=1))
+        rays = photos_per_point(measured.photo, measured.point, in_use, len(start))
         warnings = [
             ProjectWarning(
                 "one-ray", f"point {block.point_names[index]}",

@@ -18,8 +18,9 @@ from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.shared_lens import LENS_PLACES, first_of_lens
 
 CONSTANT = -1
 POINT_COORDINATES = ("X", "Y", "Z")
@@ -76,6 +77,7 @@ class Unknowns:
     Parameters
     ----------
     cameras : array (number of cameras, 11)
+        Cameras with the same lens have the same columns but for their principal points.
     additional : array (number of cameras, k)
         Parameters of the cameras' sets; k that of the largest set.
     theodolites : array (number of theodolite sets,)
@@ -113,8 +115,11 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     sets = [set_names(camera) for camera in block.cameras]
     cameras = np.full((len(sets), len(CAMERA_PARAMETERS)), CONSTANT)
     additional = np.full((len(sets), max(map(len, sets))), CONSTANT)
+    first = first_of_lens(block.cameras)
     for row, (camera, set_) in enumerate(zip(block.cameras, sets, strict=True)):
-        cameras[row] = _number("CAMERA", camera.name, CAMERA_PARAMETERS, camera.unknown, names)
+        new = set(camera.unknown) if first[row] == row else set(camera.unknown) & set(OWN_PARAMETERS)
+        cameras[row] = _number("CAMERA", camera.name, CAMERA_PARAMETERS, new, names)
+        cameras[row, list(LENS_PLACES)] = cameras[first[row], list(LENS_PLACES)]
         unheld = {name for name in set_ if (camera.name, name) not in block.held_additional}
         additional[row, : len(set_)] = _number("CAMERA", camera.name, set_, unheld, names)
     theodolites = np.array(

@@ -16,6 +16,8 @@ CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
 """sigma0 from which on the a-priori errors are not just optimistic; the diagnosis has the same limit."""
 
+_FAR_ABOVE_TEXT = "the residuals are far larger than the a-priori errors"
+
 _HANDFUL = 10.0
 """Redundancy below which sigma0 says nothing of the a-priori errors: by chance it is anything from a half to twice."""
 
@@ -83,18 +85,21 @@ def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
+    contradicting = group_findings(solution)
+    far_above = test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE)
     if solution.singular:
-        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined"
+        unfit = f", and {contradicting[0].text}" if contradicting else f", and {_FAR_ABOVE_TEXT}" if far_above else ""
+        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined{unfit}"
     if failed:
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
-    if contradicting := group_findings(solution):
+    if contradicting:
         return "caution", f"Converged, but {contradicting[0].text}"
     if solution.blunders or solution.status == "doubtful":
         found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
         why = f"{found} found and left out" if solution.blunders else "observations do not fit"
         return "caution", f"Converged, with doubts: {why}"
-    if test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE):
-        return "caution", "Converged, but the residuals are far larger than the a-priori errors"
+    if far_above:
+        return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
     if solution.diagnosis:
         return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
     return "good", "Converged, nothing conspicuous"

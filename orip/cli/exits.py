@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import traceback
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -44,6 +45,22 @@ def exit_on_error(terminal: Terminal) -> Iterator[None]:
     except Exception as error:  # noqa: BLE001  # the last line of defence: a user never sees a traceback
         _report_internal(terminal, error)
         raise typer.Exit(1) from None
+
+
+@contextmanager
+def warnings_kept_back() -> Iterator[None]:
+    """Let no warning of a library reach the user, who cannot do anything about it; whoever asks for tracebacks sees it.
+
+    What a calculation cannot do is an error or a warning of orip's own. In the tests every warning is an error.
+    """
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+        warnings.showwarning = shown if os.environ.get(_TRACEBACK_VARIABLE) else _kept_back
+        yield
+
+
+def _kept_back(*_: object, **__: object) -> None:
+    """Show nothing."""
 
 
 def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from orip.cli import adjust, control, digitise, drive, observations, project, records
-from orip.cli.exits import exit_on_error, report, report_usage
+from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
 from orip.errors import INTERRUPTED, OripError
@@ -89,7 +89,7 @@ def main() -> None:
     """Run the program."""
     _prepare_streams()
     try:
-        with output_taken():  # typer prints its help without a terminal of orip's
+        with output_taken(), warnings_kept_back():  # typer prints its help without a terminal of orip's
             code = app(prog_name="orip", standalone_mode=False)
             sys.stdout.flush()
     except OripError as error:

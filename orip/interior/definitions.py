@@ -35,6 +35,11 @@ class Definitions:
         """Return the bundles in which points that are measured again are averaged."""
         return frozenset(key for key, bundle in self.settings.items() if bundle.repeated_points == "mean")
 
+    @property
+    def bundles_with_repetitions(self) -> frozenset[str]:
+        """Return the bundles in which every measurement of a point in a photo is an observation of its own."""
+        return frozenset(key for key, bundle in self.settings.items() if bundle.repeated_points == "both")
+
     def camera_of(self, photo: Photo) -> Camera:
         """Return the camera of a photo.
 

@@ -101,18 +101,29 @@ class MeasuredPoints:
         What is measured already.
     averaged : set of str
         Bundles in which the mean of all measurements of a point in a photo counts; in others the last one does.
+    repeated : set of str
+        Bundles in which every measurement of a point in a photo is an observation of its own.
     """
 
-    def __init__(self, stored: Mapping[str, PhotoObservations], averaged: frozenset[str] = frozenset()) -> None:
-        self._averaged = averaged
+    def __init__(
+        self,
+        stored: Mapping[str, PhotoObservations],
+        averaged: frozenset[str] = frozenset(),
+        repeated: frozenset[str] = frozenset(),
+    ) -> None:
+        self._averaged, self._repeated = averaged, repeated
         self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
-        """Take points of one photo; one of a name that already exists replaces it, or is averaged, and is counted."""
+        """Take points of one photo, and count those that were measured before.
+
+        A new measurement takes the place of the one before, unless all of the bundle stay.
+        """
         photos = self._bundles.setdefault(bundle, {})
         before = photos.get(photo, _NO_POINTS)
-        photos[photo], again = before.repeated(points) if bundle in self._averaged else before.measured_again(points)
+        stay = bundle in self._averaged | self._repeated
+        photos[photo], again = before.repeated(points) if stay else before.measured_again(points)
         self.remeasured += again
 
     def differences(self, bundle: str, photo: str, points: PointsOfPhoto) -> list[tuple[str, FloatArray]]:
@@ -161,7 +172,7 @@ class MeasuredPoints:
     ) -> dict[str, PhotoObservations]:
         """Return the points of the defined bundles and photos in stored coordinates, photos in their given order."""
         return {
-            key: _observations(bundles[key], by_photo, photos, to_stored, pixel_sizes)
+            key: _observations(bundles[key], by_photo, photos, to_stored, pixel_sizes, key in self._averaged)
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
@@ -200,12 +211,15 @@ def _observations(
     photos: Mapping[str, Photo],
     to_stored: ToStored,
     pixel_sizes: PixelSizes,
+    averaged: bool,
 ) -> PhotoObservations:
     found = [
-        (key, _averaged(_stored(key, points, to_stored, pixel_sizes)))
+        (key, _stored(key, points, to_stored, pixel_sizes))
         for key in photos
         if (points := by_photo.get(key, _NO_POINTS)).names
     ]
+    if averaged:
+        found = [(key, _averaged(points)) for key, points in found]
     return PhotoObservations(
         bundle,
         tuple(photos[key].name for key, points in found for _ in points.names),

@@ -46,6 +46,12 @@ __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
 _SAME_POINT = 10.0
 """A-priori errors by which measurements of one point may differ: seven times the standard deviation of a difference."""
 
+_WHAT_COUNTS = {
+    "replace": "it replaces the earlier measurement",
+    "mean": "the mean of both counts",
+    "both": "both count as observations",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
@@ -91,7 +97,9 @@ class _Replay:
         )
         self.templates = FilmMountings(start.templates)
         self.photos = FilmMountings(start.photos)
-        self.points = MeasuredPoints(start.observations, definitions.averaged_bundles)
+        self.points = MeasuredPoints(
+            start.observations, definitions.averaged_bundles, definitions.bundles_with_repetitions
+        )
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
         self.findings = Findings()
@@ -207,7 +215,7 @@ class _Replay:
             # off a scan without orientation the size of its pixels is that of an upright photo
             precision = precision * (size or (1.0, 1.0)) if not in_pixels else precision / (size or (1.0, 1.0))
         lines = dict(zip(record.names, record.lines.tolist(), strict=True))
-        does = "the mean of both counts" if setting.repeated_points == "mean" else "it replaces the earlier measurement"
+        does = _WHAT_COUNTS[setting.repeated_points]
         for name, difference in self.points.differences(record_key(bundle), record_key(photo.name), points):
             if (np.abs(difference) > _SAME_POINT * precision).any():
                 unit = "px" if in_pixels else "mm"

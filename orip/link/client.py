@@ -4,7 +4,8 @@
         link.download(table)
         link.drive_object(1000.0, 2000.0, 100.0)
 
-`open_link` takes the operator's role and raises `LinkError` where somebody else keeps it; `observe_link` only reads.
+`open_link` takes the operator's role and raises `LinkError` where somebody else keeps it; `host_link` takes the host's
+beside an operator; `observe_link` only reads.
 Whatever the other side does, what is raised is a `LinkError` with a sentence for the user: a `ProcessorFault` where
 the plate processor refused a request.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Literal, Self, overload
 
@@ -203,8 +205,17 @@ class PlateProcessorLink:
         """Take the operator's role."""
         self.request("OPERATE")
 
+    def host(self) -> None:
+        """Take the host's role; a plate processor that knows no hosts has the operator's for it."""
+        try:
+            self.request("HOST")
+        except ProcessorFault as fault:
+            if fault.code != DriveCode.UNKNOWN_VERB:
+                raise
+            self.operate()
+
     def observe(self) -> None:
-        """Give the operator's role to who wants it."""
+        """Give the role to who wants it."""
         self.request("OBSERVE")
 
     def _reply(self, timeout_s: float | None = None) -> str:
@@ -235,9 +246,24 @@ def open_link(url: str, *, timeout_s: float = 5.0, retries: int = 3) -> PlatePro
     LinkError
         If nobody answers, who answers is no plate processor, or somebody else operates it.
     """
+    return _in_role(url, PlateProcessorLink.operate, timeout_s, retries)
+
+
+def host_link(url: str, *, timeout_s: float = 5.0, retries: int = 3) -> PlateProcessorLink:
+    """Open a link as the host of a plate processor, which guides the operator and hears what he does.
+
+    The operator may be at another link: he moves the measuring mark and presses foot switches and keys. See
+    `open_link` for the parameters, and what is raised.
+    """
+    return _in_role(url, PlateProcessorLink.host, timeout_s, retries)
+
+
+def _in_role(
+    url: str, take: Callable[[PlateProcessorLink], None], timeout_s: float, retries: int
+) -> PlateProcessorLink:
     link = observe_or_operate(url, timeout_s, retries)
     try:
-        _take_role(link, retries)
+        _take_role(link, take, retries)
     except BaseException:
         link.close()
         raise
@@ -275,16 +301,16 @@ def observe_or_operate(url: str, timeout_s: float, retries: int) -> PlateProcess
     raise ValueError(message)
 
 
-def _take_role(link: PlateProcessorLink, retries: int) -> None:
+def _take_role(link: PlateProcessorLink, take: Callable[[PlateProcessorLink], None], retries: int) -> None:
     for attempt in range(retries + 1):
         try:
-            link.operate()
+            take(link)
             return
         except ProcessorFault as fault:
             if fault.code != DriveCode.BUSY:
                 raise
             if attempt == retries:
-                who = fault.text.partition(";")[0]  # operated by whom
+                who = fault.text.partition(";")[0]  # operated, or hosted, by whom
                 message = f"the plate processor at {link.url} is {who}; wait, or stop that session"
                 raise LinkError(message) from None
             time.sleep(FIRST_PAUSE_S * 2**attempt)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from orip.link.line_reader import LONGEST_TABLE_LINE, LineReader
-from orip.link.protocol import NOBODY, answer, busy, downloaded, error, greeting, ok
+from orip.link.protocol import NOBODY, Barred, answer, busy, downloaded, error, greeting, hosted, ok
 from orip.link.request_words import Refused, Request, whole_number
 from orip.link.station import Station, TableLoader
 from orip.link.travel import Pace, Travel, on_the_way
@@ -81,6 +81,7 @@ class Emulator:
         self._travel = Travel(station.state.plates, time.monotonic())
         self._clients: dict[_Client, asyncio.Task[None] | None] = {}
         self._operator: _Client | None = None
+        self._host: _Client | None = None
         self._kept, self._keeping = station, asyncio.Lock()
 
     async def serve(self, host: str, port: int, listening: Callable[[str, int], None], end: Awaitable[object]) -> None:
@@ -118,15 +119,14 @@ class Emulator:
             writer.transport.abort()
         finally:
             del self._clients[client]
-            if self._operator is client:
-                self._operator = None
+            self._observe(client)
             writer.close()
 
     async def _converse(self, client: _Client) -> None:
         goes_on = True
         # once the connection is lost there is nobody to answer
         while goes_on and not client.writer.is_closing() and (line := await client.lines.next()) is not None:
-            found = answer(self._seen(), line, self._other_operator(client))
+            found = answer(self._seen(), line, self._barred(client), self._other_operator(client))
             if found.connection is None:
                 self._set(found.station)
                 client.writer.write(found.reply)
@@ -141,7 +141,8 @@ class Emulator:
         if request.verb == "QUIT":
             client.writer.write(ok("BYE"))
             return False
-        client.writer.write(self._observe(client) if request.verb == "OBSERVE" else self._operate(client))
+        take = {"OBSERVE": self._observe, "OPERATE": self._operate, "HOST": self._become_host}[request.verb]
+        client.writer.write(take(client))
         return True
 
     def _operate(self, client: _Client) -> bytes:
@@ -149,9 +150,20 @@ class Emulator:
         other = self._other_operator(client)
         return ok("OPERATOR") if other is None else error(busy(other))
 
+    def _become_host(self, client: _Client) -> bytes:
+        """Make a client the host; an operator's role that it has becomes free for who sits at the panel."""
+        self._host = self._host or client
+        if self._host is not client:
+            return error(hosted(self._host.address))
+        if self._operator is client:
+            self._operator = None
+        return ok("HOST")
+
     def _observe(self, client: _Client) -> bytes:
         if self._operator is client:
             self._operator = None
+        if self._host is client:
+            self._host = None
         return ok("OBSERVER")
 
     async def _download(self, client: _Client, request: Request) -> bool:
@@ -168,9 +180,9 @@ class Emulator:
             text = f"the download broke off before its {count} lines were there; the table is unchanged"
             client.writer.write(error(DriveFault(DriveCode.TABLE_DAMAGED, text)))
             return False
-        other = self._other_operator(client)
-        if other is not None:
-            client.writer.write(error(busy(other)))
+        fault = self._barred(client).host
+        if fault is not None:
+            client.writer.write(error(fault))
         elif len(data) > MOST_TABLE_BYTES:
             client.writer.write(error(DriveFault(DriveCode.TABLE_TOO_LARGE, f"at most {MOST_TABLE_BYTES} bytes")))
         else:
@@ -195,7 +207,7 @@ class Emulator:
             if line is None:
                 return None
             size += len(line) + 1
-            if size <= MOST_TABLE_BYTES + LONGEST_TABLE_LINE and self._operator is client:
+            if size <= MOST_TABLE_BYTES + LONGEST_TABLE_LINE and self._barred(client).host is None:
                 lines.append(line)
         return b"".join(line + b"\n" for line in lines)
 
@@ -217,9 +229,17 @@ class Emulator:
             self._travel = Travel(self._seen().shown.plates, time.monotonic())
         self._station = station
 
+    def _barred(self, client: _Client) -> Barred:
+        """Return what a client may not do."""
+        if self._host is client:
+            return Barred()
+        other = self._other_operator(client)
+        fault = None if other is None else busy(other)
+        return Barred(fault, fault if self._host is None else hosted(self._host.address))
+
     def _other_operator(self, client: _Client) -> str | None:
         """Return the address of the operator if that is not this client; without an operator nobody may change."""
-        if self._operator is client:
+        if client in (self._operator, self._host):
             return None
         return self._operator.address if self._operator is not None else NOBODY
 

@@ -22,19 +22,22 @@ except the greeting of a new connection. Error codes are those of `orip.records.
     PROFILE x1 y1 z1 x2 y2 z2 step   list: x y z MODEL m UPPER x y LOWER x y, or x y z ERR code
     LIMITS UPPER|LOWER               OK stage x-min x-max y-min y-max LEAST count UNIT mm|px
     OPERATE, OBSERVE                 OK OPERATOR, OK OBSERVER: take the operator's role if it is free; give it back
+    HOST                             OK HOST: take the host's role if it is free; OBSERVE gives it back
     HELP, QUIT                       list of the verbs; OK BYE, and the connection ends
 
-One client operates; the others may read, and all else is refused them: 110. Without a table the stages can be driven
-and read in plate coordinates, the model's name is ``-``, and whatever takes an orientation is refused: 200.
+One client operates; the others may read, and all else is refused them: 110. A program that guides the operator takes
+the host's role: it may do everything, the operator beside it may use the panel (MOVE, DRIVE, GUIDE, LOCK, PRISM, FOOT,
+KEY), and tables, models and events are the host's alone. Without a table the stages can be driven and read in plate
+coordinates, the model's name is ``-``, and whatever takes an orientation is refused: 200.
 
 Here are no connections: `answer` takes the bytes of a request and returns those of the reply. What concerns the
-connection itself (DOWNLOAD, OPERATE, OBSERVE, QUIT) it only checks; the `Answer` names the verb, to be done by who has
-the connection.
+connection itself (DOWNLOAD, OPERATE, HOST, OBSERVE, QUIT) it only checks; the `Answer` names the verb, to be done by
+who has the connection.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -49,6 +52,20 @@ PROTOCOL = "KDPP-EMU 1"
 
 NOBODY = "nobody"
 """Address of the operator where there is none."""
+
+By = Literal["anybody", "operator", "host"]
+"""Who may use a verb; where there is no host, the operator does what is the host's."""
+
+
+class Barred(NamedTuple):
+    """Why a client may not use the verbs of the operator, and of the host; None: it may."""
+
+    operator: DriveFault | None = None
+    host: DriveFault | None = None
+
+
+FREE = Barred()
+"""The client may use all verbs."""
 
 
 class Answer(NamedTuple):
@@ -66,7 +83,7 @@ class _Rule(NamedTuple):
     least: int
     most: int
     run: Verb | None
-    changes: bool = False
+    by: By = "anybody"
     takes_table: bool = False
 
 
@@ -77,29 +94,30 @@ def _help(station: Station, _words: Words) -> tuple[Station, Reply]:
 _RULES = {
     rule.usage.split()[0]: rule
     for rule in (
-        _Rule("DOWNLOAD n", 1, 1, None, changes=True),
+        _Rule("DOWNLOAD n", 1, 1, None, by="host"),
         _Rule("DIGEST", 0, 0, verbs.digest, takes_table=True),
-        _Rule("CLEAR", 0, 0, verbs.clear, changes=True),
+        _Rule("CLEAR", 0, 0, verbs.clear, by="host"),
         _Rule("STATUS", 0, 0, verbs.status),
-        _Rule("GUIDE UPPER|LOWER|BOTH|MODEL|OBJECT", 1, 1, verbs.guide, changes=True),
-        _Rule("DRIVE OBJECT|MODEL x y z, PLATE UPPER|LOWER x y, PHOTO photo x y", 4, 4, verbs.drive, changes=True),
-        _Rule("MOVE d1 d2 [d3]", 2, 3, verbs.move, changes=True),
+        _Rule("GUIDE UPPER|LOWER|BOTH|MODEL|OBJECT", 1, 1, verbs.guide, by="operator"),
+        _Rule("DRIVE OBJECT|MODEL x y z, PLATE UPPER|LOWER x y, PHOTO photo x y", 4, 4, verbs.drive, by="operator"),
+        _Rule("MOVE d1 d2 [d3]", 2, 3, verbs.move, by="operator"),
         _Rule("POS OBJECT|MODEL|PLATE|PHOTO", 1, 1, verbs.position),
         _Rule("MODEL?", 0, 0, verbs.which_model, takes_table=True),
-        _Rule("MODEL name", 1, 1, verbs.change_model, changes=True, takes_table=True),
-        _Rule("NEXT", 0, 0, verbs.next_model, changes=True, takes_table=True),
+        _Rule("MODEL name", 1, 1, verbs.change_model, by="host", takes_table=True),
+        _Rule("NEXT", 0, 0, verbs.next_model, by="host", takes_table=True),
         _Rule("MODELS", 0, 0, verbs.models, takes_table=True),
         _Rule("WHICH x y z", 3, 3, verbs.which, takes_table=True),
-        _Rule("AUTO ON|OFF", 1, 1, verbs.automatic, changes=True),
-        _Rule("LOCK LEFT|RIGHT|NONE", 1, 1, verbs.lock, changes=True),
-        _Rule("PRISM [LEFT|RIGHT] 0|90", 1, 2, verbs.prism, changes=True),
-        _Rule("FOOT LEFT|RIGHT", 1, 1, verbs.foot, changes=True),
-        _Rule("KEY 0-15|ENTER|ZERO", 1, 1, verbs.key, changes=True),
-        _Rule("EVENT", 0, 0, verbs.event, changes=True),
-        _Rule("PROFILE x1 y1 z1 x2 y2 z2 step", 7, 7, verbs.profile, changes=True, takes_table=True),
-        _Rule("FORWARD", 0, 0, verbs.forward, changes=True),
+        _Rule("AUTO ON|OFF", 1, 1, verbs.automatic, by="host"),
+        _Rule("LOCK LEFT|RIGHT|NONE", 1, 1, verbs.lock, by="operator"),
+        _Rule("PRISM [LEFT|RIGHT] 0|90", 1, 2, verbs.prism, by="operator"),
+        _Rule("FOOT LEFT|RIGHT", 1, 1, verbs.foot, by="operator"),
+        _Rule("KEY 0-15|ENTER|ZERO", 1, 1, verbs.key, by="operator"),
+        _Rule("EVENT", 0, 0, verbs.event, by="host"),
+        _Rule("PROFILE x1 y1 z1 x2 y2 z2 step", 7, 7, verbs.profile, by="host", takes_table=True),
+        _Rule("FORWARD", 0, 0, verbs.forward, by="host"),
         _Rule("LIMITS UPPER|LOWER", 1, 1, verbs.limits),
         _Rule("OPERATE", 0, 0, None),
+        _Rule("HOST", 0, 0, None),
         _Rule("OBSERVE", 0, 0, None),
         _Rule("VERSION", 0, 0, None),
         _Rule("HELP", 0, 0, _help),
@@ -114,7 +132,7 @@ def greeting(station: Station, operator: str | None) -> bytes:
     return ok(f"{PROTOCOL} {'READY' if station.is_ready else 'EMPTY'}{role}")
 
 
-def answer(station: Station, line: bytes, operator: str | None = None) -> Answer:
+def answer(station: Station, line: bytes, barred: Barred = FREE, operator: str | None = None) -> Answer:
     """Answer a request.
 
     Parameters
@@ -122,8 +140,10 @@ def answer(station: Station, line: bytes, operator: str | None = None) -> Answer
     station : Station
     line : bytes
         Without its end.
+    barred : Barred
+        What the client that asks may not do.
     operator : str or None
-        Address of the operator, if it is not the client that asks.
+        Address of the operator, if it is not this client.
     """
     try:
         request = read_request(line)
@@ -132,8 +152,9 @@ def answer(station: Station, line: bytes, operator: str | None = None) -> Answer
             return Answer(station, greeting(station, operator))
         if rule.run is None:
             return Answer(station, b"", request)
-        if rule.changes and operator is not None:
-            return Answer(station, error(busy(operator)))
+        fault = {"anybody": None, "operator": barred.operator, "host": barred.host}[rule.by]
+        if fault is not None:
+            return Answer(station, error(fault))
         if rule.takes_table:
             verbs.require_table(station)
         return Answer(*_done(rule.run, station, request.words))
@@ -171,6 +192,12 @@ def busy(operator: str) -> DriveFault:
     """Return the fault of a request that is the operator's alone."""
     what = "OPERATE takes the role" if operator == NOBODY else "OPERATE takes the role when it is free"
     return DriveFault(DriveCode.BUSY, f"operated by {operator}; {what}")
+
+
+def hosted(host: str) -> DriveFault:
+    """Return the fault of a request that is the host's alone."""
+    text = f"hosted by {host}; the operator may MOVE, DRIVE, GUIDE, LOCK, PRISM, FOOT and KEY"
+    return DriveFault(DriveCode.BUSY, text)
 
 
 def _rule(request: Request) -> _Rule:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from orip.multimodel.oriented_block import OrientedBlock, oriented_block
-from orip.multimodel.processor import Loaded
+from orip.multimodel.processor import Loaded, first_state
 from orip.multimodel.state import Condition, Position, ProcessorState
 from orip.records.drive_table import (
     DriveCamera,
@@ -33,6 +33,14 @@ NO_MODEL = "-"
 
 _REACH = 20_000.0
 """Plate units; where on their stages films or digital frames lie, only a table tells."""
+
+Stages = tuple[StageLimits, StageLimits]
+"""Limits of the (upper, lower) stage."""
+
+_DSR = StageLimits(-120.0, 120.0, -120.0, 120.0, 0.001)
+
+DSR_STAGES: Stages = (_DSR, _DSR)
+"""The Kern DSR: 240 mm of travel in x and y, read out to 1 µm; plate coordinates are 0 in the middle."""
 
 
 class MeasuringMark(NamedTuple):
@@ -61,6 +69,8 @@ class Station:
         What shows while the stages are on their way.
     is_paced : bool
         Travel takes time.
+    stages : Stages or None
+        How far the stages go, mm, whatever a table says; one in pixels is of no such stages. None: as the table says.
     """
 
     block: OrientedBlock
@@ -69,6 +79,7 @@ class Station:
     digest: str = ""
     on_the_way: ProcessorState | None = None
     is_paced: bool = False
+    stages: Stages | None = None
 
     @property
     def is_ready(self) -> bool:
@@ -91,7 +102,13 @@ class Station:
         found = load(data)
         if not isinstance(found, Loaded):
             return found
-        return Station(*found, data, hashlib.sha256(data).hexdigest(), is_paced=self.is_paced)
+        table = found.block.table
+        if self.stages is not None and table.plate_unit == "mm":
+            upper, lower = self.stages
+            block = oriented_block(replace(table, upper=upper, lower=lower))
+            found = Loaded(block, first_state(block))
+        digest = hashlib.sha256(data).hexdigest()
+        return Station(*found, data, digest, is_paced=self.is_paced, stages=self.stages)
 
     def at(self, mark: MeasuringMark) -> Station | None:
         """Return the station with its measuring mark elsewhere; None if it has no such model or position."""
@@ -106,9 +123,10 @@ class Station:
         return replace(self, state=state)
 
 
-def bare_stages(*, is_paced: bool = False) -> Station:
+def bare_stages(*, is_paced: bool = False, stages: Stages | None = None) -> Station:
     """Return a station without a table, in the middle of its stages, guiding the upper one."""
-    limits = StageLimits(-_REACH, _REACH, -_REACH, _REACH, 0.001)
+    anywhere = StageLimits(-_REACH, _REACH, -_REACH, _REACH, 0.001)
+    upper, lower = stages or (anywhere, anywhere)
     camera = DriveCamera("-", (1.0, *(0.0,) * 10), (0.0, 0.0), "ideal")
     level, unit = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     photos = (
@@ -116,6 +134,10 @@ def bare_stages(*, is_paced: bool = False) -> Station:
         DrivePhoto("RIGHT", "-", None, "LOWER", (1.0, 0.0, 1.0), level, unit),
     )
     model = DriveModel(NO_MODEL, 1, 1, "LEFT", "RIGHT", "NORMAL")
-    table = DriveTable("-", "-", "mm", "-", limits, limits, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
-    state = ProcessorState(0, ((0.0, 0.0), (0.0, 0.0)), None, "IN", guide="UPPER")
-    return Station(oriented_block(table), state, is_paced=is_paced)
+    table = DriveTable("-", "-", "mm", "-", upper, lower, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
+    state = ProcessorState(0, (_middle(upper), _middle(lower)), None, "IN", guide="UPPER")
+    return Station(oriented_block(table), state, is_paced=is_paced, stages=stages)
+
+
+def _middle(stage: StageLimits) -> Position:
+    return 0.5 * (stage.x_min + stage.x_max), 0.5 * (stage.y_min + stage.y_max)

@@ -46,7 +46,7 @@ def require_table(station: Station) -> None:
 
 def clear(station: Station, _words: Words) -> Outcome:
     """Forget the table."""
-    return bare_stages(is_paced=station.is_paced), "CLEARED"
+    return bare_stages(is_paced=station.is_paced, stages=station.stages), "CLEARED"
 
 
 def status(station: Station, _words: Words) -> Outcome:

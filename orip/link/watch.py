@@ -14,8 +14,10 @@ from orip.errors import LinkError, OripError
 from orip.link.client import ProcessorFault
 from orip.link.watch_processor import WatchedProcessor
 from orip.multimodel.oriented_block import OrientedBlock
+from orip.multimodel.panel import KEYS
 from orip.multimodel.photo_loop import DrivenPhoto
 from orip.multimodel.plan_view import PlanView
+from orip.multimodel.state import SIDES, Side
 from orip.records.drive_table import STAGES, Triple
 from orip.records.photo import Stage
 
@@ -101,6 +103,17 @@ class Watch:
             raise RequestError(message)
         on: bool = request["on"]
         return self._commanded(lambda: self._processor.automatic(on))
+
+    def press(self, request: Document) -> Document:
+        """Press a foot switch, ``{"foot": "LEFT"}``, or a key, ``{"key": "ENTER"}``; for who digitises at the link."""
+        if request.keys() == {"foot"} and request["foot"] in SIDES:
+            side: Side = request["foot"]
+            return self._commanded(lambda: self._processor.foot(side))
+        if request.keys() == {"key"} and request["key"] in KEYS:
+            name: str = request["key"]
+            return self._commanded(lambda: self._processor.key(name))
+        message = "press takes 'foot', LEFT or RIGHT, or 'key', 0 to 15, ENTER or ZERO"
+        raise RequestError(message)
 
     def close(self) -> None:
         """Leave the plate processor alone."""

@@ -9,10 +9,10 @@ from typing import NamedTuple, Protocol, TypeVar
 from orip.errors import LinkError
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link
 from orip.multimodel.movement import drive_object, next_model
-from orip.multimodel.panel import automatic
+from orip.multimodel.panel import automatic, foot, key
 from orip.multimodel.processor import Loaded
 from orip.multimodel.readout import ObjectReadout, object_position, plate_position, status
-from orip.multimodel.state import Position, ProcessorState, Status
+from orip.multimodel.state import Position, ProcessorState, Side, Status
 from orip.records.drive_table import DriveFault, Triple
 
 T = TypeVar("T")
@@ -50,6 +50,12 @@ class WatchedProcessor(Protocol):
     def automatic(self, on: bool) -> None:
         """Let models change at frame lines, or not."""
 
+    def foot(self, side: Side) -> None:
+        """Press a foot switch."""
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+
     def close(self) -> None:
         """Do nothing."""
 
@@ -77,6 +83,14 @@ class OwnProcessor:
     def automatic(self, on: bool) -> None:
         """Let models change at frame lines, or not."""
         self._take(automatic(self._block, self._state, on))
+
+    def foot(self, side: Side) -> None:
+        """Press a foot switch."""
+        self._take(foot(self._block, self._state, side))
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+        self._take(key(self._block, self._state, name))
 
     def close(self) -> None:
         """Do nothing: there is nobody else."""
@@ -126,6 +140,14 @@ class LinkedProcessor:
     def automatic(self, on: bool) -> None:
         """Let models change at frame lines, or not."""
         self._operated(lambda link: link.automatic(on))
+
+    def foot(self, side: Side) -> None:
+        """Press a foot switch."""
+        self._operated(lambda link: link.foot(side))
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+        self._operated(lambda link: link.key(name))
 
     def close(self) -> None:
         """End the connection."""

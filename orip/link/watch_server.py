@@ -3,7 +3,7 @@
     GET  /TOKEN/          the page
     GET  /TOKEN/scene     what stays
     GET  /TOKEN/events    what moves, as server-sent events
-    POST /TOKEN/drive, /TOKEN/next, /TOKEN/automatic
+    POST /TOKEN/drive, /TOKEN/next, /TOKEN/automatic, /TOKEN/press
 
 Any page of the web can send requests to the loopback interface. So the address has a token that nobody else knows;
 requests under any other name of this machine are refused (a name of the web can be made to point here), and commands
@@ -119,6 +119,7 @@ class _Handler(BaseHTTPRequestHandler):
             "drive": watch.drive,
             "next": watch.next_model,
             "automatic": watch.automatic,
+            "press": watch.press,
         }
         path = self._asked_for()
         if path is None:

@@ -64,6 +64,8 @@ class AdjustedRays:
         chosen = np.asarray(rows, dtype=np.int64)
         photos = self.block.photo_points.photo[chosen]
         directions = (self._rotations[photos] @ self._vectors[chosen][:, :, None])[:, :, 0]
+        if not np.isfinite(directions).all():  # distortion cannot be removed so far from the frame
+            return None
         index = np.zeros(len(chosen), dtype=np.int64)
         position = intersect_rays(self._centres[photos], directions, index, 1)
         if not np.isfinite(position).all():

@@ -13,10 +13,13 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
+from orip.prelim.fit import fits_by_chance, is_strong, redundancy, robust_square_sum
 from orip.prelim.found_values import found_values
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
-from orip.prelim.joint_route import LOOKING_DOWN, UPRIGHT, by_parts
+from orip.prelim.joint.by_parts import by_parts
+from orip.prelim.joint.by_photos import by_photos
+from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
 from orip.prelim.routes import (
@@ -41,6 +44,9 @@ _GOOD = 2.5
 
 _AS_GOOD = 1.03
 """Ratio of misfits: two routes that end alike are right, though the camera may not be calibrated."""
+
+_BETTER = 0.999
+"""Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
 
 _FAR_OFF = 15.0
 """Residuals over the a-priori error count up to this."""
@@ -77,16 +83,20 @@ class _Search(NamedTuple):
 
 
 class _End(NamedTuple):
-    """How a complete outcome fits: the photos that are in the wrong place, and its misfit."""
+    """How a complete outcome fits: the photos that are in the wrong place, its misfit, and whether that is convincing.
+
+    Few redundant observations may nearly fit a wrong block, too: they have to fit as well as measuring errors explain.
+    """
 
     misplaced: frozenset[int]
     misfit: float
+    is_convincing: bool
 
 
 def _best_outcome(measured: MeasuredBlock) -> _Search:
     """Try routes until nothing better is to be expected."""
     best: Outcome | None = None
-    best_rank = (False, -np.inf)
+    beaten = (False, -np.inf)
     ends: list[_End] = []
     by_the_models: Route | None = None
     for number, route in enumerate(_routes(measured)):
@@ -96,11 +106,10 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
         if outcome is not None:
             lengths = lengths_of_residuals(measured, outcome)
             misfit = _misfit(measured.rays, outcome.grown, lengths)
-            if (rank := (outcome.is_final, -misfit)) > best_rank:
-                best, best_rank = outcome, rank
+            if (outcome.is_final, -misfit) > beaten:
+                best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
             if _is_complete(measured, outcome):
-                misplaced = np.flatnonzero(misplaced_photos(measured.rays, outcome.grown, lengths))
-                ends.append(_End(frozenset(misplaced.tolist()), misfit))
+                ends.append(_end(measured, outcome.grown, lengths, misfit))
         if _is_enough(ends):
             return _Search(best, by_the_models, number == 0)
     return _Search(best, by_the_models, False)
@@ -125,6 +134,7 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
     if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
         for axis in (LOOKING_DOWN, UPRIGHT):
             yield by_parts(free, with_control, measured.known_control(), axis)
+        yield by_photos(with_control, measured.known_control())
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)
@@ -139,21 +149,30 @@ def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:
     return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
 
+def _end(measured: MeasuredBlock, grown: GrowingBlock, lengths: FloatArray, misfit: float) -> _End:
+    misplaced = np.flatnonzero(misplaced_photos(measured.rays, grown, lengths))
+    held: BoolArray = np.asarray(np.isfinite(measured.full_control()).all(axis=1))
+    degrees = redundancy(measured.rays, held, ~np.isnan(lengths))
+    fits = is_strong(degrees, len(measured.rays.photos)) or fits_by_chance(robust_square_sum(lengths), degrees)
+    return _End(frozenset(misplaced.tolist()), misfit, fits)
+
+
 def _is_complete(measured: MeasuredBlock, outcome: Outcome) -> bool:
-    """Tell whether all photos are oriented, and on the ground if there is control enough for that."""
+    """Tell whether all photos that can be are oriented, and on the ground if there is control enough for that."""
     control_suffices = measured.known_coordinates >= _LEAST_COORDINATES
-    return (outcome.is_final or not control_suffices) and bool(outcome.grown.oriented.all())
+    supported = supported_photos(measured.rays, measured.known_control())
+    return (outcome.is_final or not control_suffices) and bool(outcome.grown.oriented[supported].all())
 
 
 def _is_enough(ends: list[_End]) -> bool:
     """Tell from complete outcomes whether nothing better is to be expected.
 
-    That is so if one fits as well as it can, or if two routes have ended alike: without misplaced photos, or with the
-    same ones in a block whose other photos fit well.
+    That is so if one fits convincingly, or if two routes have ended alike: without misplaced photos, or with the same
+    ones in a block whose other photos fit convincingly.
     """
     if not ends:
         return False
     best = min(ends, key=lambda end: (len(end.misplaced), end.misfit))
     alike = sum(end.misplaced == best.misplaced and end.misfit < _AS_GOOD * best.misfit for end in ends)
-    fits = best.misfit < _GOOD
+    fits = best.misfit < _GOOD and best.is_convincing
     return (fits and not best.misplaced) or (alike > 1 and (fits or not best.misplaced))

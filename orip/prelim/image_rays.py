@@ -9,6 +9,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
+from orip.records.repeated import measured_before
 
 CAMERA_CORRECTIONS = 4
 """Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
@@ -80,11 +81,13 @@ _CORRECTED = "C", "DX", "DY", "A3"
 def image_rays(block: Block) -> ImageRays:
     """Return the rays of a block, point by point; indices of photos and points are the block's.
 
-    Points of which a coordinate is disregarded, or whose distortion cannot be removed, give no ray.
+    Points of which a coordinate is disregarded, or whose distortion cannot be removed, give no ray. Of a point that is
+    measured in a photo more than once the first measurement does.
     """
     points = block.photo_points
     vectors = image_vectors(block)
     rows = np.flatnonzero(points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    rows = rows[measured_before(points.photo[rows], points.point[rows]) == 0]
     rows = rows[np.argsort(points.point[rows], kind="stable")]
     return ImageRays(
         photos=tuple(photo.name for photo in block.photos),

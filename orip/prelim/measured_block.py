@@ -87,10 +87,9 @@ class MeasuredBlock:
     def known_control(self) -> FloatArray:
         """Return all known coordinates (number of points, 3) of control points; NaN where not known."""
         known = np.full((len(self.rays.points), 3), np.nan)
-        rows = [self.row_of[name] for name in self.control.names if name in self.row_of]
-        known[rows] = [
-            xyz for name, xyz in zip(self.control.names, self.control.coordinates, strict=True) if name in self.row_of
-        ]
+        for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
+            if name in self.row_of:
+                known[self.row_of[name]] = xyz
         return known
 
     def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
@@ -11,6 +11,12 @@ from orip.records.fields import Field, Part
 
 CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
+
+OWN_PARAMETERS = ("DX", "DY")
+"""Those that are no matter of the lens: cameras with the same lens have principal points of their own."""
+
+RADIAL_PARAMETERS = ("A1", "A3", "A5", "A7")
+"""Those of the radial distortion, which a camera's record may also give as a curve or in the form of the ISP."""
 
 CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -39,7 +45,7 @@ ISP_PARAMETERS = ("R0", "A1", "A2", "A3")
 _DISTORTION_UNITS = ("", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm", "1/mm", "", "")
 
 _PARAMETER_KEYS = (
-    Part(key="c", above=0, required=True, units=("mm",), heading="C (mm)", example="8.595"),
+    Part(key="c", above=0, units=("mm",), heading="C (mm)", example="8.595"),
     Part(key="principal_point", size=2, units=("mm",), heading="DX, DY (mm)", example="[-0.1905, 0.9305]"),
     Part(
         key="distortion",
@@ -84,9 +90,10 @@ class Camera:
     distortion_at : {"ideal", "measured"}
         Whether the polynomial's argument is the ideal or the measured photo coordinate.
     distortion_isp : tuple (R0, A1, A2, A3) or None
-        The distortion in the form of the ISP regulations, if it was given so; `parameters` holds the polynomial.
+        The radial distortion in the form of the ISP regulations, if it was given so; `parameters` holds the polynomial,
+        and P1, P2, B1, B2 in any case.
     distortion_curve : tuple of (radius, distortion) or None
-        Points of the distortion curve (mm), if it was given so.
+        Points of the curve of the radial distortion (mm), if it was given so.
     frame : tuple (x, y) or None
         Size of the photo frame for multi-model driving, mm.
     fiducials : tuple of Mark
@@ -97,6 +104,8 @@ class Camera:
         Names of the parameters that the adjustment estimates; the others are constant.
     additional_set : {"EBNER", "GRUEN"} or None
         Additional parameters as weighted unknowns.
+    same_lens_as : str or None
+        Camera whose principal distance and distortion this one has: both are adjusted together.
     """
 
     name: Annotated[str, Field(example='"OLYMPUS"')]
@@ -128,3 +137,12 @@ class Camera:
     additional_set: Annotated[
         AdditionalSet | None, Field(key="set", example='"EBNER"', column_after="distortion_at")
     ] = None
+    same_lens_as: Annotated[
+        str | None, Field(names_record=True, example='"OLYMPUS"', key_after="name", column_after="name")
+    ] = None
+
+
+def without_radial_distortion(camera: Camera) -> Camera:
+    """Return the camera with A1, A3, A5, A7 of its polynomial 0."""
+    pairs = zip(CAMERA_PARAMETERS, camera.parameters, strict=True)
+    return replace(camera, parameters=tuple(0.0 if name in RADIAL_PARAMETERS else value for name, value in pairs))

@@ -29,6 +29,8 @@ class ListedObservation:
     disregarded : bool
     rays : int
         Photos in which the point is measured and not disregarded.
+    before : int
+        How often the point was measured in this photo before, where every measurement is an observation.
     """
 
     photo: str
@@ -40,6 +42,7 @@ class ListedObservation:
     weight_factor: Pair
     disregarded: bool
     rays: int
+    before: int = 0
 
     @property
     def is_down_weighted(self) -> bool:

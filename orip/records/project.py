@@ -54,8 +54,8 @@ class BundleDefinition:
     datum_points : tuple of str
         Points of a free network's inner constraints; empty: all.
     models : tuple of StereoModel
-    repeated_points : {"replace", "mean"}
-        A point measured in a photo again: the later measurement counts, or the mean of all.
+    repeated_points : {"replace", "mean", "both"}
+        A point measured in a photo again: the later measurement counts, the mean of all, or each as an observation.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -71,7 +71,7 @@ class BundleDefinition:
     datum_points: Annotated[tuple[str, ...], Field(example='["1001", "1002"]')] = ()
     models: Annotated[tuple[StereoModel, ...], Field(key="model", own_records=True, heading="Models")] = ()
     repeated_points: Annotated[
-        Literal["replace", "mean"],
+        Literal["replace", "mean", "both"],
         Field(heading="Repeated points", example='"mean"', key_after="datum_points", column_after="datum_points"),
     ] = "replace"
 

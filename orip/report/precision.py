@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.repeated import point_of_measurement
 from orip.records.solution import Estimates, Solution
 from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
 from orip.report.table import PageColumn, PageTable
@@ -115,8 +116,9 @@ def _largest_standard_residual(solution: Solution) -> dict[str, float]:
     residuals = solution.residuals
     used = ~np.isnan(residuals.weight_factor)
     for point, value, counts in zip(residuals.point, residuals.standard_residual.tolist(), used.tolist(), strict=True):
-        if counts and value > found.get(point, -1.0):
-            found[point] = value
+        name = point_of_measurement(point)
+        if counts and value > found.get(name, -1.0):
+            found[name] = value
     return found
 
 

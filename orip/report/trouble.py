@@ -35,6 +35,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
     found = solution.blunders
     if not found:
         return None
+    others = [blunder.alternatives for blunder in found]
     columns = (
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
         PageColumn(
@@ -46,6 +47,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
         PageColumn("Unit", [_unit_of_blunder(blunder, solution) for blunder in found], words=True),
         PageColumn("Test", [significant(blunder.statistic) for blunder in found], key="statistic"),
         PageColumn("Limit", [significant(blunder.limit) for blunder in found], key="limit"),
+        *([PageColumn("Cannot be told apart from", others, words=True)] if any(others) else []),
     )
     note = "Size: observed minus what all other observations predict. They have no influence on the results."
     return PageTable("blunders", "Blunders found and left out", columns, note)

@@ -7,14 +7,13 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.records.solution import Estimates, Solution
 
 _ANGLES = slice(PHOTO_PARAMETERS.index("OMEGA"), PHOTO_PARAMETERS.index("KAPPA") + 1)
-_POLYNOMIAL = ("A1", "A3", "A5", "A7")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +77,7 @@ def updated_camera(
     new = {verdict.parameter: verdict.new for verdict in found if isinstance(verdict, ChangedValue)}
     pairs = zip(CAMERA_PARAMETERS, camera.parameters, strict=True)
     updated = replace(camera, parameters=tuple(new.get(parameter, old) for parameter, old in pairs))
-    if any(parameter in new for parameter in _POLYNOMIAL):
+    if any(parameter in new for parameter in RADIAL_PARAMETERS):
         # the form in which the distortion was once given does not say what it is now
         updated = replace(updated, distortion_isp=None, distortion_curve=None)
     return updated, found

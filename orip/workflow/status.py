@@ -11,6 +11,7 @@ from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve import solve_step
+from orip.workflow.drive.loaded_table import download_step
 from orip.workflow.drive.table import DRIVEN_FROM, drive_step
 from orip.workflow.observations.measure import measure_step
 from orip.workflow.project.bundle_state import BundleState
@@ -49,19 +50,30 @@ class ProjectStatus:
     warnings: tuple[ProjectWarning, ...]
 
 
-def project_status(state: ProjectState) -> ProjectStatus:
+def project_status(state: ProjectState, link: str | None = None, *, is_there: bool = True) -> ProjectStatus:
     """Return the state of a project.
 
     Parameters
     ----------
     state : ProjectState
         With `STATUS_FROM`.
+    link : str or None
+        URL of a plate processor that is asked which drive table it has.
+    is_there : bool
+        It should answer; else nothing is said where it does not.
     """
     project = state.project
     bundles = [BundleState(state, name) for name in project.bundle_names]
+    beside: list[ProjectWarning] = []
     steps = [initialise_step(state), measure_step(state), *map(solve_step, bundles)]
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
+    if link is not None and any(state.definitions.bundle(name).models for name in project.bundle_names):
+        download = download_step(state, link)
+        if isinstance(download, Step):
+            steps.append(download)
+        elif is_there:
+            beside.append(download)
     text, stored = project.definition, state.definitions
     counts = (
         ("camera", _count(project, text.cameras, stored.cameras)),
@@ -71,7 +83,7 @@ def project_status(state: ProjectState) -> ProjectStatus:
         ("photo point", sum(len(bundle.observations.points) for bundle in bundles)),
     )
     following = next((step.command for step in steps if step.state != "up to date"), None)
-    warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state))
+    warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *beside)
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
 
 

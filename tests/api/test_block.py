@@ -126,6 +126,11 @@ def test_distances_directions_elements_and_starting_values() -> None:
     assert [residuals.unit[row[0]] for row in rows.values()] == ["m", "degrees", "m"]
     assert residuals.observed[rows["distance"][0]] == length
     assert np.abs(residuals.residual[rows["distance"]]) < 0.005
+    (zero_direction,) = found.zero_directions
+    assert zero_direction.set == "S"
+    # the reading is the azimuth, and a single one fixes R: it has the reading's error, and those of the points
+    assert 0.01 * min(1.0, found.sigma0) <= zero_direction.sd < 1.0
+    assert abs((zero_direction.value + 180.0) % 360.0 - 180.0) < 4.0 * zero_direction.sd
 
 
 def test_a_block_that_cannot_be_solved_says_why() -> None:

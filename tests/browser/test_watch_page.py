@@ -154,6 +154,23 @@ def test_keys(browser, server):
     assert page.quiet()
 
 
+def test_foot_switches_and_keys(browser, server):
+    """Pressed with the mouse and from the keyboard, they reach the plate processor in their order."""
+    page = Page(browser, server.url)
+    pressed = []
+    server.watch._processor.foot = pressed.append
+    server.watch._processor.key = pressed.append
+    browser.find_element("css selector", "[data-foot=RIGHT]").click()
+    browser.find_element("css selector", "[data-key='15']").click()
+    browser.find_element("css selector", "[data-key=ENTER]").click()
+    page.wait(lambda: page.text("pressed") == "Pressed: right foot switch, 15, ENTER")
+    page.plan.click()
+    ActionChains(browser).send_keys("l70\ue007z").perform()  # Enter, as the WebDriver standard writes it
+    page.wait(lambda: page.text("pressed").endswith("left foot switch, 7, 0, ENTER, ZERO"))
+    assert pressed == ["RIGHT", "15", "ENTER", "LEFT", "7", "0", "ENTER", "ZERO"]
+    assert page.quiet()
+
+
 def test_what_is_refused_is_said(browser, server):
     page = Page(browser, server.url)
     browser.execute_script("drive({ object: [10, 0, 500] })")

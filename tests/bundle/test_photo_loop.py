@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
+from bundle.same_lens import with_two_frames
 from support.conditioning import EPSILON, condition_of_normals
 from support.synthetic_block import DISTORTED, synthetic_block
 
@@ -21,7 +22,7 @@ from orip.bundle import problem
 from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
-from orip.records.block import Block
+from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
 from orip.records.control import ControlDistance
 
@@ -93,6 +94,20 @@ def behind() -> Block:
     return replace(block, point_start=start)
 
 
+def measured_twice() -> Block:
+    """Return a block in which every third photo point is measured again, some a third time."""
+    block = self_calibrated("ideal")
+    points = block.photo_points
+    rows = np.concatenate([np.arange(len(points.photo)), np.arange(0, len(points.photo), 3), np.arange(0, 20, 6)])
+    moved = 1e-3 * np.sin(np.arange(2.0 * len(rows))).reshape(-1, 2)
+    again = (points.photo[rows], points.point[rows], points.xy[rows] + moved, points.error[rows], points.used[rows])
+    return replace(
+        block,
+        photo_points=IndexedPhotoPoints(*again),
+        definition=replace(block.definition, repeated_points="both"),
+    )
+
+
 def with_set(name: AdditionalSet, distortion_at: str) -> Block:
     block = self_calibrated(distortion_at)
     return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
@@ -112,6 +127,9 @@ BLOCKS = {
     "constant points": constant_points,
     "tied points": tied_points,
     "behind": behind,
+    "measured twice": measured_twice,
+    "same lens": lambda: with_two_frames(self_calibrated("ideal")),
+    "same lens at measured": lambda: with_two_frames(self_calibrated("measured")),
     "Ebner": lambda: with_set("EBNER", "ideal"),
     "Gruen": lambda: with_set("GRUEN", "ideal"),
     "Gruen at measured": lambda: with_set("GRUEN", "measured"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import Said, orip
-from workflow.small_projects import contents, film_project, replace_in, two_bundles
+from workflow.small_projects import contents, film_project, replace_in
 
 from orip.files.stores.transaction import writing
 
@@ -239,17 +239,6 @@ def test_text_and_store_changed_both(project: Path) -> None:
     replace_in(project / "orip.toml", "c = 35.2", "c = 35.3")
     assert orip(project, "init", "--prefer", "text").code == 0
     assert "35.3" in orip(project, "dump", "CAMERAS.CAM").out
-
-
-def test_too_many_bundles(tmp_path: Path) -> None:
-    folder = two_bundles(tmp_path / "p")
-    text = (folder / "orip.toml").read_text()
-    (folder / "orip.toml").write_text(text + "".join(f'\n[[bundle]]\nname = "B{n}"\n' for n in range(3)))
-    assert orip(folder, "init").code == 0
-    assert orip(folder, "status").code == 0
-    assert orip(folder, "measure").code == 0
-    (folder / "orip.toml").write_text(text + "".join(f'\n[[bundle]]\nname = "B{n}"\n' for n in range(4)))
-    refused(orip(folder, "init"), 3, "the project has 6 bundles, at most 5 are possible")
 
 
 @pytest.mark.parametrize("command", ["init", "measure", "solve", "run", "load MAIN.EXO dump.txt"])

@@ -182,7 +182,7 @@ def test_added_before_another(project: Path) -> None:
         ("camera add O c=1 fiducials.1=5", "write the values in braces"),
         ("camera add O c=1 fiducials.1.x=5", "has no y; it is required"),
         ("camera add O c=1 distortion_curve.1=5", "have no names; write all of them in one list"),
-        ("camera add O c=1 distortion.A3=1 distortion_isp.A1=1", "give the distortion in one form"),
+        ("camera add O c=1 distortion.A3=1 distortion_isp.A1=1", "give the radial distortion in one form"),
         (
             "camera add O c=1 distortion_isp.R0=1e200 distortion_isp.A1=1",
             "distortion_isp of camera 'O' has no polynomial",
@@ -218,12 +218,6 @@ def test_two_models_cannot_have_one_place(project: Path) -> None:
     done(orip(project, *typed("model add M1 left=left right=right row=1 column=1")))
     sentence = "model 'M2' is at row 1, column 1 like model 'M1'; give it its own place"
     refused(project, sentence, *typed("model add M2 left=left right=right row=1 column=1"))
-
-
-def test_too_many_bundles(project: Path) -> None:
-    for name in "ABCD":
-        done(orip(project, "bundle", "add", name))
-    refused(project, "at most 5 are possible", "bundle", "add", "E")
 
 
 def test_models_of_several_bundles(project: Path) -> None:
@@ -296,8 +290,29 @@ def test_a_value_taken_away_is_the_default_again(film: Path) -> None:
 
 def test_the_other_form_of_a_distortion(project: Path) -> None:
     done(orip(project, "camera", "edit", "C35", "distortion_isp={R0=10.0, A1=1e-4}"))
-    refused(project, "give the distortion in one form", "camera", "edit", "C35", "distortion.A3=1e-5")
+    refused(project, "give the radial distortion in one form", "camera", "edit", "C35", "distortion.A3=1e-5")
+    done(orip(project, "camera", "edit", "C35", "distortion.P1=2e-6", "distortion.B2=3e-5"))
+    found = values(project, "camera", "C35")
+    assert [found[f"distortion_isp.{name}"] for name in ("R0", "A1")] == [10.0, 1e-4]
+    assert [found[f"distortion.{name}"] for name in ("P1", "B2")] == [2e-6, 3e-5]
+    done(orip(project, "export-toml", "--output", "orip.toml", "--force"))
+    assert done(orip(project, "init")).err.startswith("init     unchanged")
+    done(orip(project, "camera", "edit", "C35", "distortion="))
     done(orip(project, "camera", "edit", "C35", "distortion_isp=", "distortion.A3=1e-5"))
+    assert done(orip(project, "init")).err.startswith("init     unchanged")
+
+
+def test_a_camera_with_the_lens_of_another_follows_it(project: Path) -> None:
+    done(orip(project, "camera", "add", "CUT", "same_lens_as=C35", "principal_point=[0.2,0.1]"))
+    done(orip(project, "camera", "edit", "C35", "c=35.4", "distortion.A3=1e-5"))
+    found = values(project, "camera", "CUT")
+    assert (found["same_lens_as"], found["c"]) == ("C35", None)
+    refused(project, "is referred to by camera CUT, photo left", "camera", "delete", "C35", "--yes")
+    done(orip(project, "camera", "rename", "C35", "NEW"))
+    assert values(project, "camera", "CUT")["same_lens_as"] == "NEW"
+    refused(project, "has c, but its lens is that of camera 'NEW'; give it there", "camera", "edit", "CUT", "c=35")
+    done(orip(project, "export-toml", "--output", "orip.toml", "--force"))
+    assert (project / "orip.toml").read_text().count("c = 35.4") == 1
     assert done(orip(project, "init")).err.startswith("init     unchanged")
 
 

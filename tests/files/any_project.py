@@ -12,6 +12,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.names import name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
 from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
+from orip.records.shared_lens import with_lens_of
 
 letters = st.characters(codec="utf-8", categories=("L", "N", "P", "S"))
 names = (
@@ -44,7 +45,9 @@ stages = some(st.sampled_from(["UPPER", "LOWER"]))
 @st.composite
 def cameras(draw: Any, name: str) -> Camera:
     form = draw(st.sampled_from(["polynomial", "isp", "curve"]))
-    polynomial = draw(st.tuples(*[st.just(0.0) | numbers] * 8)) if form == "polynomial" else (0.0,) * 8
+    coefficients = st.just(0.0) | numbers
+    radial = draw(st.tuples(*[coefficients] * 4)) if form == "polynomial" else (0.0,) * 4
+    polynomial = (*radial, *draw(st.tuples(*[coefficients] * 4)))
     radii = (
         draw(st.lists(st.integers(1, 150).map(float), unique=True, min_size=4, max_size=6)) if form == "curve" else []
     )
@@ -93,6 +96,9 @@ def bundles(draw: Any, name: str, photos: list[str]) -> BundleDefinition:
 def project_definitions(draw: Any) -> ProjectDefinition:
     """Return definitions as a text is read: distortions of another form have a polynomial of 0."""
     camera_records = [draw(cameras(name)) for name in draw(unique(names, max_size=3))]
+    if len(camera_records) > 1 and draw(st.booleans()):
+        lens, other = (replace(camera, additional_set=None) for camera in camera_records[:2])
+        camera_records[:2] = lens, with_lens_of(replace(other, same_lens_as=lens.name), lens)
     temticks = [Temtick(name, draw(marks)) for name in draw(unique(names, max_size=2))]
     template_names = draw(unique(names, max_size=2)) if temticks else []
     photos = [

@@ -133,7 +133,7 @@ def awkward() -> Solution:
         singular=(SingularUnknown("POINT", LONG_NAME, "Z", 13.42), SingularUnknown("CAMERA", "OLYMPUS", "P1", INF)),
         correlations=(Correlation("OLYMPUS.C", "OLYMPUS.A3", -0.9731), Correlation("OLYMPUS.DX", "OLYMPUS.P2", NAN)),
         blunders=(
-            Blunder(1, "photo", "P102", "7", "y", -0.1391, 0.0055, 26.35, 3.29),
+            Blunder(1, "photo", "P102", "7", "y", -0.1391, 0.0055, 26.35, 3.29, "distance D1"),
             Blunder(2, "control", "", "1001", "Z", 0.11, 0.0894, 1.2, NAN),
         ),
         diagnosis=(

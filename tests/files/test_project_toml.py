@@ -14,11 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.files.project.reader import parse_project, read_project
+from orip.files.project.text import project_document, project_text
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.photo import Photo, Scan, Template, Temtick
 from orip.records.project import BundleDefinition, Precision, ProjectDefinition, StereoModel
 
 PROJECT = '[project]\nname = "Z"\n'  # lines 1 and 2
+OTHER = '[[camera]]\nname = "U"\n'  # two lines
 CAMERA = '[[camera]]\nname = "O"\nc = 8.5\n'  # three lines
 
 ONE_FIDUCIAL = "fiducials = [{ name = '1', x = 1, y = 1 }]\n"
@@ -161,10 +163,32 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f'{PROJECT}[[camera]]\nname = "O P"\nc = 1\n', 4, "'O P' has a blank"),
         (f"{PROJECT}{CAMERA}principal_point = [1]\n", 6, "is a list of 1, but a list of 2 elements is required"),
         (f"{PROJECT}{CAMERA}distortion = {{ A2 = 1 }}\n", 6, "distortion of camera 'O' has the unknown key 'A2'"),
-        (f"{PROJECT}{CAMERA}distortion = {{}}\ndistortion_isp = {{}}\n", 7, "give the distortion in one form"),
+        (
+            f"{PROJECT}{CAMERA}distortion = {{ A3 = 1.0, P1 = 1.0 }}\ndistortion_isp = {{}}\n",
+            7,
+            "has distortion_isp and A3 of distortion; give the radial distortion in one form",
+        ),
+        (
+            f"{PROJECT}{CAMERA}distortion_isp = {{}}\ndistortion_curve = [[1,0],[2,0],[3,0],[4,0]]\n",
+            7,
+            "has distortion_isp and distortion_curve; give the radial distortion in one form",
+        ),
         (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[3,1]]\n", 6, "has 3 different radii above 0"),
         (f"{PROJECT}{CAMERA}distortion_curve = [[0,0],[2,1],[3,1],[4,1]]\n", 6, "3 different radii above 0; give"),
         (f"{PROJECT}{CAMERA}distortion_curve = [[1,1],[2,1],[3,1],[4,1],\n[-3,1]]\n", 7, "has the radius -3; write 0"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "o"\nc = 8.5\n', 9, "has c, but its lens is that of camera 'o'"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion = {{A3 = 1.0}}\n', 9, "has A3 of distortion, but"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion_isp = {{}}\n', 9, "has distortion_isp, but its lens"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\ndistortion_at = "measured"\n', 9, "has distortion_at, but its"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\nunknown = ["C", "DX"]\n', 9, "has C unknown, but its lens is"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\nset = "EBNER"\n', 8, "and a set cannot be adjusted for both"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "U"\n', 8, "names the camera itself"),
+        (f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "V"\n', 8, "names camera 'V', which is not defined"),
+        (
+            f'{PROJECT}{CAMERA}{OTHER}same_lens_as = "O"\n[[camera]]\nname = "V"\nsame_lens_as = "u"\n',
+            11,
+            "names camera 'u', which has the lens of 'O'; name 'O'",
+        ),
         (f'{PROJECT}{CAMERA}distortion_at = "Ideal"\n', 6, "but 'ideal' or 'measured' is required"),
         (f"{PROJECT}{CAMERA}frame = [24, 0]\n", 6, "frame number 2 of camera 'O' is 0, but a number above 0"),
         (f"{PROJECT}{CAMERA}set = \"BROWN\"\n", 6, "but 'EBNER' or 'GRUEN' is required"),
@@ -387,3 +411,16 @@ def test_documents_of_any_values_are_read_or_complained_of(seed: int, changes: i
         assert complaint.line is not None
         assert complaint.message.isprintable()
         assert "not TOML" not in complaint.message or "integer" in complaint.message
+
+
+def test_a_camera_with_the_lens_of_another_has_its_distance_and_distortion() -> None:
+    text = (
+        f'{PROJECT}{CAMERA}distortion = {{ A3 = 1e-5, P1 = 2e-6 }}\ndistortion_at = "measured"\nunknown = ["C", "DX"]\n'
+    )
+    project = definition(f'{text}{OTHER}same_lens_as = "o"\nprincipal_point = [0.1, 0.2]\nunknown = ["DY"]\n')
+    lens, other = project.cameras
+    assert other.parameters == (8.5, 0.1, 0.2, *lens.parameters[3:])
+    assert (other.distortion_at, other.unknown) == ("measured", ("C", "DY"))
+    again = project_text(project_document(project))
+    assert definition(again) == project
+    assert again.count("c = 8.5") == 1

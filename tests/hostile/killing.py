@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import random
+import shlex
 import shutil
 import signal
 import sys
@@ -17,15 +18,16 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
 from cli.test_digitise_commands import emulator, new_cliff
+from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, FILM, KILLED, OPERATED
 from workflow.killed_orip import Steps, counted
-from workflow.quiet import run_quietly
 from workflow.small_projects import film_project, replace_in
 
 from orip.cli.main import main as orip
@@ -34,8 +36,8 @@ from orip.files.stores.dump import dump
 from orip.files.stores.schema import TABLES_OF_KIND
 
 PROJECT = "project"
-_AGAIN_EVERY = 20
-"""Of so many kills the command is run again after one, and has to end as if nothing had happened."""
+_AGAIN = 0.1
+"""After this part of the kills the command is run again, and has to end as if nothing had happened."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +46,17 @@ class Case:
 
     Parameters
     ----------
-    words : sequence of str
-        With {} where the URL of the plate processor stands.
-    before, after : Path
-        The folder before the command and after it, undisturbed.
+    words : tuple of str
+    stages : tuple of Path
+        The folder before the command, after each of its commits, and after the whole of it, undisturbed.
     steps : int
         What the system sees of the command.
     seconds : float
         How long it takes here.
     """
 
-    words: Sequence[str]
-    before: Path
-    after: Path
+    words: tuple[str, ...]
+    stages: tuple[Path, ...]
     steps: int
     seconds: float
 
@@ -64,32 +64,6 @@ class Case:
     def is_digitising(self) -> bool:
         """Tell whether the log is written mark by mark, so that it may be anything between old and new."""
         return self.words[0] == "digitise"
-
-
-COMMANDS = (
-    "init",
-    "measure",
-    "solve",
-    "run",
-    "prelim",
-    "report",
-    "update photos",
-    "update points",
-    "camera edit C35 c=35.3",
-    "photo rename left west",
-    "photo delete left --with-referents --yes",
-    "bundle rename MAIN ALL",
-    "bundle copy MAIN SECOND",
-    "control points edit 1 X=1012.5",
-    "observations disregard point left P1",
-    "observations kill point left P1 --yes",
-    "export-toml --output orip.toml --force",
-    "load FIRST.PHO FIRST.dump",
-    "init --sample small_frame_block sample",
-)
-"""All commands that write a project, but `digitise` and `drive`, which need a plate processor or models."""
-
-DIGITISING = ("digitise template LEFT --link {} --simulate films/DAY1.MEA", "drive table", "drive download --link {}")
 
 
 def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | None = None) -> int:
@@ -106,8 +80,9 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
         except SystemExit as end:
             code = int(end.code or 0)
         finally:
-            if steps.last == 0:
+            if steps.last <= 0 and kill_after is None:
                 (folder.parent / "steps").write_text(str(steps.count))
+                (folder.parent / "modules").write_text("\n".join(sys.modules))
             os._exit(code)
     if kill_after is not None:
         time.sleep(kill_after)
@@ -116,35 +91,83 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
 
 
 @contextmanager
-def cases(folder: Path, chosen: Sequence[str], url: str) -> Iterator[list[Case]]:
-    """Prepare all cases: a finished film project whose texts have changed since, and films to digitise."""
-    film = film_project(folder / "film")
-    run_quietly(film)
-    (film / "FIRST.dump").write_text("\n".join(dump(film / "FIRST.PHO")) + "\n")
-    replace_in(film / "orip.toml", "c = 35.0", "c = 35.2")
-    replace_in(film / "orip.toml", "X0 = 1070.0", "X0 = 1071.0")
-    replace_in(film / "FIRST.PNT", "1012.40", "1012.41")
-    yield [_case(folder, film, words, url) for words in chosen]
+def prepared(folder: Path) -> Iterator[list[Case]]:
+    """Prepare all cases: their projects, and a plate processor."""
+    _film(folder / FILM)
+    _half_digitised(folder / OPERATED)
+    _load_modules(folder)
+    _done(folder / FILM, "init", "--sample", "small_frame_block", str(folder / DRIVABLE))
+    _done(folder / DRIVABLE, "run")
+    _load_modules(folder)
+    for name in ("MAIN.DRV", "report.html"):
+        (folder / DRIVABLE / name).unlink()
+    with emulator(folder / OPERATED) as url:
+        link = ("--link", url, "--simulate", "films/DAY1.MEA")
+        _done(folder / OPERATED, "digitise", "template", "LEFT", *link)
+        _done(folder / OPERATED, "digitise", "photo", "--template", "LEFT", *link)
+        _load_modules(folder)
+        yield [
+            _case(folder, number, project, words.replace("{}", url)) for number, (project, words) in enumerate(KILLED)
+        ]
 
 
-def _case(folder: Path, start: Path, words: str, url: str) -> Case:
-    after = folder / f"after-{words.replace(' ', '-').replace('/', '_')[:40]}" / PROJECT
-    if words.startswith("digitise"):
-        start = folder / "cliff"
-    elif words.startswith("drive"):
-        start = folder / "drivable"
-    given = words.format(url).split()
-    shutil.copytree(start, after)
+def _load_modules(folder: Path) -> None:
+    """Load what the last command has loaded, so that those to be killed need not."""
+    for name in (folder / "modules").read_text().split():
+        with suppress(ImportError):
+            import_module(name)
+
+
+def _film(folder: Path) -> None:
+    film_project(folder)
+    for name, text in CONTROL_TEXTS.items():
+        (folder / name).write_text(text)
+    with (folder / "FIRST.PNT").open("a") as control:
+        control.write("5 1012 2008 101 -1 -1 -1\n")
+    _done(folder, "run")
+    (folder / "report.html").unlink()
+    (folder / "FIRST.dump").write_text("\n".join(dump(folder / "FIRST.PHO")) + "\n")
+    replace_in(folder / "orip.toml", "c = 35.0", "c = 35.2")
+    replace_in(folder / "orip.toml", "X0 = 1070.0", "X0 = 1071.0")
+    replace_in(folder / "FIRST.MEA", "P1 104.4010", "P1 104.4030")
+    replace_in(folder / "FIRST.PNT", "1012.40", "1012.41")
+
+
+def _half_digitised(folder: Path) -> None:
+    new_cliff(folder.with_suffix(".sample")).rename(folder)
+    (folder / "first.txt").write_text("POINTS MAIN 101\nCP1\n1103\n1104\nPOINTS MAIN 103\n1103\n1104\n")
+    (folder / "panel.txt").write_text("FOOT RIGHT\nMOVE 3 0\n" * 4)
+
+
+def _done(folder: Path, *words: str) -> None:
+    status = fork(folder, words, Steps(-2))
+    assert status == 0, f"{words} ended with {os.waitstatus_to_exitcode(status)}"
+
+
+def _case(folder: Path, number: int, project: str, words: str) -> Case:
+    start, given = folder / project, tuple(shlex.split(words))
+    after = Path(shutil.copytree(start, folder / f"after-{number}" / PROJECT))
     began = time.monotonic()
     status = fork(after, given, Steps(0))
     assert status == 0, f"{words} ended with {os.waitstatus_to_exitcode(status)}"
-    return Case(given, start, after, int((after.parent / "steps").read_text()), time.monotonic() - began)
+    seconds = time.monotonic() - began
+    steps = int((after.parent / "steps").read_text())
+    assert steps, f"{words} wrote nothing"
+    return Case(given, (start, *_between(start, after.parent, given), after), steps, seconds)
+
+
+def _between(start: Path, folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
+    """Yield the stages inside a command: those of `run` are commands of their own."""
+    for name in ("init", "measure") if words == ("run",) else ():
+        start = Path(shutil.copytree(start, folder / name))
+        _done(start, name)
+        yield start
 
 
 def kill(case: Case, folder: Path, chance: random.Random, *, again: bool) -> bool:
     """Kill a command once, look at what it left, and tell whether it was killed in time."""
     place = folder / PROJECT
-    shutil.copytree(case.before, place)
+    shutil.copytree(case.stages[0], place)
     if chance.random() < 0.5:
         status = fork(place, case.words, Steps(chance.randint(1, max(case.steps, 1))))
     else:
@@ -161,29 +184,44 @@ def kill(case: Case, folder: Path, chance: random.Random, *, again: bool) -> boo
 
 
 def check(case: Case, place: Path) -> None:
-    """Check that stores are all old or all new, and that every text is whole."""
-    old, new = _state(case.before, case.after)
-    found = {name: _rows(place / name) for name in old}
-    assert found in (old, new), f"{case.words}: stores are neither old nor new"
+    """Check that all stores are those of one stage, and that every text is whole."""
+    if _bytes_of(place) not in map(_bytes_of_stage, case.stages):
+        stages = _rows_of(case.stages)
+        found = {name: _rows(place / name) for name in stages[0]}
+        assert found in stages, f"{case.words}: stores are neither old nor new"
     for path in place.iterdir():
         if path.suffix[1:] in TABLES_OF_KIND or path.name.startswith(".orip-") or "-mj" in path.name:
             continue
-        if path.is_dir() or path.name.endswith("-journal") or path.suffix == ".html":
+        if path.name.endswith("-journal") or path.suffix == ".html":
             continue
-        known = {folder / path.name for folder in (case.before, case.after)}
-        wholes = {other.read_bytes() for other in known if other.is_file()}
         if case.is_digitising and path.suffix == ".MEA":
             assert not read_measurements(path, path.name).complaints
         else:
-            assert path.read_bytes() in wholes, f"{case.words}: {path.name} is neither old nor new"
+            wholes = [_content(stage / path.name) for stage in case.stages]
+            assert _content(path) in wholes, f"{case.words}: {path.name} is neither old nor new"
+
+
+def _content(path: Path) -> object:
+    """Return the bytes of a file, or those of the files of a folder; one without any is as good as none."""
+    if path.is_dir():
+        return {file.name: _content(file) for file in path.iterdir() if not file.name.startswith(".orip-")} or None
+    return path.read_bytes() if path.exists() else None
+
+
+def _bytes_of(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of all stores, and of journals that would change them."""
+    stores = [path for path in folder.iterdir() if path.suffix[1:].partition("-")[0] in TABLES_OF_KIND]
+    return {path.name: path.read_bytes() for path in stores}
+
+
+_bytes_of_stage = cache(_bytes_of)
 
 
 @cache
-def _state(before: Path, after: Path) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
-    """Return the rows of all stores before and after a command."""
-    names = sorted({path.name for folder in (before, after) for path in _stores_in(folder)})
-    old, new = ({name: _rows(folder / name) for name in names} for folder in (before, after))
-    return old, new
+def _rows_of(stages: tuple[Path, ...]) -> list[dict[str, list[str]]]:
+    """Return the rows of all stores at each stage."""
+    names = sorted({path.name for folder in stages for path in _stores_in(folder)})
+    return [{name: _rows(folder / name) for name in names} for folder in stages]
 
 
 def _stores_in(folder: Path) -> list[Path]:
@@ -197,26 +235,16 @@ def _rows(path: Path) -> list[str]:
     return [*lines[:1], *rows] if rows else []
 
 
-def kills(count: int, seed: int, folder: Path, commands: Sequence[str] = COMMANDS, url: str = "") -> Counter[str]:
+def kills(count: int, seed: int, folder: Path) -> Counter[str]:
     """Kill commands `count` times; return how often each was killed in time."""
     chance, killed = random.Random(seed), Counter[str]()
-    with cases(folder, commands, url) as prepared:
+    with prepared(folder) as cases:
         for number in range(count):
-            case = prepared[number % len(prepared)]
-            killed[" ".join(case.words[:2])] += kill(case, folder, chance, again=number % _AGAIN_EVERY == 0)
+            case = cases[number % len(cases)]
+            if number % 500 == 0:
+                print(f"{time.strftime('%T')} {number} runs, {sum(killed.values())} killed", flush=True)  # noqa: T201
+            killed[" ".join(case.words[:3])] += kill(case, folder, chance, again=chance.random() < _AGAIN)
     return killed
-
-
-@contextmanager
-def digitising(folder: Path) -> Iterator[str]:
-    """Serve a plate processor, with a project before it and one that can be driven in; yield the URL."""
-    cliff = new_cliff(folder / "original")
-    cliff.rename(folder / "cliff")
-    assert fork(folder, ["init", "--sample", "small_frame_block", "drivable"], Steps(-2)) == 0
-    assert fork(folder / "drivable", ["run"], Steps(-2)) == 0
-    (folder / "drivable" / "MAIN.DRV").unlink(missing_ok=True)
-    with emulator(folder / "cliff") as url:
-        yield url
 
 
 def main() -> None:
@@ -224,8 +252,8 @@ def main() -> None:
     count, seed = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1
     began = time.monotonic()
     base = "/dev/shm" if Path("/dev/shm").is_dir() else None
-    with tempfile.TemporaryDirectory(dir=base) as folder, digitising(Path(folder)) as url:
-        killed = kills(count, seed, Path(folder), (*COMMANDS, *DIGITISING), url)
+    with tempfile.TemporaryDirectory(dir=base) as folder:
+        killed = kills(count, seed, Path(folder))
     print(f"{count} runs, {sum(killed.values())} killed in {time.monotonic() - began:.0f} s:", dict(killed), flush=True)  # noqa: T201
 
 

@@ -1,15 +1,21 @@
-"""Points that are measured in a photo more than once: the later measurement, or the mean, and a warning."""
+"""Points that are measured in a photo more than once: the later measurement, the mean, or both; and a warning."""
 
 from __future__ import annotations
 
+import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli.command_line import orip as orip_command
+from support.synthetic_block import synthetic_block
 from workflow.commands import initialise, measure
 
 import orip
+from orip.bundle.snooping.search import SnoopingSettings, snoop
+from orip.records.block import IndexedPhotoPoints
 
 PROJECT = """
 project = {{ name = "T" }}
@@ -87,7 +93,12 @@ def test_a_disregarded_measurement_has_no_part_in_the_mean(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("setting", "does"), [("", "replaces the earlier"), ('repeated_points = "mean"', "mean of both")]
+    ("setting", "does"),
+    [
+        ("", "replaces the earlier"),
+        ('repeated_points = "mean"', "mean of both"),
+        ('repeated_points = "both"', "both count as observations"),
+    ],
 )
 def test_a_measurement_at_another_place_is_told(tmp_path, setting, does):
     (text,) = warned(written(tmp_path, log(-5.0), setting))
@@ -103,4 +114,66 @@ def test_a_measurement_in_pixels_at_another_place_is_told(tmp_path):
 
 def test_another_word_is_refused(tmp_path):
     with pytest.raises(orip.InputError, match="repeated_points"):
-        solved(tmp_path, log(-10.0), 'repeated_points = "both"')
+        solved(tmp_path, log(-10.0), 'repeated_points = "twice"')
+
+
+BOTH = 'repeated_points = "both"'
+
+
+def test_both_measurements_are_observations(tmp_path):
+    found = solved(tmp_path, log(-10.02), BOTH)
+    assert observed(found, "1") == pytest.approx([-10.0, -10.0])
+    assert observed(found, "1 (2)") == pytest.approx([-10.02, -10.0])
+    assert found.redundancy == solved(tmp_path, log(-10.02)).redundancy + 2
+    residuals = found.residuals
+    of_x = {
+        name: residual
+        for name, component, residual in zip(residuals.point, residuals.component, residuals.residual, strict=True)
+        if component == "x" and name.startswith("1")
+    }
+    assert of_x["1 (2)"] - of_x["1"] == pytest.approx(0.02)
+
+
+def test_a_point_that_one_photo_shows_twice_has_one_ray(tmp_path):
+    text = log(-10.0, "POINTS MAIN P\n7 3 4\n") + "7 3.001 4\n"
+    found = solved(tmp_path, text, BOTH)
+    assert found.points["7"].rays == 1
+    assert np.isinf(found.points["7"].deviations).all()
+
+
+def test_files_tell_the_measurements_apart(tmp_path):
+    written(tmp_path, log(-10.02), BOTH)
+    assert orip_command(tmp_path, "run").code == 0
+    rows = list(csv.DictReader((tmp_path / "residuals.csv").read_text().splitlines()))
+    assert [row["point"] for row in rows if row["kind"] == "photo"] == [*"112233", "1 (2)", "1 (2)"]
+    (line,) = (
+        line for line in (tmp_path / "BUNDLE_RESULT.OUT").read_text().splitlines() if line.startswith("  1 (2) ")
+    )
+    assert line.split()[2:4] == ["-10.0200", "-10.0000"]
+    listed = orip_command(tmp_path, "observations", "list", "--all").out
+    assert re.search(r"^\s+1\s+P\s+-10\.0000", listed, re.MULTILINE)
+    assert re.search(r"^\s+1 \(2\)\s+P\s+-10\.0200", listed, re.MULTILINE)
+
+
+def test_a_dump_brings_both_measurements_back(tmp_path):
+    initialise(written(tmp_path, log(-10.02), BOTH))
+    measure(tmp_path)
+    dumped = orip_command(tmp_path, "dump", "MAIN.EXO").out
+    (tmp_path / "dump.txt").write_text(dumped)
+    assert orip_command(tmp_path, "load", "MAIN.EXO", "dump.txt").code == 0
+    assert orip_command(tmp_path, "dump", "MAIN.EXO").out == dumped
+    assert [line.count('["P", "1"') for line in dumped.splitlines()].count(1) == 2
+
+
+def test_snooping_leaves_one_measurement_out_and_keeps_the_other():
+    block = synthetic_block("convergent", "measured twice", noise_mm=0.003).block
+    points = block.photo_points
+    rows = np.append(np.arange(len(points.photo)), 4)
+    xy = points.xy[rows].copy()
+    xy[-1, 0] += 0.2
+    again = IndexedPhotoPoints(points.photo[rows], points.point[rows], xy, points.error[rows], points.used[rows])
+    doubled = replace(block, photo_points=again, definition=replace(block.definition, repeated_points="both"))
+    found = snoop(doubled, SnoopingSettings("apriori", 1e-6), lambda _: None, lambda: False)
+    (blunder,) = found.blunders
+    assert blunder.point == f"{block.point_names[points.point[4]]} (2)"
+    assert blunder.size == pytest.approx(0.2, abs=4.0 * blunder.sd)

@@ -7,20 +7,14 @@ program (``python tests/kernels/without_extensions.py ARGUMENTS``) for one orip 
 from __future__ import annotations
 
 import sys
-import tomllib
 from pathlib import Path
 
-REPOSITORY = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-
-def extensions() -> list[str]:
-    """Return the names of all extension modules that the build makes."""
-    build = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
-    return [module["name"] for module in build["tool"]["setuptools"]["ext-modules"]]
-
+from support.declared_extensions import declared_extensions
 
 # None makes Python raise ImportError
-sys.modules.update(dict.fromkeys(extensions()))
+sys.modules.update(dict.fromkeys(extension.name for extension in declared_extensions()))
 
 if __name__ == "__main__":
     from orip.cli.main import main

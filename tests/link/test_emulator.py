@@ -105,6 +105,40 @@ def test_the_role_is_given_back(port):
         eventually(lambda: next_one.ask("OPERATE"), "OK OPERATOR")
 
 
+def test_an_operator_beside_a_host(port):
+    """A program that measures holds the host's role; who sits at the panel moves, presses and is heard."""
+    with Raw(port) as host:
+        assert host.ask("HOST") == "OK HOST"
+        with Raw(port) as panel, Raw(port) as third:
+            assert panel.greeting == "OK KDPP-EMU 1 READY"
+            assert panel.ask("OPERATE") == "OK OPERATOR"
+            assert third.ask("OPERATE").startswith(f"ERR 110 operated by {panel.address}")
+            assert third.ask("MOVE 1 1").startswith(f"ERR 110 operated by {panel.address}")
+            assert panel.ask("GUIDE UPPER").startswith("OK ")
+            assert panel.ask("MOVE 1 -1") == "OK MODEL M1-1 UPPER 35.9950 58.8950 LOWER 25.0050 60.1050"
+            assert panel.ask("FOOT RIGHT").startswith("OK ")
+            assert panel.ask("EVENT").startswith(f"ERR 110 hosted by {host.address}")
+            assert download(panel).startswith(f"ERR 110 hosted by {host.address}")
+            assert panel.ask("HOST").startswith(f"ERR 110 hosted by {host.address}")
+            assert host.ask("EVENT") == "OK RIGHT UPPER 35.9950 58.8950 LOWER 25.0050 60.1050"
+            assert host.ask("MOVE -1 1").startswith("OK MODEL M1-1 ")
+            assert host.ask("OBSERVE") == "OK OBSERVER"
+            assert panel.ask("EVENT") == "OK NONE"
+            assert panel.ask("HOST") == "OK HOST"
+        eventually(lambda: host.ask("OPERATE"), "OK OPERATOR")
+        assert host.ask("NEXT").startswith("OK ")
+
+
+def test_a_host_comes_while_somebody_operates(port):
+    with Raw(port) as panel, Raw(port) as host:
+        assert host.ask("HOST") == "OK HOST"
+        assert panel.ask("MOVE 0 0").startswith("OK ")
+        assert panel.ask("NEXT").startswith(f"ERR 110 hosted by {host.address}")
+        assert host.ask("NEXT").startswith("OK ")
+        host.close()
+        eventually(lambda: panel.ask("EVENT"), "OK NONE")
+
+
 def test_download(port):
     with Raw(port) as client:
         assert download(client) == "OK LOADED cameras 1 photos 3 models 2"

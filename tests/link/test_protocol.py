@@ -15,37 +15,39 @@ from support.drive_tables import C, vertical_block
 
 from orip.files.drive.table_text import LONGEST_LINE, drive_table_text
 from orip.link import verbs
-from orip.link.protocol import answer, downloaded, greeting
-from orip.link.station import bare_stages
+from orip.link.protocol import FREE, Barred, answer, busy, downloaded, greeting, hosted
+from orip.link.station import DSR_STAGES, bare_stages
 from orip.records.drive_table import DriveCode
 from orip.workflow.drive.table import load_drive_table
 
 READY = loaded_station()
 EMPTY = bare_stages()
 REPLY = re.compile(rb"(OK( [ -~]+)?|ERR [1-9][0-9][0-9] [ -~]+)\n")
+OBSERVER = Barred(busy("10.0.0.7:999"), busy("10.0.0.7:999"))
+BESIDE_A_HOST = Barred(None, hosted("10.0.0.7:999"))
 SETTINGS = "GUIDE OBJECT STATE IN LOCK NONE PRISM 0 0 AUTO ON"
 
 
-def talk(station, *lines, operator=None):
+def talk(station, *lines, barred=FREE):
     """Send lines, and return the station and all replies, without the ends of their lines."""
     replies = []
     for line in lines:
-        found = answer(station, line.encode(), operator)
+        found = answer(station, line.encode(), barred)
         assert found.connection is None
         station = found.station
         replies.append(found.reply.decode().removesuffix("\n"))
     return station, replies
 
 
-def said(*lines, station=READY, operator=None):
+def said(*lines, station=READY, barred=FREE):
     """Return the last reply."""
-    return talk(station, *lines, operator=operator)[1][-1]
+    return talk(station, *lines, barred=barred)[1][-1]
 
 
-def code(*lines, station=READY, operator=None):
+def code(*lines, station=READY, barred=FREE):
     """Return the code of the last reply, which changed nothing."""
     station, _ = talk(station, *lines[:-1])
-    after, (reply,) = talk(station, lines[-1], operator=operator)
+    after, (reply,) = talk(station, lines[-1], barred=barred)
     assert after == station
     assert reply.startswith("ERR ")
     return int(reply.split()[1])
@@ -122,7 +124,7 @@ def test_lists():
     ]
     assert said("PROFILE 10 0 0 10 0 200 200").endswith("\n10.0000 0.0000 200.0000 ERR 310")
     verbs_listed = [line.split()[0] for line in said("HELP").split("\n")[1:]]
-    assert len(verbs_listed) == int(said("HELP").split()[1]) == len(set(verbs_listed)) == 27
+    assert len(verbs_listed) == int(said("HELP").split()[1]) == len(set(verbs_listed)) == 28
 
 
 @pytest.mark.parametrize(
@@ -196,13 +198,41 @@ CHANGING = ["CLEAR", "GUIDE MODEL", "DRIVE OBJECT 1 2 3", "MOVE 1 1", "MODEL M1-
 
 @pytest.mark.parametrize("line", READING)
 def test_observers_read(line):
-    assert said(line, operator="10.0.0.7:999").startswith("OK ")
+    assert said(line, barred=OBSERVER).startswith("OK ")
 
 
 @pytest.mark.parametrize("line", CHANGING)
 def test_observers_change_nothing(line):
-    assert code(line, operator="10.0.0.7:999") == 110
-    assert "operated by 10.0.0.7:999" in said(line, operator="10.0.0.7:999")
+    assert code(line, barred=OBSERVER) == 110
+    assert "operated by 10.0.0.7:999" in said(line, barred=OBSERVER)
+
+
+HOST_ALONE = ("CLEAR", "MODEL M1-2", "NEXT", "AUTO ON", "EVENT", "PROFILE 0 0 0 1 1 1 1", "FORWARD")
+
+
+@pytest.mark.parametrize("line", CHANGING)
+def test_beside_a_host_the_operator_has_the_panel(line):
+    reply = said(line, barred=BESIDE_A_HOST)
+    if line in HOST_ALONE:
+        assert reply.startswith("ERR 110 hosted by 10.0.0.7:999; the operator may MOVE, DRIVE, GUIDE, ")
+    else:
+        assert reply.startswith("OK ")
+
+
+def test_the_stages_end_where_they_do_whatever_a_table_says():
+    """240 mm of a DSR: the film of the table may lie beyond; a table in pixels is of other stages."""
+    station = bare_stages(stages=DSR_STAGES)
+    assert (
+        said("LIMITS UPPER", station=station) == "OK UPPER -120.0000 120.0000 -120.0000 120.0000 LEAST 0.0010 UNIT mm"
+    )
+    assert said("DRIVE PLATE UPPER 120.001 0", station=station).startswith("ERR 311")
+    loaded = station.loaded(TABLE, load_drive_table)
+    assert said("LIMITS LOWER", station=loaded).startswith("OK LOWER -120.0000 120.0000 ")
+    assert said("DRIVE OBJECT 30 0 0", station=loaded) == "OK MODEL M1-2 UPPER 45.0050 60.1050 LOWER 34.9950 59.8950"
+    assert said("MODEL M2-1", station=loaded) == "OK MODEL M2-1 UPPER 34.9950 59.8950 LOWER 25.0050 60.1050"  # y 124 mm
+    assert said("CLEAR", "LIMITS LOWER", station=loaded).startswith("OK LOWER -120.0000 120.0000 ")
+    in_pixels = station.loaded(edited((b"PLATE mm", b"PLATE px")), load_drive_table)
+    assert said("LIMITS UPPER", station=in_pixels) == "OK UPPER 0.0000 240.0000 0.0000 240.0000 LEAST 0.0010 UNIT px"
 
 
 def test_greetings():

@@ -160,6 +160,12 @@ def test_a_refusal_is_an_answer_and_moves_nothing(server):
         ("drive", [1, 2], "one JSON object"),
         ("automatic", {"on": 1}, "true or false"),
         ("next", {"on": 1}, "takes nothing"),
+        ("press", {}, "press takes"),
+        ("press", {"foot": "BOTH"}, "press takes"),
+        ("press", {"foot": ["LEFT"]}, "press takes"),
+        ("press", {"key": 1}, "press takes"),
+        ("press", {"key": "16"}, "press takes"),
+        ("press", {"key": "1", "foot": "LEFT"}, "press takes"),
     ],
 )
 def test_what_cannot_be_understood_is_told(server, name, request_, text):

@@ -68,6 +68,17 @@ def test_it_drives_and_gives_the_role_back(port, watch):
         assert operator.ask("MODEL?") == "OK M1-3"
 
 
+def test_it_presses_what_a_host_hears(port, watch):
+    """The host digitises, the page is the panel."""
+    with Raw(port) as host:
+        assert host.ask("HOST") == "OK HOST"
+        for request in ({"foot": "RIGHT"}, {"key": "7"}, {"key": "ENTER"}):
+            assert watch.press(request)["refused"] is None
+        assert host.ask("EVENT") == "OK RIGHT UPPER 34.9950 59.8950 LOWER 25.0050 60.1050"
+        assert [host.ask("EVENT"), host.ask("EVENT"), host.ask("EVENT")] == ["OK KEY 7", "OK KEY ENTER", "OK NONE"]
+        assert watch.next_model({})["refused"]["code"] == 110
+
+
 def test_it_does_not_drive_while_somebody_operates(port, watch):
     with Raw(port) as operator:
         assert operator.ask("DRIVE OBJECT 25 3 0").startswith("OK MODEL M1-2 ")

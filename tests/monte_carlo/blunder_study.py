@@ -41,7 +41,8 @@ class Simulated:
 class SnoopingRun:
     """How many photo points there are and are wrong, how many of the wrong and of the others were left out.
 
-    `among_alternatives` counts the wrong ones that were left out or named as what may be wrong instead.
+    `among_alternatives` counts the wrong ones that were left out or named as what may be wrong instead, `unfounded` the
+    findings of which neither what was left out nor an alternative is wrong.
     """
 
     photo_points: int
@@ -49,6 +50,7 @@ class SnoopingRun:
     named_rightly: int
     named_wrongly: int
     among_alternatives: int
+    unfounded: int
     control_points: int
     control_named: int
     converged: bool
@@ -84,12 +86,14 @@ def snooping_run(case: tuple[str, int]) -> SnoopingRun:
     start = started_off(found.block, found.made, STARTS[0], random_numbers(f"snooping {scene}", run))
     snooped = snoop(start, SnoopingSettings(sigma0="apriori", alpha=0.001), lambda _: None, lambda: False)
     named = _photo_points_named(found.block, snooped.blunders)
+    groups = _photo_points_in_question(snooped)
     return SnoopingRun(
         photo_points=len(found.block.photo_points.photo),
         wrong=len(found.photo_points),
         named_rightly=len(named & found.photo_points),
         named_wrongly=len(named - found.photo_points),
-        among_alternatives=len(found.photo_points & _photo_points_in_question(snooped)),
+        among_alternatives=len(found.photo_points & frozenset[int]().union(*groups)),
+        unfounded=sum(found.photo_points.isdisjoint(group) for group in groups),
         control_points=len(found.block.control_points),
         control_named=len({each.point for each in snooped.blunders if each.kind == "control"}),
         converged=snooped.solved.reason is TerminationReason.CONVERGED,
@@ -114,10 +118,9 @@ def danish_run(case: tuple[str, int, int]) -> DanishRun:
     )
 
 
-def _photo_points_in_question(snooped: Snooped) -> frozenset[int]:
-    """Return the photo points left out and their alternatives; the rows of photo points come first."""
-    groups = [rows for finding in snooped.findings for rows in (finding.rows, *finding.alternatives)]
-    return frozenset(rows[0] // 2 for rows in groups)
+def _photo_points_in_question(snooped: Snooped) -> list[frozenset[int]]:
+    """Return for each finding the photo point left out and its alternatives; the rows of photo points come first."""
+    return [frozenset(rows[0] // 2 for rows in (finding.rows, *finding.alternatives)) for finding in snooped.findings]
 
 
 def _photo_points_named(block: Block, blunders: tuple) -> frozenset[int]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from bundle.same_lens import with_two_frames
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
@@ -405,6 +406,9 @@ def _refinement() -> Iterator[Case]:
 # kinds of observation
 
 
+_ARGUMENTS = ("ideal", "measured")
+
+
 def blocks() -> dict[str, Block]:
     """Return blocks in which every kind of observation occurs, all 11 camera parameters unknown."""
     plain = {
@@ -415,7 +419,7 @@ def blocks() -> dict[str, Block]:
             ).block
         )
         for scene in ("strip", "convergent", "terrestrial")
-        for argument in ("ideal", "measured")
+        for argument in _ARGUMENTS
     }  # fmt: skip
     with_set = {
         f"{label}, {name}": _with_set(plain[label], name)
@@ -425,7 +429,8 @@ def blocks() -> dict[str, Block]:
             ("strip, ideal", "GRUEN"),
         )
     }
-    return plain | with_set | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+    same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
+    return plain | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
 
 
 def _in_a_crs(block: Block) -> Block:

@@ -95,7 +95,7 @@ def test_names_are_text() -> None:
 
 
 def test_gates_blunders_and_models_are_shown() -> None:
-    blunder = Blunder(1, "control", "", "CP1", "X", 0.512, 0.031, 16.5, 3.3)
+    blunder = Blunder(1, "control", "", "CP1", "X", 0.512, 0.031, 16.5, 3.3, "distance D1; photo P1 point 7")
     gate = GateResult(parse_gate("sigma0<=0.5"), 1.0342, passed=False)
     models = (StereoModel("M1", "P101", "P102", 1, 1), StereoModel("M4", "P103", "P104", 3, 2))
     content = given(
@@ -107,6 +107,7 @@ def test_gates_blunders_and_models_are_shown() -> None:
     assert "Converged, but 1 gate failed" in words
     assert "0 of 1 gate passed: sigma0 <= 0.5 not met" in words
     assert page.table("blunders").rows[0][1:5] == ["control point CP1", "X", "0.512", "0.031"]
+    assert page.table("blunders").rows[0][-1] == "distance D1; photo P1 point 7"
     grid = next(table for table in page.tables if table.rows and table.rows[0][0] == "row 1")
     assert grid.rows == [["row 1", "M1P101 – P102", ""], ["row 3", "", "M4P103 – P104"]]
 

@@ -3,139 +3,33 @@
 from __future__ import annotations
 
 import shutil
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.sample_projects import sample
 from workflow.commands import initialise, measure, write_drive_table
+from workflow.digitising_bench import LOG, Bench, codes, did
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, LinkError, UsageError
 from orip.files.log.text import read_measurements
-from orip.link.client import PlateProcessorLink, ProcessorFault
-from orip.link.protocol import answer, greeting
-from orip.link.reply_values import greeting_of
-from orip.link.station import bare_stages
+from orip.link.client import ProcessorFault
 from orip.workflow.digitise import operator as digitise_operator
-from orip.workflow.digitise.films import films_of, mounted_films
-from orip.workflow.digitise.ground import GroundChoice, digitise_ground
-from orip.workflow.digitise.marks import digitise_photos, digitise_template
+from orip.workflow.digitise.marks import digitise_template
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
-    Script,
-    Simulation,
-    places_of,
     script_requests,
     typed_requests,
 )
 from orip.workflow.digitise.points import digitise_points
-from orip.workflow.digitise.setup import DigitisingSetup, log_file, rehearsal
+from orip.workflow.digitise.setup import rehearsal
 from orip.workflow.digitise.wanted import PointChoice
-from orip.workflow.drive.table import load_drive_table
+from orip.workflow.observations.films import mounted_films
 
-LOG = Path("NEW.MEA")
 DAY1, DAY2 = Path("films/DAY1.MEA"), Path("films/DAY2.MEA")
 LAST_DIGIT = 0.5e-4
-
-
-class InProcess:
-    """A line to a plate processor in this process; keeps the requests."""
-
-    def __init__(self, station):
-        self.station, self.requests, self.breaks_at = station, [], None
-        self.replies = []
-
-    def send(self, data):
-        request = data.decode().strip()
-        if self.breaks_at is not None and len(self.requests) >= self.breaks_at:
-            message = "the connection broke off"
-            raise LinkError(message)
-        self.requests.append(request)
-        found = answer(self.station, data.rstrip(b"\n"))
-        self.station = found.station
-        self.replies = found.reply.decode().splitlines()
-
-    def receive(self, _timeout_s=None):
-        return self.replies.pop(0)
-
-    def close(self):
-        pass
-
-    def locked(self):
-        """Return the stage that is locked."""
-        return self.station.state.locked
-
-
-class Recorded:
-    """An operator, and what was set at the plate processor whenever he was asked for something."""
-
-    def __init__(self, operator, line):
-        self.operator, self.line, self.seen = operator, line, []
-
-    def act(self, link, visit):
-        state = self.line.station.state
-        self.seen.append((visit.sought, state.locked, state.guide, state.plates, link.status().model))
-        return self.operator.act(link, visit)
-
-
-class Bench:
-    """A project at a plate processor."""
-
-    def __init__(self, folder, table=b""):
-        self.folder, self.said = folder, []
-        station = bare_stages()
-        self.line = InProcess(station.loaded(table, load_drive_table) if table else station)
-        self.link = PlateProcessorLink(self.line, "tcp://here", greeting_of(greeting(station, None).decode().strip()))
-        self.operator = None
-
-    def means(self, operator):
-        """Return the means of digitising by an operator, given as one, as simulation files, or as lines of a script."""
-
-        def of(films):
-            found = operator
-            if isinstance(operator, str):
-                lines = script_requests(operator.split(";"), "script")
-                assert lines.complaints == ()
-                found = Script(lines.value, fail)
-            elif isinstance(operator, tuple):
-                found = Simulation(places_of(films_of(films, operator)))
-            self.operator = Recorded(found, self.line)
-            return self.operator
-
-        return DigitisingSetup(lambda: nullcontext(self.link), of, log_file, self.said.append)
-
-    def template(self, name, operator, **options):
-        return digitise_template(self.folder, LOG, self.means(operator), name, **options)
-
-    def photos(self, names, operator, **options):
-        return digitise_photos(self.folder, LOG, self.means(operator), names, **options)
-
-    def points(self, operator, *, viewing=None, start=None, **choice):
-        chosen = PointChoice(**choice)
-        return digitise_points(self.folder, LOG, self.means(operator), None, chosen, viewing=viewing, start=start)
-
-    def ground(self, operator, **choice):
-        return digitise_ground(self.folder, self.means(operator), None, GroundChoice(**choice))
-
-    @property
-    def log(self):
-        return (self.folder / LOG).read_text() if (self.folder / LOG).exists() else ""
-
-
-def fail(_request, fault):
-    raise fault
-
-
-def did(found):
-    """Return name and outcome of each entry."""
-    return [(entry.name, entry.outcome) for entry in found.entries]
-
-
-def codes(found):
-    return [warning.code for warning in found.warnings]
 
 
 @pytest.fixture(scope="module")
@@ -677,4 +571,6 @@ def test_lines_of_a_script():
 def test_typed_requests():
     said = []
     assert list(typed_requests(["FOOT RIGHT\n", "QUIT\n", "\n", "KEY 3"], said.append)) == ["FOOT RIGHT", "KEY 3"]
-    assert said == ["'QUIT' is not an operator's request; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM"]
+    assert said == [
+        "'QUIT' is not an operator's request; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM, NAME"
+    ]

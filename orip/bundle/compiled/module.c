@@ -1,13 +1,11 @@
 /* The loops over all photo points of a block for Python: residuals, normal equations, solving, precision.
  *
- * Called by orip/bundle/compiled/photo_loop.py alone, which says what the arrays hold; the sizes that follow from one another are
- * checked here, what the index arrays say is not. The design matrix is never stored: partials are computed where they
+ * Called by orip/bundle/compiled/photo_loop.py alone, which says what the arrays hold. Their sizes and the contents of
+ * index arrays are checked here, before each loop. The design matrix is never stored: partials are computed where they
  * are needed.
  */
 
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
+#include "../../array_arguments.h"
 
 #include "loops.h"
 
@@ -18,12 +16,14 @@ enum {
     ORDER = OBSERVATION_END, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, CAMERA_PLACES,
     PHOTO_PLACES, PATTERN_END
 };
+#define OBSERVATIONS "dddddd" "iiddb" "iiidd"
+#define PATTERN "iiiiii" "iiii"
 
-#define MOST_ARGUMENTS 64
+/* Unknowns of the reduced system, or of a group; products of two such sizes still are numbers of 64 bits. */
+#define LARGEST_SYSTEM (INT64_C(1) << 28)
 
 typedef struct {
-    Py_buffer view[MOST_ARGUMENTS];
-    int count, sound;
+    Arguments a;
     Block block;
     Pattern pattern;
     int32_t *numbers;
@@ -32,14 +32,15 @@ typedef struct {
 
 static const Loops *loops = &plain_loops;
 
-static int has_length(const Py_buffer *view, int64_t numbers, int64_t bytes)
+static int are_all_within(const Arguments *a, int array, int64_t least, int64_t end)
 {
-    return view->len == numbers * bytes;
+    return are_within(a->views[array].buf, length_of(a, array), least, end);
 }
 
-static void take_block(Call *call)
+static int take_block(Call *call)
 {
-    const Py_buffer *v = call->view;
+    const Arguments *a = &call->a;
+    const Py_buffer *v = a->views;
     Block *b = &call->block;
     b->cameras = v[CAMERAS].buf, b->additional = v[ADDITIONAL_VALUES].buf, b->centres = v[CENTRES].buf;
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
@@ -47,211 +48,246 @@ static void take_block(Call *call)
     b->polynomials = v[SET_POLYNOMIALS].buf, b->factors = v[FACTORS].buf;
     b->camera_of_photo = v[OF_CAMERA].buf, b->photo = v[OF_PHOTO].buf, b->point = v[OF_POINT].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->count = v[OF_PHOTO].len / 4;
-    b->camera_count = v[AT_MEASURED].len;
-    b->photo_count = v[OF_CAMERA].len / 4;
-    b->additional_count = b->camera_count ? v[ADDITIONAL_VALUES].len / 8 / b->camera_count : 0;
+    b->count = length_of(a, OF_PHOTO);
+    b->camera_count = length_of(a, AT_MEASURED);
+    b->photo_count = length_of(a, OF_CAMERA);
+    b->additional_count = b->camera_count ? length_of(a, ADDITIONAL_VALUES) / b->camera_count : 0;
     b->turned = v[BASES].len > 0;
-    call->sound = has_length(&v[CAMERAS], CAMERA_PARAMETERS * b->camera_count, 8)
-        && has_length(&v[ADDITIONAL_VALUES], b->additional_count * b->camera_count, 8)
-        && b->additional_count <= MOST_ADDITIONAL && has_length(&v[CENTRES], 3 * b->photo_count, 8)
-        && has_length(&v[ROTATIONS], 9 * b->photo_count, 8)
-        && (!b->turned || has_length(&v[BASES], 9 * b->photo_count, 8)) && has_length(&v[KIND], b->camera_count, 4)
-        && has_length(&v[OF_SET], 2 * MOST_ADDITIONAL * b->camera_count, 4)
-        && has_length(&v[SET_POLYNOMIALS], POLYNOMIALS * POLYNOMIALS * b->camera_count, 8)
-        && has_length(&v[FACTORS], 2 * MOST_ADDITIONAL * b->camera_count, 8) && has_length(&v[OF_POINT], b->count, 4)
-        && has_length(&v[XY], 2 * b->count, 8) && has_length(&v[ERROR], 2 * b->count, 8) && b->count <= INT32_MAX;
+    return b->count <= INT32_MAX && b->camera_count + b->photo_count <= INT32_MAX
+        && has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
+        && has(a, ADDITIONAL_VALUES, b->additional_count * b->camera_count) && b->additional_count <= MOST_ADDITIONAL
+        && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
+        && (!b->turned || has(a, BASES, 9 * b->photo_count)) && has(a, KIND, b->camera_count)
+        && has(a, OF_SET, 2 * MOST_ADDITIONAL * b->camera_count)
+        && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
+        && has(a, FACTORS, 2 * MOST_ADDITIONAL * b->camera_count) && has(a, OF_POINT, b->count)
+        && has(a, XY, 2 * b->count) && has(a, ERROR, 2 * b->count)
+        && are_all_within(a, OF_CAMERA, 0, b->camera_count) && are_all_within(a, OF_PHOTO, 0, b->photo_count)
+        && are_all_within(a, OF_POINT, 0, length_of(a, GROUND) / 3)
+        && are_all_within(a, OF_SET, 0, POLYNOMIALS * POLYNOMIALS);
 }
 
-/* Take the pattern, and get the room that sums of its largest group need. */
-static void take_pattern(Call *call)
+/* Whether each photo point of a group has its photo and its camera among the runs of the group, cameras first. */
+static int has_runs_of_all(const Block *b, const Pattern *p, int32_t *seen)
 {
-    const Py_buffer *v = call->view;
+    for (int64_t group = 0; group < p->groups; group++) {
+        const int32_t mark = (int32_t)group + 1;
+        int is_photo = 0;
+        for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++) {
+            if (is_photo && p->runs[r] < b->camera_count)
+                return 0;
+            is_photo = p->runs[r] >= b->camera_count;
+            seen[p->runs[r]] = mark;
+        }
+        for (int32_t k = p->start[p->group_start[group]]; k < p->start[p->group_start[group + 1]]; k++) {
+            const int32_t photo = b->photo[p->order[k]];
+            if (seen[b->camera_count + photo] != mark || seen[b->camera_of_photo[photo]] != mark)
+                return 0;
+        }
+    }
+    return 1;
+}
+
+static int is_pattern_sound(const Call *call)
+{
+    const Block *b = &call->block;
+    int32_t *seen = PyMem_Calloc((size_t)(b->camera_count + b->photo_count + 1), sizeof(int32_t));
+    const int sound = seen && has_runs_of_all(b, &call->pattern, seen);
+    if (!seen)
+        PyErr_NoMemory();
+    PyMem_Free(seen);
+    return sound;
+}
+
+/* The unknowns of the largest group. A run of constants alone has a place among the first ones, too. */
+static int64_t longest_group(const Block *b, const Pattern *p)
+{
+    int64_t longest = 0;
+    for (int64_t group = 0; group < p->groups; group++) {
+        const int64_t runs = p->runs_start[group + 1] - p->runs_start[group];
+        int64_t size = 0;
+        for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
+            size += p->runs[r] < b->camera_count ? p->camera_unknowns[p->runs[r]] : PHOTO_UNKNOWNS;
+        size = size > runs ? size : runs;
+        longest = size > longest ? size : longest;
+    }
+    return longest;
+}
+
+/* Take the pattern of a reduced system of `size` unknowns, and get the room that sums of its largest group need. */
+static int take_pattern(Call *call, int64_t size)
+{
+    const Arguments *a = &call->a;
+    const Py_buffer *v = a->views;
     const Block *b = &call->block;
     Pattern *p = &call->pattern;
     p->order = v[ORDER].buf, p->start = v[START].buf, p->block = v[BLOCK].buf, p->group_start = v[GROUP_START].buf;
     p->runs_start = v[RUNS_START].buf, p->runs = v[RUNS].buf;
     p->camera_unknowns = v[CAMERA_UNKNOWNS].buf, p->camera_elements = v[CAMERA_ELEMENTS].buf;
     p->camera_places = v[CAMERA_PLACES].buf, p->photo_places = v[PHOTO_PLACES].buf;
-    p->blocks = v[BLOCK].len / 4;
-    p->groups = v[GROUP_START].len / 4 - 1;
-    call->sound = call->sound && p->groups >= 0 && has_length(&v[START], p->blocks + 1, 4)
-        && has_length(&v[ORDER], p->start[p->blocks], 4) && p->group_start[p->groups] == p->blocks
-        && has_length(&v[RUNS_START], p->groups + 1, 4) && has_length(&v[RUNS], p->runs_start[p->groups], 4)
-        && has_length(&v[CAMERA_UNKNOWNS], b->camera_count, 4)
-        && has_length(&v[CAMERA_ELEMENTS], MOST_CAMERA_UNKNOWNS * b->camera_count, 4)
-        && has_length(&v[CAMERA_PLACES], MOST_CAMERA_UNKNOWNS * b->camera_count, 4)
-        && has_length(&v[PHOTO_PLACES], PHOTO_UNKNOWNS * b->photo_count, 4);
-    if (!call->sound)
-        return;
-    for (int64_t group = 0; group < p->groups; group++) {
-        int64_t size = 0;
-        for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
-            size += p->runs[r] < b->camera_count ? p->camera_unknowns[p->runs[r]] : PHOTO_UNKNOWNS;
-        /* a run of constants alone has a place among the first ones, too */
-        size = size > p->runs_start[group + 1] - p->runs_start[group] ? size : p->runs_start[group + 1] - p->runs_start[group];
-        p->longest = size > p->longest ? size : p->longest;
-    }
-}
-
-static void finish(Call *call)
-{
-    while (call->count)
-        PyBuffer_Release(&call->view[--call->count]);
-    PyMem_Free(call->numbers);
-    PyMem_Free(call->room);
-}
-
-static PyObject *refused(Call *call)
-{
-    finish(call);
-    if (!PyErr_Occurred())
-        PyErr_SetString(PyExc_ValueError, "arrays of the observation loop do not belong together");
-    return NULL;
-}
-
-/* Open the buffers of `count` arguments, of which `writable` at the end, and take block and pattern from them. */
-static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, int count, int others, int writable, int pattern)
-{
-    memset(call, 0, sizeof *call);
-    if (given != count + others) {
-        PyErr_SetString(PyExc_TypeError, "wrong number of arguments");
+    p->blocks = length_of(a, BLOCK);
+    p->groups = length_of(a, GROUP_START) - 1;
+    if (p->groups < 0 || p->groups >= INT32_MAX || !has(a, START, p->blocks + 1) || !has(a, RUNS_START, p->groups + 1)
+        || !are_starts(p->start, p->blocks, length_of(a, ORDER)) || !are_starts(p->group_start, p->groups, p->blocks)
+        || !are_starts(p->runs_start, p->groups, length_of(a, RUNS)) || !are_all_within(a, ORDER, 0, b->count)
+        || !are_all_within(a, BLOCK, 0, p->blocks) || !are_all_within(a, RUNS, 0, b->camera_count + b->photo_count)
+        || !has(a, CAMERA_UNKNOWNS, b->camera_count) || !are_all_within(a, CAMERA_UNKNOWNS, 0, MOST_CAMERA_UNKNOWNS + 1)
+        || !has(a, CAMERA_ELEMENTS, MOST_CAMERA_UNKNOWNS * b->camera_count)
+        || !are_all_within(a, CAMERA_ELEMENTS, 0, ELEMENTS)
+        || !has(a, CAMERA_PLACES, MOST_CAMERA_UNKNOWNS * b->camera_count)
+        || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
+        || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size) || !is_pattern_sound(call))
         return 0;
-    }
-    for (; call->count < count; call->count++)
-        if (PyObject_GetBuffer(arguments[call->count], &call->view[call->count],
-                               call->count < count - writable ? PyBUF_SIMPLE : PyBUF_WRITABLE))
-            return 0;
-    take_block(call);
-    if (pattern)
-        take_pattern(call);
-    if (!call->sound || !pattern)
-        return call->sound;
-    const size_t room = (size_t)((call->pattern.longest + 6) * stride_of(call->pattern.longest));
-    call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(call->pattern.longest + 1));
+    p->longest = longest_group(b, p);
+    if (p->longest > LARGEST_SYSTEM)
+        return 0;
+    const size_t room = (size_t)((p->longest + 6) * stride_of(p->longest));
+    call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->room = PyMem_Malloc(sizeof(double) * room);
     if (!call->numbers || !call->room)
         PyErr_NoMemory();
     return call->numbers && call->room;
 }
 
-/* The reduced matrix from its buffers and three numbers after them: stride, banded places, size. */
-static int take_reduced(const Py_buffer *band, const Py_buffer *border, PyObject *const *numbers, Reduced *m)
+static void finish(Call *call)
 {
-    m->band = band->buf, m->border = border->buf;
-    m->stride = PyLong_AsLongLong(numbers[0]), m->banded = PyLong_AsLongLong(numbers[1]);
-    m->size = PyLong_AsLongLong(numbers[2]);
-    if (PyErr_Occurred())
-        return 0;
+    release(&call->a);
+    PyMem_Free(call->numbers);
+    PyMem_Free(call->room);
+}
+
+static PyObject *refuse(Call *call)
+{
+    finish(call);
+    return PyErr_Occurred() ? NULL : refused(&call->a);
+}
+
+static PyObject *finished(Call *call)
+{
+    finish(call);
+    Py_RETURN_NONE;
+}
+
+/* Open the arguments of a loop; `kinds` are those of its own arrays. */
+static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const char *kinds, int numbers)
+{
+    memset(call, 0, sizeof *call);
+    return take_arguments(&call->a, arguments, given, kinds, numbers);
+}
+
+/* The reduced matrix from its arrays and three numbers: stride, banded places, size. */
+static int take_reduced(const Arguments *a, int band, int border, const double *numbers, Reduced *m)
+{
+    for (int k = 0; k < 3; k++)
+        if (!is_whole(numbers[k], 0.0, (double)LARGEST_SYSTEM))
+            return 0;
+    m->band = a->views[band].buf, m->border = a->views[border].buf;
+    m->stride = (int64_t)numbers[0], m->banded = (int64_t)numbers[1], m->size = (int64_t)numbers[2];
     const int64_t last = m->banded > 0 ? (m->banded - 1) * (m->stride + 1) : -1;
-    return m->stride >= 0 && m->banded >= 0 && m->banded <= m->size && band->len >= 8 * (last + 1)
-        && has_length(border, (m->size - m->banded) * m->size, 8);
+    return m->banded <= m->size && length_of(a, band) >= last + 1 && has(a, border, (m->size - m->banded) * m->size);
 }
 
 static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { RESIDUAL = OBSERVATION_END, IN_FRONT, COUNT };
+    enum { RESIDUAL = OBSERVATION_END, IN_FRONT };
     Call c;
-    if (!begin(&c, arguments, given, COUNT, 0, COUNT - RESIDUAL, 0) || !has_length(&c.view[RESIDUAL], 2 * c.block.count, 8)
-        || !has_length(&c.view[IN_FRONT], c.block.count, 1))
-        return refused(&c);
+    if (!begin(&c, arguments, given, OBSERVATIONS "DB", 0))
+        return NULL;
+    if (!take_block(&c) || !has(&c.a, RESIDUAL, 2 * c.block.count) || !has(&c.a, IN_FRONT, c.block.count))
+        return refuse(&c);
     Py_BEGIN_ALLOW_THREADS
-    loops->residuals(&c.block, c.view[RESIDUAL].buf, c.view[IN_FRONT].buf);
+    loops->residuals(&c.block, c.a.views[RESIDUAL].buf, c.a.views[IN_FRONT].buf);
     Py_END_ALLOW_THREADS
-    finish(&c);
-    Py_RETURN_NONE;
+    return finished(&c);
 }
 
 static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { FACTOR = PATTERN_END, MISCLOSURE, BLOCKS, BLOCK_RIGHT, SQUARES, COUNT };
+    enum { FACTOR = PATTERN_END, MISCLOSURE, BLOCKS, BLOCK_RIGHT, SQUARES };
     Call c;
-    if (!begin(&c, arguments, given, COUNT, 0, COUNT - BLOCKS, 1))
-        return refused(&c);
-    const Py_buffer *v = c.view;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DDD", 0))
+        return NULL;
+    if (!take_block(&c) || !take_pattern(&c, LARGEST_SYSTEM))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has_length(&v[FACTOR], rows, 8) || !has_length(&v[MISCLOSURE], rows, 8) || !has_length(&v[BLOCKS], 9 * blocks, 8)
-        || !has_length(&v[BLOCK_RIGHT], 3 * blocks, 8) || !has_length(&v[SQUARES], blocks, 8))
-        return refused(&c);
+    if (!has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows) || !has(&c.a, BLOCKS, 9 * blocks)
+        || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, SQUARES, blocks))
+        return refuse(&c);
     const PointNormals n = {v[FACTOR].buf, v[MISCLOSURE].buf, v[BLOCKS].buf, v[BLOCK_RIGHT].buf, v[SQUARES].buf};
     Py_BEGIN_ALLOW_THREADS
     loops->points(&c.block, &c.pattern, &n);
     Py_END_ALLOW_THREADS
-    finish(&c);
-    Py_RETURN_NONE;
+    return finished(&c);
 }
 
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum {
-        FACTOR = PATTERN_END, MISCLOSURE, FIXED, BLOCKS, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, PIVOTS, REMOVED, BAND, BORDER,
-        COUNT
+        FACTOR = PATTERN_END, MISCLOSURE, FIXED, BLOCKS, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, PIVOTS, REMOVED, BAND, BORDER
     };
     Call c;
     Normals n;
-    if (!begin(&c, arguments, given, COUNT, 5, COUNT - BLOCK_RIGHT, 1)
-        || !take_reduced(&c.view[BAND], &c.view[BORDER], arguments + COUNT + 2, &n.reduced))
-        return refused(&c);
-    const Py_buffer *v = c.view;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddbd" "DDDDDBDD", 5))
+        return NULL;
+    if (!take_reduced(&c.a, BAND, BORDER, c.a.numbers + 2, &n.reduced) || !take_block(&c)
+        || !take_pattern(&c, n.reduced.size))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has_length(&v[FACTOR], rows, 8) || !has_length(&v[MISCLOSURE], rows, 8) || !has_length(&v[FIXED], 3 * blocks, 1)
-        || !has_length(&v[BLOCKS], 9 * blocks, 8) || !has_length(&v[BLOCK_RIGHT], 3 * blocks, 8)
-        || !has_length(&v[DIAGONAL], n.reduced.size, 8) || !has_length(&v[RIGHT], n.reduced.size, 8)
-        || !has_length(&v[HALF], 9 * blocks, 8) || !has_length(&v[PIVOTS], 3 * blocks, 8)
-        || !has_length(&v[REMOVED], 3 * blocks, 1))
-        return refused(&c);
+    if (!has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows) || !has(&c.a, FIXED, 3 * blocks)
+        || !has(&c.a, BLOCKS, 9 * blocks) || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, DIAGONAL, n.reduced.size)
+        || !has(&c.a, RIGHT, n.reduced.size) || !has(&c.a, HALF, 9 * blocks) || !has(&c.a, PIVOTS, 3 * blocks)
+        || !has(&c.a, REMOVED, 3 * blocks))
+        return refuse(&c);
     n.factor = v[FACTOR].buf, n.misclosure = v[MISCLOSURE].buf, n.fixed = v[FIXED].buf;
     n.blocks = v[BLOCKS].buf, n.block_right = v[BLOCK_RIGHT].buf, n.diagonal = v[DIAGONAL].buf, n.right = v[RIGHT].buf;
     n.half = v[HALF].buf, n.pivots = v[PIVOTS].buf, n.removed = v[REMOVED].buf;
-    n.least_pivot = PyFloat_AsDouble(arguments[COUNT]);
-    n.on_diagonal = PyFloat_AsDouble(arguments[COUNT + 1]);
-    if (PyErr_Occurred())
-        return refused(&c);
+    n.least_pivot = c.a.numbers[0], n.on_diagonal = c.a.numbers[1];
     Py_BEGIN_ALLOW_THREADS
     loops->normals(&c.block, &c.pattern, &n, c.numbers, c.room);
     Py_END_ALLOW_THREADS
-    finish(&c);
-    Py_RETURN_NONE;
+    return finished(&c);
 }
 
 static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { FACTOR = PATTERN_END, SCALE, HALF, BAND, BORDER, COFACTORS, LEVERAGE, COUNT };
+    enum { FACTOR = PATTERN_END, SCALE, HALF, BAND, BORDER, COFACTORS, LEVERAGE };
     Call c;
     Precision p;
-    if (!begin(&c, arguments, given, COUNT, 3, COUNT - COFACTORS, 1)
-        || !take_reduced(&c.view[BAND], &c.view[BORDER], arguments + COUNT, &p.inverse))
-        return refused(&c);
-    const Py_buffer *v = c.view;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddddd" "DD", 3))
+        return NULL;
+    if (!take_reduced(&c.a, BAND, BORDER, c.a.numbers, &p.inverse) || !take_block(&c)
+        || !take_pattern(&c, p.inverse.size))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has_length(&v[FACTOR], rows, 8) || !has_length(&v[SCALE], rows, 8) || !has_length(&v[HALF], 9 * blocks, 8)
-        || !has_length(&v[COFACTORS], 9 * blocks, 8) || !has_length(&v[LEVERAGE], rows, 8))
-        return refused(&c);
+    if (!has(&c.a, FACTOR, rows) || !has(&c.a, SCALE, rows) || !has(&c.a, HALF, 9 * blocks)
+        || !has(&c.a, COFACTORS, 9 * blocks) || !has(&c.a, LEVERAGE, rows))
+        return refuse(&c);
     p.factor = v[FACTOR].buf, p.scale = v[SCALE].buf, p.half = v[HALF].buf;
     p.cofactors = v[COFACTORS].buf, p.leverage = v[LEVERAGE].buf;
     Py_BEGIN_ALLOW_THREADS
     loops->precision(&c.block, &c.pattern, &p, c.numbers, c.room);
     Py_END_ALLOW_THREADS
-    finish(&c);
-    Py_RETURN_NONE;
+    return finished(&c);
 }
 
 static PyObject *coupling(PyObject *const *arguments, Py_ssize_t given, int forward)
 {
-    enum { FACTOR = PATTERN_END, HALF, REDUCED, POINTS, COUNT };
+    enum { FACTOR = PATTERN_END, HALF, REDUCED, POINTS };
     Call c;
-    if (!begin(&c, arguments, given, COUNT, 0, COUNT - REDUCED, 1))
-        return refused(&c);
-    const Py_buffer *v = c.view;
-    if (!has_length(&v[FACTOR], 2 * c.block.count, 8) || !has_length(&v[HALF], 9 * c.pattern.blocks, 8)
-        || !has_length(&v[POINTS], 3 * c.pattern.blocks, 8))
-        return refused(&c);
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 0))
+        return NULL;
+    if (!take_block(&c) || !take_pattern(&c, length_of(&c.a, REDUCED)) || !has(&c.a, FACTOR, 2 * c.block.count)
+        || !has(&c.a, HALF, 9 * c.pattern.blocks) || !has(&c.a, POINTS, 3 * c.pattern.blocks))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
     const Coupling found = {v[FACTOR].buf, v[HALF].buf, v[REDUCED].buf, v[POINTS].buf};
     Py_BEGIN_ALLOW_THREADS
     (forward ? loops->forward : loops->backward)(&c.block, &c.pattern, &found, c.numbers, c.room);
     Py_END_ALLOW_THREADS
-    finish(&c);
-    Py_RETURN_NONE;
+    return finished(&c);
 }
 
 static PyObject *forward(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)

@@ -235,7 +235,8 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
-/* Put a group's sums where they belong, stretch by stretch. */
+/* Put a group's sums where they belong, stretch by stretch. Cameras with the same lens have common places: two unknowns
+ * of the group that are one meet on the diagonal, where both triangles of the sums count. */
 INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
 {
     const Reduced *m = &n->reduced;
@@ -256,6 +257,8 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
             } else
                 for (int64_t k = 0; place >= 0 && k < length; k++)
                     *element_at(m, own, place + k) += column[i + k];
+            if (i != j && place >= 0 && place <= own && own < place + length)
+                *element_at(m, own, own) += column[i + own - place];
         }
     }
 }
@@ -321,7 +324,7 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
         }
         scatter(&s, &local, n, numbers + 2 * p->longest);
     }
-    if (n->reduced.stride == n->reduced.size)
+    if (n->reduced.stride == n->reduced.size && n->reduced.banded == n->reduced.size)
         mirror(&n->reduced);
 }
 

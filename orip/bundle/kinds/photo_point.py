@@ -19,6 +19,7 @@ from orip.interior.image_coordinates import ImageResiduals, SetValues, image_res
 from orip.records.block import Block
 from orip.records.camera import AdditionalSet
 from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.repeated import measured_before, measurement_name
 
 _ROTATION, POINT_PARTIALS = slice(14, 17), slice(17, 20)
 
@@ -139,8 +140,8 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     )
     rows = Rows(
         kind=PHOTO_POINT,
-        photo=_named_twice([photo.name for photo in block.photos], points.photo),
-        point=_named_twice(block.point_names, points.point),
+        photo=_twice([block.photos[photo].name for photo in points.photo.tolist()]),
+        point=_twice(names_of_photo_points(block)),
         component=("x", "y") * len(points.photo),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
@@ -151,9 +152,18 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets, unknowns)
 
 
-def _named_twice(names: Sequence[str], places: IntArray) -> tuple[str, ...]:
-    """Return the name at each place, once for x and once for y."""
-    return tuple(np.repeat(np.array(names, dtype=object)[places], 2).tolist())
+def names_of_photo_points(block: Block) -> tuple[str, ...]:
+    """Return what the measurement of each of n photo points is called."""
+    points = block.photo_points
+    names = tuple(np.array(block.point_names, dtype=object)[points.point].tolist())
+    if block.definition.repeated_points != "both":
+        return names
+    return tuple(map(measurement_name, names, measured_before(points.photo, points.point).tolist()))
+
+
+def _twice(names: Sequence[str]) -> tuple[str, ...]:
+    """Return each name once for x and once for y."""
+    return tuple(np.repeat(np.array(names, dtype=object), 2).tolist())
 
 
 KINDS = (KindEquations(PHOTO_POINT, observe_photo_points),)

@@ -9,6 +9,7 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration import IterationRecord
 from orip.adjustment.precision import residual_cofactor
+from orip.arrays import BoolArray
 from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
@@ -22,6 +23,7 @@ from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PointKind
+from orip.records.repeated import photos_per_point
 from orip.records.solution import (
     AdditionalEstimate,
     CheckPoint,
@@ -112,8 +114,8 @@ def _status(solved: SolvedBlock) -> Status:
 
 def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
     points = solved.block.photo_points
-    used = points.used.all(axis=1)
-    return tuple(np.bincount(points.point[used], minlength=len(solved.block.point_names)).tolist())
+    used: BoolArray = np.asarray(points.used.all(axis=1))
+    return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
 
 
 def _point_kinds(block: Block) -> tuple[PointKind, ...]:

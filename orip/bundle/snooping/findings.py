@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.adjustment.outlier_tests import LEAST_SIGMA0
 from orip.arrays import FloatArray
+from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
@@ -203,11 +204,10 @@ def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:
 
 
 def _without_photo_points(block: Block, blunders: Sequence[Blunder]) -> IndexedPhotoPoints:
-    photos = {photo.name: place for place, photo in enumerate(block.photos)}
-    place = block.point_index()
-    wrong = {(photos[blunder.photo], place[blunder.point]) for blunder in blunders if blunder.kind == PHOTO_POINT.name}
+    wrong = {(blunder.photo, blunder.point) for blunder in blunders if blunder.kind == PHOTO_POINT.name}
     points = block.photo_points
-    keep = [(int(photo), int(point)) not in wrong for photo, point in zip(points.photo, points.point, strict=True)]
+    photos = [block.photos[photo].name for photo in points.photo.tolist()]
+    keep = [named not in wrong for named in zip(photos, names_of_photo_points(block), strict=True)]
     return replace(points, used=points.used & np.array(keep, dtype=bool)[:, None])
 
 

@@ -1,7 +1,9 @@
 """The search: test all hypotheses, leave out the likeliest, adjust again; in the end take back what fits after all.
 
 Within one linearisation many blunders are left out one after the other, each judged without those before
-(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution.
+(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution. When nothing fails any
+more, photo points left out are compared with the other rays of their points once more: other blunders disturbed the
+choice while they were in use.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from orip.bundle.snooping.findings import Finding, blunders_of
 from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, FreedUnknowns, freed_unknowns
 from orip.bundle.snooping.hypotheses import hypotheses_of
 from orip.bundle.snooping.screening import Screening
-from orip.bundle.snooping.selection import Candidates, Choice, to_leave_out, to_take_back
+from orip.bundle.snooping.selection import Candidates, Choice, judged_again, to_leave_out, to_take_back
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.bundle.state import BlockState
 from orip.progress import stage
@@ -41,6 +43,9 @@ linearisation."""
 
 _MOST_AT_ONCE = 300
 """Hypotheses that are judged together, the worst ones; their cofactors make a full matrix."""
+
+_REVIEWED_AT_ONCE = 20
+"""Photo points whose neighbours are judged together: those of other points hardly depend on each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +99,7 @@ def snoop(
     """
     with stage("searching for blunders"):
         search = _Search(block, settings, on_iteration, stop_asked)
-        while search.goes_on and (search.leave_out() or search.take_back()):
+        while search.goes_on and (search.leave_out() or search.take_back() or search.review()):
             search.adjust_again()
         findings = search.findings()
     return Snooped(search.solved, findings)
@@ -121,6 +126,7 @@ class _Search:
         self.out: set[int] = set()
         self.kept: set[int] = set()
         self.returned: set[int] = set()
+        self.reviewed: set[int] = set()
         self.solved = self._solved(problem, starting_state(block), self.iterations)
         self.screening = Screening(self.hypotheses, len(self.solved.equations.residual))
         if not self.solved.converged and not stop_asked():
@@ -203,6 +209,47 @@ class _Search:
         self.returned.update(back)
         self.out.difference_update(back)
         return bool(back)
+
+    def review(self) -> bool:
+        """Judge each photo point left out again, among the rays of its point; return whether another one is wrong."""
+        left_out = [index for index in self.found if index in self.out and self.hypotheses.by_component[index]]
+        left_out = [index for index in left_out if index not in self.reviewed][:_MOST_AT_ONCE]
+        self.reviewed.update(left_out)
+        exchanged = False
+        for first in range(0, len(left_out), _REVIEWED_AT_ONCE):
+            exchanged |= self._review(left_out[first : first + _REVIEWED_AT_ONCE])
+        return exchanged
+
+    def _review(self, left_out: Sequence[int]) -> bool:
+        photo_points = self.solved.block.photo_points.point
+        mine = {int(photo_points[self.hypotheses.rows[index][0] // 2]) for index in left_out}
+        rays = np.flatnonzero(np.isin(photo_points, list(mine)))
+        numbers = [index for index in np.unique(self.screening.of_row[2 * rays]).tolist() if index >= 0]
+        rows, candidates = self._candidates(numbers)
+        solved = self._with_stored_design()
+        effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
+        exchanged = False
+        for index in left_out:
+            place = numbers.index(index)
+            choice = judged_again(effects, candidates, self._test(), place)
+            if choice is None:
+                continue
+            other = numbers[choice.candidate]
+            finding = self.found[index]
+            alternatives = tuple(self.hypotheses.rows[numbers[rival]] for rival in choice.alternatives)
+            if other == index:
+                both = dict.fromkeys((*alternatives, *finding.alternatives))
+                self.found[index] = replace(finding, alternatives=tuple(both))
+            elif not finding.undetermined and other not in self.returned and other not in self.found:
+                self.out.remove(index)
+                self.out.add(other)
+                self.returned.add(index)
+                self.reviewed.add(other)
+                own = self.hypotheses.rows[other]
+                self.found[other] = Finding(own, choice.statistic, choice.limit, alternatives)
+                effects = effects.changed(candidates.places[place]).changed(candidates.places[choice.candidate])
+                exchanged = True
+        return exchanged
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what is left out, or kept though it fails, in the order in which it was found."""

@@ -21,6 +21,10 @@ _SEPARABLE = 2.0 * log(100.0)
 """Two hypotheses are told apart if one is a hundred times likelier than the other: the difference of square sums."""
 
 
+_ROUNDING = 1e-6
+"""Square sums that differ by less are the same."""
+
+
 @dataclass(frozen=True, slots=True)
 class Choice:
     """A hypothesis (number of the candidate) that is left out or taken back.
@@ -148,10 +152,49 @@ def to_leave_out(
         open_ &= ~candidates.touching(best)
         then = assess(after, candidates, next_test)
         equal = failing & open_ & ~(then.ratio > 1.0) & (_difference(now, best, test, next_test) < _SEPARABLE)
-        others = np.flatnonzero(equal)
-        alternatives = tuple(others[np.argsort(-now.excess[others], kind="stable")].tolist())
-        yield Choice(best, float(now.statistic[best]), float(now.limit[best]), alternatives), effects
+        yield _choice(now, best, equal), effects
         effects, test, now = after, next_test, then
+
+
+def judged_again(effects: JointEffects, candidates: Candidates, test: OutlierTest, place: int) -> Choice | None:
+    """Return what explains best what a candidate was left out for, now that all others are left out, too.
+
+    When it was left out, other blunders still disturbed the comparison with its neighbours.
+
+    Parameters
+    ----------
+    effects : JointEffects
+    candidates : Candidates
+    test : OutlierTest
+        Of the adjustment without the candidate.
+    place : int
+        Of a candidate that is left out.
+
+    Returns
+    -------
+    Choice or None
+        None where nothing fails with the candidate in use.
+    """
+    out = assess(effects, candidates, test)
+    test = test.after(-float(out.change[place]), -int(out.freedom[place]))
+    back = effects.changed(candidates.places[place])
+    now = assess(back, candidates, test)
+    failing = np.array([back.in_use[own].all() for own in candidates.places], dtype=bool) & (now.ratio > 1.0)
+    if not failing.any():
+        return None
+    best = int(np.where(failing, now.excess, -np.inf).argmax())
+    if now.excess[best] <= now.excess[place] + _ROUNDING and failing[place]:
+        best = place
+    after = test.after(float(now.change[best]), int(now.freedom[best]))
+    then = assess(back.changed(candidates.places[best]), candidates, after)
+    explained = failing & ~candidates.touching(best) & ~(then.ratio > 1.0)
+    return _choice(now, best, explained & (_difference(now, best, test, after) < _SEPARABLE))
+
+
+def _choice(now: Assessment, best: int, equal: BoolArray) -> Choice:
+    others = np.flatnonzero(equal)
+    alternatives = tuple(others[np.argsort(-now.excess[others], kind="stable")].tolist())
+    return Choice(best, float(now.statistic[best]), float(now.limit[best]), alternatives)
 
 
 def _difference(now: Assessment, best: int, test: OutlierTest, after: OutlierTest) -> FloatArray:

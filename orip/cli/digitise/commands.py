@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,6 +14,7 @@ from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.workflow.digitise.setup import DigitisingSetup
+    from orip.workflow.digitise.wanted_marks import MarkChoice
 
 LinkOption = Annotated[
     str | None, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="As tcp://127.0.0.1:4788.")
@@ -34,6 +36,15 @@ KindOption = Annotated[
     typer.Option("--transformation", help="A affine, C conform, W without scale; default: as before, else A."),
 ]
 AgainOption = Annotated[bool, typer.Option("--again", help="Drive to the old coordinates; ENTER keeps them.")]
+StageOption = Annotated[Literal["UPPER", "LOWER"], typer.Option("--stage", help="Where the film is mounted.")]
+MarkOption = Annotated[
+    list[str] | None,
+    typer.Option("--mark", metavar="NAME[,X,Y]", help="That mark alone; a new one with its coordinates, mm."),
+]
+NewOption = Annotated[
+    bool, typer.Option("--new", help="Points that the operator names while measuring, model by model.")
+]
+FirstOption = Annotated[str, typer.Option("--first", metavar="NAME", help="With --new: number points from here.")]
 ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
 
 LOG = Path("DIGITISED.MEA")
@@ -56,6 +67,8 @@ def _register_commands(group: typer.Typer) -> None:
     _register_photo(group)
     _register_points(group)
     _register_ground(group)
+    _register_fiducials(group)
+    _register_ticks(group)
 
 
 def _register_template(group: typer.Typer) -> None:
@@ -68,6 +81,7 @@ def _register_template(group: typer.Typer) -> None:
         transformation: KindOption = None,
         stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
         again: AgainOption = False,
+        mark: MarkOption = None,
         simulate: SimulateOption = None,
         script: ScriptOption = None,
         dry_run: DryRunOption = False,
@@ -81,7 +95,14 @@ def _register_template(group: typer.Typer) -> None:
 
         means = _means(invocation, link, simulate, script, dry_run=dry_run)
         found = digitise_template(
-            invocation.folder, log, means, template, kind=transformation, stage=stage, again=again
+            invocation.folder,
+            log,
+            means,
+            template,
+            kind=transformation,
+            stage=stage,
+            again=again,
+            chosen=_marks(mark),
         )
         tell_digitised(invocation.terminal, "digitise template", found)
 
@@ -97,6 +118,7 @@ def _register_photo(group: typer.Typer) -> None:
         transformation: KindOption = None,
         again: AgainOption = False,
         start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
+        mark: MarkOption = None,
         simulate: SimulateOption = None,
         script: ScriptOption = None,
         dry_run: DryRunOption = False,
@@ -118,6 +140,7 @@ def _register_photo(group: typer.Typer) -> None:
             kind=transformation,
             again=again,
             start=start,
+            chosen=_marks(mark),
         )
         tell_digitised(invocation.terminal, "digitise photo", found)
 
@@ -138,23 +161,92 @@ def _register_points(group: typer.Typer) -> None:
         again: AgainOption = False,
         start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
         listed: ListOption = None,
+        new: NewOption = False,
+        first: FirstOption = "1",
         simulate: SimulateOption = None,
         script: ScriptOption = None,
         dry_run: DryRunOption = False,
     ) -> None:
         """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
 
+        With --new the operator goes from model to model, and selects and names points himself.
+
         Example: orip digitise points --list again.txt --link tcp://127.0.0.1:4788
         """
         from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.points import Viewing, digitise_points
+        from orip.workflow.digitise.new_points import NewPointsChoice, digitise_new_points
+        from orip.workflow.digitise.point_visits import Viewing
+        from orip.workflow.digitise.points import digitise_points
         from orip.workflow.digitise.wanted import PointChoice
 
         means = _means(invocation, link, simulate, script, dry_run=dry_run)
-        choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
         viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
-        found = digitise_points(invocation.folder, log, means, bundle, choice, viewing=viewing, start=start)
+        if new:
+            _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
+            chosen = NewPointsChoice(tuple(photo or ()), model, first)
+            found = digitise_new_points(invocation.folder, log, means, bundle, chosen, viewing=viewing)
+        else:
+            choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
+            found = digitise_points(invocation.folder, log, means, bundle, choice, viewing=viewing, start=start)
         tell_digitised(invocation.terminal, "digitise points", found)
+
+
+def _refuse_with_new(options: dict[str, object]) -> None:
+    given = [name for name, value in options.items() if value]
+    if given:
+        message = f"--new measures points that the operator names; leave {', '.join(given)} out"
+        raise UsageError(message)
+
+
+def _register_fiducials(group: typer.Typer) -> None:
+    @command(group, "fiducials")
+    def fiducials_command(
+        invocation: Invocation,
+        camera: Annotated[str, typer.Argument(metavar="CAMERA")],
+        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")] = None,
+        arrangement: Annotated[
+            Literal["corners", "midsides"], typer.Option("--at", help="Where the four marks of the system are.")
+        ] = "corners",
+        stage: StageOption = "UPPER",
+        link: LinkOption = None,
+        log: LogOption = LOG,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+    ) -> None:
+        """Digitise the fiducial marks (reseau crosses, corners) of a camera, for its record.
+
+        Example: orip digitise fiducials REFLEX35 --at midsides --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_digitised
+        from orip.workflow.digitise.record_marks import digitise_fiducials
+
+        means = _means(invocation, link, simulate, script, dry_run=False)
+        found = digitise_fiducials(invocation.folder, log, means, camera, arrangement, stage, names or ())
+        tell_digitised(invocation.terminal, "digitise fiducials", found)
+
+
+def _register_ticks(group: typer.Typer) -> None:
+    @command(group, "ticks")
+    def ticks_command(
+        invocation: Invocation,
+        temtick: Annotated[str, typer.Argument(metavar="TEMTICK")],
+        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")] = None,
+        stage: StageOption = "UPPER",
+        link: LinkOption = None,
+        log: LogOption = LOG,
+        simulate: SimulateOption = None,
+        script: ScriptOption = None,
+    ) -> None:
+        """Digitise the tick marks of templates, for their temtick record; plate coordinates are taken as they are.
+
+        Example: orip digitise ticks SHEET --link tcp://127.0.0.1:4788
+        """
+        from orip.cli.digitise.output import tell_digitised
+        from orip.workflow.digitise.record_marks import digitise_ticks
+
+        means = _means(invocation, link, simulate, script, dry_run=False)
+        found = digitise_ticks(invocation.folder, log, means, temtick, stage, names or ())
+        tell_digitised(invocation.terminal, "digitise ticks", found)
 
 
 def _register_ground(group: typer.Typer) -> None:
@@ -186,6 +278,23 @@ def _register_ground(group: typer.Typer) -> None:
         means = _means(invocation, link, simulate, script, dry_run=False)
         choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
         tell_ground(invocation.terminal, digitise_ground(invocation.folder, means, bundle, choice))
+
+
+def _marks(words: list[str] | None) -> list[MarkChoice]:
+    from orip.workflow.digitise.wanted_marks import MarkChoice
+
+    found = []
+    for word in words or ():
+        name, *coordinates = word.split(",")
+        try:
+            xy = tuple(map(float, coordinates))
+        except ValueError:
+            xy = ()
+        if not name or len(coordinates) != len(xy) or len(xy) not in (0, 2) or not all(map(isfinite, xy)):
+            message = f"'{word}' is no mark; write its name, or of a new mark NAME,X,Y in mm, for example 9,10.0,220.0"
+            raise UsageError(message)
+        found.append(MarkChoice(name, (xy[0], xy[1]) if xy else None))
+    return found
 
 
 def _means(

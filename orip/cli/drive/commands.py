@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from orip.cli.drive import emulator, link
+from orip.cli.drive import emulator, link, panel
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
@@ -23,6 +23,7 @@ drive = typer.Typer(name="drive", help=_ABOUT, no_args_is_help=True)
 def register(app: typer.Typer) -> None:
     """Add the group of commands."""
     link.register(drive)
+    panel.register(drive)
     emulator.register(drive)
     app.add_typer(drive)
 

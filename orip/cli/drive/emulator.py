@@ -21,6 +21,12 @@ Speed = Annotated[
     float | None, typer.Option("--speed", min=1e-3, help="Speed of the stages, mm/s. Default: they move at once.")
 ]
 Rate = Annotated[float | None, typer.Option("--rate", min=1e-3, help="Hz at which --speed moves them; default 50.")]
+StagesOption = Annotated[
+    str,
+    typer.Option(
+        "--stages", metavar="LIMITS", help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table: as that says."
+    ),
+]
 AllowRemote = Annotated[bool, typer.Option("--allow-remote", help="Listen for other machines too.")]
 
 
@@ -35,16 +41,18 @@ def emulate_command(
     state: StateFile = None,
     speed: Speed = None,
     rate: Rate = None,
+    stages: StagesOption = "dsr",
     allow_remote: AllowRemote = False,
 ) -> None:
     """Emulate a plate processor over TCP until Ctrl-C or SIGTERM.
 
-    The first client operates, others may read. Line protocol: send HELP, for example with netcat.
+    The first client operates, others may read; beside a program that digitises one may operate. Line protocol: send
+    HELP, for example with netcat.
 
     Example: orip drive emulate --state plates.json
     """
     from orip.link.travel import Pace
-    from orip.workflow.drive.emulator import EmulatorSettings, emulate
+    from orip.workflow.drive.emulator import EmulatorSettings, emulate, stages_of_words
 
     if rate is not None and speed is None:
         message = "--rate says how often --speed moves the stages; give --speed too"
@@ -59,6 +67,8 @@ def emulate_command(
             terminal.data(f"listening on {address}")
         terminal.flush()
 
-    ended = emulate(EmulatorSettings(listen, state, pace, allow_remote), listening, terminal.error)
+    ended = emulate(
+        EmulatorSettings(listen, state, pace, allow_remote, stages_of_words(stages)), listening, terminal.error
+    )
     kept = "" if state is None else f"; its state is in {state}"
     terminal.say(f"the emulated plate processor has ended ({ended}){kept}", "green")

@@ -23,16 +23,16 @@ Bundle = Annotated[
 ]
 Coordinate = Annotated[float, typer.Argument(show_default=False)]
 
-_NEGATIVE_NUMBERS: dict[str, Any] = {"context_settings": {"ignore_unknown_options": True}}
+NEGATIVE_NUMBERS: dict[str, Any] = {"context_settings": {"ignore_unknown_options": True}}
 """-12.5 is a coordinate, not an option."""
 
 
 def register(drive: typer.Typer) -> None:
     """Add the commands to the group."""
     command(drive, "download")(download_command)
-    command(drive, "goto", **_NEGATIVE_NUMBERS)(goto_command)
+    command(drive, "goto", **NEGATIVE_NUMBERS)(goto_command)
     command(drive, "where")(where_command)
-    command(drive, "profile", **_NEGATIVE_NUMBERS)(profile_command)
+    command(drive, "profile", **NEGATIVE_NUMBERS)(profile_command)
     command(drive, "forward")(forward_command)
     command(drive, "model")(model_command)
     command(drive, "next")(next_command)
@@ -74,7 +74,8 @@ def goto_command(
     from orip.workflow.drive.link import operating
 
     with operating(invocation.folder, bundle, link) as project:
-        _tell_driven(invocation, "goto", project.goto((x, y, z)), project.link.status().condition)
+        invocation.terminal.warn(project.warnings)
+        tell_driven(invocation, "goto", project.goto((x, y, z)), project.link.status().condition)
 
 
 def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DEFAULT_LINK) -> None:
@@ -87,6 +88,7 @@ def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DE
 
     with observing(invocation.folder, bundle, link) as project:
         found = project.where()
+        invocation.terminal.warn(project.warnings)
     if invocation.terminal.json:
         invocation.terminal.document(where_document(found))
     else:
@@ -114,6 +116,7 @@ def profile_command(
 
     with operating(invocation.folder, bundle, link) as project:
         points = project.profile((x1, y1, z1), (x2, y2, z2), step)
+        invocation.terminal.warn(project.warnings)
     if invocation.terminal.json:
         invocation.terminal.document(profile_document(points))
     else:
@@ -128,7 +131,7 @@ def forward_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
     from orip.link.client import open_link
 
     with open_link(link) as processor:
-        _tell_driven(invocation, "forward", processor.forward(), processor.status().condition)
+        tell_driven(invocation, "forward", processor.forward(), processor.status().condition)
 
 
 def model_command(
@@ -139,9 +142,11 @@ def model_command(
     Example: orip drive model 1-2
     """
     from orip.link.client import open_link
+    from orip.workflow.drive.link import stale_table_warnings
 
     with open_link(link) as processor:
-        _tell_driven(invocation, "model", processor.change_model(name), processor.status().condition)
+        invocation.terminal.warn(stale_table_warnings(invocation.folder, None, processor))
+        tell_driven(invocation, "model", processor.change_model(name), processor.status().condition)
 
 
 def next_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
@@ -150,12 +155,15 @@ def next_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
     Example: orip drive next
     """
     from orip.link.client import open_link
+    from orip.workflow.drive.link import stale_table_warnings
 
     with open_link(link) as processor:
-        _tell_driven(invocation, "next", processor.next_model(), processor.status().condition)
+        invocation.terminal.warn(stale_table_warnings(invocation.folder, None, processor))
+        tell_driven(invocation, "next", processor.next_model(), processor.status().condition)
 
 
-def _tell_driven(invocation: Invocation, verb: str, driven: Driven, condition: str) -> None:
+def tell_driven(invocation: Invocation, verb: str, driven: Driven, condition: str) -> None:
+    """Say where the stages were driven to."""
     from orip.cli.drive.output import driven_document, driven_line
 
     if invocation.terminal.json:

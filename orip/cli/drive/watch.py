@@ -44,10 +44,11 @@ def watch_command(
 
     Example: orip drive watch
     """
-    from orip.workflow.drive.watch import open_watch
+    from orip.workflow.drive.watch import open_watch, watch_warnings
 
     watch = open_watch(invocation.folder, bundle, link)
     try:
+        invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
         with _server(watch, port) as server:
             if invocation.terminal.json:
                 invocation.terminal.document({"command": "drive watch", "url": server.url})

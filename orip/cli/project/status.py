@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+import os
+from typing import Annotated
+
 import typer
 
-from orip.cli.options import Invocation, command
+from orip.cli.options import LINK_VARIABLE, Invocation, command
 from orip.cli.terminal import warning_rows
+
+LinkOption = Annotated[
+    str | None, typer.Option("--link", metavar="URL", help=f"Ask this plate processor too; default: {LINK_VARIABLE}.")
+]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "status")
-    def status(invocation: Invocation) -> None:
+    def status(invocation: Invocation, link: LinkOption = None) -> None:
         """Show what the project has, what is out of date, and what comes next. Reads only.
+
+        With --link, or ORIP_LINK where that answers, also whether that plate processor has the drive table.
 
         Example: orip status
         """
-        show(invocation)
+        show(invocation, link)
 
 
-def show(invocation: Invocation) -> None:
+def show(invocation: Invocation, link: str | None = None) -> None:
     """Print the state of the project on stdout."""
     from orip.workflow.project.state import read_project
     from orip.workflow.status import STATUS_FROM, observation_loop, project_status
 
-    found = project_status(read_project(invocation.folder, *STATUS_FROM))
+    processor = link or os.environ.get(LINK_VARIABLE) or None
+    found = project_status(read_project(invocation.folder, *STATUS_FROM), processor, is_there=link is not None)
     terminal = invocation.terminal
     if terminal.json:
         terminal.document(

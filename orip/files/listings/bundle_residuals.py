@@ -16,6 +16,7 @@ from orip.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.observation_kinds import unit_of_observation
+from orip.records.repeated import measurement_name, observed_before
 from orip.records.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 
@@ -185,9 +186,10 @@ def _measured_at(rows: PhotoRows, measured: PhotoObservations) -> IntArray:
     """Return where each line's point is among the measured ones (n,), -1 where it is not."""
     keys = {name: record_key(name) for name in dict.fromkeys(measured.photos)}
     photos = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
-    points = {name: number for number, name in enumerate(dict.fromkeys(measured.points))}
+    names = list(map(measurement_name, measured.points, observed_before(measured).tolist()))
+    points = {name: number for number, name in enumerate(dict.fromkeys(names))}
     found = _numbers(measured.photos, {name: photos[key] for name, key in keys.items()}) * len(points)
-    found += _numbers(measured.points, points)
+    found += _numbers(names, points)
     photo = [photos.get(record_key(name), -1) for name, _ in rows.photos]
     photo_of_rows = np.repeat(photo, [count for _, count in rows.photos])
     point_of_rows = _numbers(rows.points, points)

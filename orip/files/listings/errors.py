@@ -69,7 +69,7 @@ def _diagnosis(solution: Solution) -> list[str]:
 def _blunders(solution: Solution) -> list[str]:
     rows = solution.blunders
     units = [unit_of_observation(row.kind, row.component, solution.ground_unit) for row in rows]
-    return table_lines(
+    lines = table_lines(
         [
             Column("No.", [str(row.order) for row in rows]),
             Column("Kind", [row.kind for row in rows], align="left"),
@@ -83,6 +83,12 @@ def _blunders(solution: Solution) -> list[str]:
             Column("Limit", fixed([row.limit for row in rows], 2)),
         ]
     )
+    for order, others in dict.fromkeys((row.order, row.alternatives) for row in rows if row.alternatives):
+        lines += [
+            "",
+            *paragraph(f"No. {order} cannot be told apart from {others}: one of them is wrong", hanging=INDENT),
+        ]
+    return lines
 
 
 def _misfits(solution: Solution, rows: Sequence[int]) -> list[str]:

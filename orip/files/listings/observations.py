@@ -10,13 +10,14 @@ import numpy as np
 from orip.files.text.table import Column, table_lines, xy_columns
 from orip.number_text import fixed
 from orip.records.listed_observation import ListedObservation, PointToMeasure, StereoPartner
+from orip.records.repeated import measurement_name
 
 
 def observation_lines(rows: Sequence[ListedObservation]) -> list[str]:
     """Return the table of measured points with the columns that ORIPROGRAM showed."""
     return table_lines(
         [
-            Column("Point", [row.point for row in rows], align="left"),
+            Column("Point", [measurement_name(row.point, row.before) for row in rows], align="left"),
             Column("Photo", [row.photo for row in rows], align="left"),
             *xy_columns("{}-template", [row.measured for row in rows], 4, "mm, px"),
             *xy_columns("W{}", [row.error for row in rows], 5, "mm"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 from orip.errors import InputError
 from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
@@ -133,6 +133,16 @@ def template_header(template: str, kind: TransformationKind, stage: Stage) -> st
 def photo_header(photo: str, kind: TransformationKind) -> str:
     """Return the first line of a block of fiducial marks."""
     return f"PHOTO {photo} {kind}"
+
+
+def fiducials_header(camera: str, arrangement: Literal["corners", "midsides"]) -> str:
+    """Return the first line of a block of digitised fiducial marks of a camera."""
+    return f"FIDUCIALS {camera} {arrangement}"
+
+
+def ticks_header(temtick: str) -> str:
+    """Return the first line of a block of digitised tick marks of a temtick record."""
+    return f"TICKS {temtick}"
 
 
 def points_header(bundle: str, photo: str) -> str:

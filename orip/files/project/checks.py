@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
@@ -9,7 +10,7 @@ from orip.files.project.source import Located, NamePlace, ProjectSource
 from orip.files.project.toml_faults import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import Camera
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.names import name_fault, record_key
 from orip.records.photo import Photo, Template
 from orip.records.project import StereoModel
@@ -51,6 +52,47 @@ def _by_bundle(items: Iterable[_Item], place_of: Callable[[_Item], KeyPath]) -> 
     for item in items:
         grouped.setdefault(place_of(item)[:2], []).append(item)
     return grouped
+
+
+def check_lenses(source: ProjectSource, references: References) -> Iterator[Fault]:
+    """Check cameras with the lens of another one: which that is, and that they give nothing that it determines."""
+    for camera in source.cameras:
+        lens_name, where = camera.record.same_lens_as, f"camera '{camera.record.name}'"
+        if lens_name is None:
+            continue
+        place, shown = (*camera.place, "same_lens_as"), shown_token(lens_name)
+        yield from ((place, text) for text in references.check("camera", lens_name, f"same_lens_as of {where}"))
+        lens = references.cameras.get(record_key(lens_name))
+        if record_key(lens_name) == record_key(camera.record.name):
+            yield place, f"same_lens_as of {where} names the camera itself; name another one or remove it"
+        elif lens is not None and lens.same_lens_as is not None:
+            other = shown_token(lens.same_lens_as)
+            text = f"same_lens_as of {where} names camera '{shown}', which has the lens of '{other}'; name '{other}'"
+            yield place, text
+        for key, what in _of_the_lens(camera.record):
+            yield (*camera.place, key), f"{where} has {what}, but its lens is that of camera '{shown}'; give it there"
+        if camera.record.additional_set is not None or (lens is not None and lens.additional_set is not None):
+            message = f"{where} has the lens of camera '{shown}', and a set cannot be adjusted for both; remove the set"
+            yield place, message
+
+
+def _of_the_lens(camera: Camera) -> Iterator[tuple[str, str]]:
+    """Yield the keys with which a camera gives what its lens determines, and what that is."""
+    parameters = dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
+    if not math.isnan(parameters["C"]):
+        yield "c", "c"
+    given = [name for name in CAMERA_PARAMETERS[3:] if parameters[name] != 0.0]
+    if given:
+        yield "distortion", f"{', '.join(given)} of distortion"
+    if camera.distortion_isp is not None:
+        yield "distortion_isp", "distortion_isp"
+    if camera.distortion_curve is not None:
+        yield "distortion_curve", "distortion_curve"
+    if camera.distortion_at != "ideal":
+        yield "distortion_at", "distortion_at"
+    unknown = [name for name in camera.unknown if name not in OWN_PARAMETERS]
+    if unknown:
+        yield "unknown", f"{', '.join(unknown)} unknown"
 
 
 class References:

@@ -100,6 +100,7 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     if source.project is not None:
         yield from record_checks.check_project(source.project)
     yield from record_checks.check_cameras(source, line_of)
+    yield from project_checks.check_lenses(source, references)
     yield from record_checks.check_temticks(source, line_of)
     yield from record_checks.check_photo_parameters(source)
     yield from record_checks.check_bundles(source)

@@ -12,14 +12,16 @@ from orip.files.project.tables import ProjectTable
 from orip.files.project.toml_faults import Fault
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark
+from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera, Mark
 from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.project import BundleDefinition
 
-_DISTORTION_FORMS = ("distortion", "distortion_isp", "distortion_curve")
+_RADIAL_FORMS = ("distortion_isp", "distortion_curve")
+"""What may stand in place of A1, A3, A5, A7 of the key `distortion`, which holds P1, P2, B1, B2 then."""
 _LISTING_BASES = ("INTERIOR", "PRELIM")
 _LEAST_CURVE_RADII = 4
+_EXAMPLE_C = 8.595
 
 LineOf = Callable[[KeyPath], int]
 
@@ -61,16 +63,31 @@ def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
     for camera in source.cameras:
         where = f"camera '{camera.record.name}'"
         table = camera.record
-        given = [form for form in _DISTORTION_FORMS if form in camera.keys]
-        if len(given) > 1:
-            message = f"{where} has {' and '.join(given)}; give the distortion in one form"
-            yield (*camera.place, given[1]), message
+        yield from _radial_distortion(camera, where)
+        if table.same_lens_as is None and "c" not in camera.keys:
+            yield camera.place, f"{where} has no c; it is required, write for example c = {_EXAMPLE_C}"
         if table.sensor is not None and table.fiducials:
             message = f"{where} has both sensor and fiducials; a sensor is for cameras without fiducials"
             yield (*camera.place, "sensor"), message
         yield from _curve(camera, where)
         yield from _parameters((*camera.place, "unknown"), table.unknown, CAMERA_PARAMETERS, f"unknown of {where}")
         yield from _marks((*camera.place, "fiducials"), table.fiducials, f"fiducial mark of {where}", line_of)
+
+
+def _radial_distortion(camera: Located[Camera], where: str) -> Iterator[Fault]:
+    """Check that the radial distortion is given in one form."""
+    given = [form for form in _RADIAL_FORMS if form in camera.keys]
+    if len(given) > 1:
+        message = f"{where} has {' and '.join(given)}; give the radial distortion in one form"
+        yield (*camera.place, given[1]), message
+    parameters = dict(zip(CAMERA_PARAMETERS, camera.record.parameters, strict=True))
+    radial = [name for name in RADIAL_PARAMETERS if parameters[name] != 0.0]
+    if given and radial:
+        message = (
+            f"{where} has {given[0]} and {', '.join(radial)} of distortion; give the radial distortion in one form: "
+            f"beside {given[0]} distortion may have P1, P2, B1 and B2"
+        )
+        yield (*camera.place, given[0]), message
 
 
 def _curve(camera: Located[Camera], where: str) -> Iterator[Fault]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar, cast, get_args
 
 from orip.files.project.tables import CheckedTable
 from orip.records.fields import Part, RecordField, fields_by_key, fields_of
@@ -21,9 +22,10 @@ def record_of(record: type[T], table: CheckedTable) -> T:
     given, kind = {}, cast(type, record)
     for record_field in fields_of(kind):
         if record_field.field.parts:
-            given[record_field.name] = tuple(
-                value for part in record_field.field.parts for value in _elements(part, table)
-            )
+            values = (value for part in record_field.field.parts for value in _elements(part, table))
+            # a camera with the lens of another one has no principal distance of its own: not a number
+            optional = float not in get_args(record_field.type)
+            given[record_field.name] = tuple(math.nan if value is None and not optional else value for value in values)
         elif record_field.key in table.model_fields_set:
             given[record_field.name] = _value(record_field, getattr(table, record_field.key))
     return record(**given)

@@ -9,6 +9,7 @@ from orip.files.project.tables import ProjectTable
 from orip.records.names import record_key
 from orip.records.photo import Template
 from orip.records.project import BundleDefinition, ProjectDefinition, StereoModel
+from orip.records.shared_lens import with_shared_lenses
 
 
 def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectDefinition:
@@ -34,7 +35,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         measurement_files=tuple(project.measurement_files),
         ground_unit=project.ground_unit,
         crs=project.crs,
-        cameras=tuple(camera.record for camera in source.cameras),
+        cameras=with_shared_lenses(camera.record for camera in source.cameras),
         temticks=tuple(temtick.record for temtick in source.temticks),
         templates=tuple(_with_photos(template.record, photo_names, photos_of) for template in source.templates),
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),

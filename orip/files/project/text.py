@@ -7,8 +7,9 @@ from typing import Any
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.toml_text import toml_table
-from orip.records.camera import Camera
+from orip.records.camera import Camera, without_radial_distortion
 from orip.records.project import ProjectDefinition
+from orip.records.shared_lens import without_lens
 
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "bundle")
 
@@ -60,7 +61,13 @@ def record_text(section: str, table: Mapping[str, Any]) -> str:
 
 
 def camera_table(camera: Camera) -> TomlTable:
-    """Return a camera as a table of orip.toml; its distortion is written in the form that it was given in."""
-    table = toml_of(camera)
-    forms = [form for form in ("distortion_isp", "distortion_curve", "distortion") if form in table]
-    return {key: value for key, value in table.items() if key not in forms[1:]}
+    """Return a camera as a table of orip.toml; its radial distortion is written in the form that it was given in.
+
+    Of a camera with the lens of another one it has what is its own.
+    """
+    if camera.same_lens_as is not None:
+        table = toml_of(without_lens(camera))
+        return {key: value for key, value in table.items() if key not in ("c", "distortion_at")}
+    if camera.distortion_isp is None and camera.distortion_curve is None:
+        return toml_of(camera)
+    return toml_of(without_radial_distortion(camera))

@@ -7,11 +7,13 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from orip.errors import InputError, OripError, UsageError
 from orip.files.stores.explain import explained, opened
 from orip.files.stores.identity import content_sums, create, is_present
+from orip.files.stores.joint_commit import commit_jointly, has_undo, put_back_killed, remove_orphaned_pact
 from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
 from orip.files.stores.super_journals import remove_orphans
@@ -56,7 +58,7 @@ def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     InputError
         If a file is no store of its kind, newer or damaged, or what is written breaks a rule of the store.
     OripError
-        If there are more stores than SQLite can attach, or disk or permissions are in the way.
+        If disk or permissions are in the way.
     """
     files = _files(paths)
     if not files:
@@ -66,11 +68,13 @@ def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     with explained(list(files.values())), ExitStack() as locked:
         stores = _locked(locked, files, timeout)
         remove_orphans(files)
+        remove_orphaned_pact(list(files))
         present = [_present_or_created(store) for store in stores]
         yield Stores(dict(zip(files, present, strict=True)))
         for store in present:
             store.seal()
-        present[0].connection.execute("COMMIT")
+        connections = list(dict.fromkeys(store.connection for store in present))
+        commit_jointly(connections, list(files), partial(_single, timeout=timeout))
 
 
 def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
@@ -86,6 +90,8 @@ def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
     with suppress(OripError, OSError, sqlite3.Error), closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
         store = _store(path, connection, "main")
         with _transaction(connection, "BEGIN IMMEDIATE"):
+            if has_undo(file_of(path)):
+                return False
             if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
                 path.unlink()  # a process that waits for the lock finds that its file has gone, and makes a new one
                 return True
@@ -98,22 +104,36 @@ def _locked(locked: ExitStack, files: Mapping[Path, Path], timeout: float) -> li
         with ExitStack() as attempt:
             stores = _opened_for_writing(attempt, list(files.values()), timeout)
             before = list(map(_identity, files))
-            attempt.enter_context(_transaction(stores[0].connection, "BEGIN IMMEDIATE"))
-            if None not in before and before == list(map(_identity, files)):
+            for connection in dict.fromkeys(store.connection for store in stores):
+                attempt.enter_context(_transaction(connection, "BEGIN IMMEDIATE"))
+            if None not in before and before == list(map(_identity, files)) and not any(map(has_undo, files)):
                 locked.enter_context(attempt.pop_all())
                 return stores
-        # another process has removed an empty store while this one waited for its lock
+        # another process has removed an empty store while this one waited for its lock, or was killed
+        put_back_killed(files, partial(_single, timeout=timeout))
 
 
 def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: float) -> list[Store]:
-    main, *others = paths
-    # The main database is one of the stores: with ':memory:' in its place SQLite commits file by file.
-    with opened(main):
-        connection = attempt.enter_context(closing(connected(_uri(main, "rwc"), timeout)))
-    stores = [_store(main, connection, "main"), *_attached(connection, others, "rwc")]
+    """Open stores with as many connections as it takes; all processes lock them in the same order."""
+    stores, rest = list[Store](), list(paths)
+    while rest:
+        # The main database is one of the stores: with ':memory:' in its place SQLite commits file by file.
+        main = rest[0]
+        with opened(main):
+            connection = attempt.enter_context(closing(connected(_uri(main, "rwc"), timeout)))
+        most = 1 + connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
+        stores += [_store(main, connection, "main"), *_attached(connection, rest[1:most], "rwc")]
+        rest = rest[most:]
     for store in stores:
         _prepare(store)
     return stores
+
+
+def _single(file: Path, timeout: float) -> sqlite3.Connection:
+    """Return a connection to one store alone, which is not made where it is missing."""
+    connection = connected(_uri(file, "rw"), timeout)
+    connection.execute("PRAGMA synchronous = EXTRA")
+    return connection
 
 
 def _identity(file: Path) -> tuple[int, int] | None:
@@ -137,17 +157,35 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     InputError
         If a file is no store of its kind, newer or damaged.
     OripError
-        If there are more stores than SQLite can attach, or disk or permissions are in the way.
+        If disk or permissions are in the way.
     """
     files = _files(paths)
-    there = {file: path for file, path in files.items() if _size(file) > 0}
-    with closing(connected(":memory:", timeout)) as connection:
+    with explained(list(files.values())), ExitStack() as held:
+        while True:
+            with ExitStack() as attempt:
+                stores = _shared(attempt, files, timeout)
+                if not any(map(has_undo, files)):
+                    held.enter_context(attempt.pop_all())
+                    break
+            put_back_killed(files, partial(_single, timeout=timeout))
+        yield Stores(stores)
+
+
+def _shared(attempt: ExitStack, files: Mapping[Path, Path], timeout: float) -> dict[Path, Store]:
+    """Return stores that nobody can commit to for as long as `attempt` lasts."""
+    absent = attempt.enter_context(closing(connected(":memory:", timeout)))
+    found = {file: _store(path, absent, "main") for file, path in files.items()}
+    rest = [file for file in files if _size(file) > 0]
+    while rest:
+        connection = attempt.enter_context(closing(connected(":memory:", timeout)))
+        most = connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
         # Opened for writing where permissions allow: SQLite rolls back what a killed run left half done.
-        stores = dict(zip(there, _attached(connection, list(there.values()), "rw"), strict=True))
-        with explained(list(there.values())), _transaction(connection, "BEGIN"):
-            found = {file: _with_sums(replace(store, present=is_present(store))) for file, store in stores.items()}
-            absent = {file: _store(path, connection, "main") for file, path in files.items() if file not in there}
-            yield Stores({**found, **absent})
+        stores = _attached(connection, [files[file] for file in rest[:most]], "rw")
+        attempt.enter_context(_transaction(connection, "BEGIN"))
+        for file, store in zip(rest, stores, strict=False):
+            found[file] = _with_sums(replace(store, present=is_present(store)))
+        rest = rest[most:]
+    return found
 
 
 def _files(paths: Iterable[Path]) -> dict[Path, Path]:
@@ -215,13 +253,6 @@ def _defend(connection: sqlite3.Connection) -> None:
 
 
 def _attached(connection: sqlite3.Connection, paths: list[Path], mode: str) -> list[Store]:
-    limit = connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
-    if len(paths) > limit:
-        message = (
-            f"{len(paths)} further stores are too many for one transaction: this SQLite attaches {limit}; "
-            f"name fewer bundle adjustments or stores at a time"
-        )
-        raise OripError(message)
     stores = []
     for number, path in enumerate(paths, start=1):
         with opened(path):

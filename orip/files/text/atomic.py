@@ -112,7 +112,7 @@ def _replace(path: Path, pieces: Iterable[bytes]) -> None:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
-    _flush_folder(path.parent)
+    flush_folder(path.parent)
 
 
 def _mode_of(path: Path) -> int | None:
@@ -137,7 +137,7 @@ def _write_through(temporary: Path, pieces: Iterable[bytes], mode: int | None) -
         os.fsync(stream.fileno())
 
 
-def _flush_folder(folder: Path) -> None:
+def flush_folder(folder: Path) -> None:
     """Bring the new name to the disk; some systems cannot, but the text is in place nevertheless."""
     if os.name != "posix":
         return

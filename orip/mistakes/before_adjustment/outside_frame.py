@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
@@ -26,6 +26,9 @@ _BEYOND_MARKS = 0.25
 
 _MOST = 0.5
 """Part of a photo's points outside the marks from which the photo is wrong, and not single points."""
+
+_FAR = 2.0
+"""Margin from which a single point cannot be on the film, as part of the extent of the fiducial marks."""
 
 _PIXEL = 1.0
 """Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
@@ -56,6 +59,7 @@ def points_outside_frames(
     return [
         *_off_sensors(definitions, on_sensors, points),
         *_off_films(definitions, on_film, points, to_photo),
+        *_far_points(definitions, on_film, {key: np.array(own) for key, own in rows.items()}, observations, to_photo),
     ]
 
 
@@ -130,14 +134,36 @@ def _off_films(
         yield ProjectWarning("outside-frame", where, f"most of the points lie outside the fiducial marks: {cause}")
 
 
+def _far_points(
+    definitions: Definitions,
+    photos: list[Photo],
+    rows: Mapping[str, IntArray],
+    observations: PhotoObservations,
+    to_photo: Mapping[str, PlaneTransformation],
+) -> Iterator[ProjectWarning]:
+    """Return a warning for each photo of which single points are nowhere near the film."""
+    for photo in photos:
+        key, camera = record_key(photo.name), definitions.camera_of(photo)
+        xy = to_photo[key].apply(observations.measured[rows[key]])
+        if np.mean(_beyond_marks(xy, camera)) > _MOST:
+            continue
+        far = np.flatnonzero(_beyond_marks(xy, camera, _FAR))
+        if len(far):
+            names = counted_names("point", [observations.points[rows[key][row]] for row in far])
+            x, y = xy[far[0]]
+            place = f"x {x:.4g}, y {y:.4g} mm"
+            text = f"{names} of this photo cannot be on the film ({place}); check the columns of the line: name, x, y"
+            yield ProjectWarning("outside-frame", f"photo {photo.name}", text)
+
+
 def _are_in(stored: FloatArray, photo: Photo, to_photo: Mapping[str, PlaneTransformation], camera: Camera) -> bool:
     return float(np.mean(_beyond_marks(to_photo[record_key(photo.name)].apply(stored), camera))) <= 1.0 - _MOST
 
 
-def _beyond_marks(xy: FloatArray, camera: Camera) -> NDArray[np.bool_]:
+def _beyond_marks(xy: FloatArray, camera: Camera, margin_part: float = _BEYOND_MARKS) -> NDArray[np.bool_]:
     marks = np.array([(mark.x, mark.y) for mark in camera.fiducials])
     low, high = marks.min(axis=0), marks.max(axis=0)
-    margin = _BEYOND_MARKS * (high - low).max()
+    margin = margin_part * (high - low).max()
     return np.asarray(((xy < low - margin) | (xy > high + margin)).any(axis=1))
 
 

@@ -26,7 +26,8 @@ def photos_under_two_names(block: Block) -> list[ProjectWarning]:
     point, photo, xy, error = points.point[order], points.photo[order], points.xy[order], points.error[order]
     shared = np.empty((0, 3), dtype=np.int64)
     for offset in range(1, int(np.bincount(point).max(initial=0))):
-        first = np.flatnonzero(point[:-offset] == point[offset:])
+        # a point that is measured twice in a photo is no second photo
+        first = np.flatnonzero((point[:-offset] == point[offset:]) & (photo[:-offset] != photo[offset:]))
         other = first + offset
         difference = np.abs(xy[first] - xy[other])
         limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), _SAME * np.ptp(points.xy, axis=0).max())

@@ -1,15 +1,11 @@
 /* Inner loops of preliminary values: intersection, relative orientation, resection,
  * similarity, refinement.
  *
- * The headers stand beside the Python modules that they serve; the compiled package binds them. The sizes of arrays
- * that follow from one another are checked here, the contents of index arrays are not.
+ * The headers stand beside the Python modules that they serve; the compiled package binds them. The sizes of arrays and
+ * the contents of index arrays are checked here.
  */
 
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
-#include <stdint.h>
-#include <string.h>
+#include "../../array_arguments.h"
 
 #include "../intersection/intersection.h"
 #include "../refinement/refinement.h"
@@ -18,67 +14,27 @@
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
 
-#define MOST_BUFFERS 24
-#define MOST_NUMBERS 12
+#define MOST_ITERATIONS 1e6
 
-typedef struct {
-    Py_buffer views[MOST_BUFFERS];
-    double numbers[MOST_NUMBERS];
-    int opened;
-} Arguments;
+/* Numbers that rules allow of samples, matrices and starts: what is kept of them has to find room. */
+#define MOST_KEPT 1e4
 
-static void release(Arguments *a)
+/* Triples of points; so many, and all that is kept of each point for each, still are a number of bytes. */
+#define MOST_TRIPLES (INT64_C(1) << 20)
+
+static int are_rows(const Arguments *a, int array, int64_t end)
 {
-    while (a->opened > 0)
-        PyBuffer_Release(&a->views[--a->opened]);
+    return are_within64(a->views[array].buf, length_of(a, array), 0, end);
 }
-
-/* Take `inputs` readable arrays, `outputs` writable ones and then numbers from the arguments. */
-static int taken(Arguments *a, PyObject *const *arguments, Py_ssize_t given, int inputs, int outputs, int numbers)
-{
-    a->opened = 0;
-    if (given != inputs + outputs + numbers) {
-        PyErr_SetString(PyExc_TypeError, "wrong number of arguments");
-        return 0;
-    }
-    for (int k = 0; k < inputs + outputs; k++) {
-        const int flags = k < inputs ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
-        if (PyObject_GetBuffer(arguments[k], &a->views[k], flags) < 0) {
-            release(a);
-            return 0;
-        }
-        a->opened++;
-    }
-    for (int k = 0; k < numbers; k++)
-        a->numbers[k] = PyFloat_AsDouble(arguments[inputs + outputs + k]);
-    if (PyErr_Occurred()) {
-        release(a);
-        return 0;
-    }
-    return 1;
-}
-
-static PyObject *refused(Arguments *a)
-{
-    release(a);
-    PyErr_SetString(PyExc_ValueError, "arrays do not belong together");
-    return NULL;
-}
-
-static PyObject *done(Arguments *a)
-{
-    release(a);
-    Py_RETURN_NONE;
-}
-
-static int has(const Arguments *a, int view, int64_t numbers) { return a->views[view].len == 8 * numbers; }
 
 static int known_from(const Arguments *a, Known *k)
 {
-    const Known known = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0],
-                         a->views[2].len / 8, (int64_t)a->numbers[1]};
+    const Known known = {a->views[0].buf, a->views[1].buf, a->views[2].buf, a->numbers[0], length_of(a, 2), 0};
     *k = known;
-    return has(a, 0, 3 * k->count) && has(a, 1, 3 * k->count) && 0 < k->least && k->least <= k->count;
+    if (!is_whole(a->numbers[1], 1.0, (double)k->count))
+        return 0;
+    k->least = (int64_t)a->numbers[1];
+    return has(a, 0, 3 * k->count) && has(a, 1, 3 * k->count);
 }
 
 static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -86,11 +42,11 @@ static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *a
     enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 4, 4, 3))
+    if (!take_arguments(&a, arguments, given, "dddl" "DDDD", 3))
         return NULL;
-    const int64_t number = a.views[TRIPLES].len / 24, kept = a.views[QUANTILES].len / 8;
-    if (!known_from(&a, &k) || !has(&a, ROTATIONS, 9 * kept) || !has(&a, CENTRES, 3 * kept)
-        || !has(&a, SCRATCH, k.count))
+    const int64_t number = length_of(&a, TRIPLES) / 3, kept = length_of(&a, QUANTILES);
+    if (!known_from(&a, &k) || !are_rows(&a, TRIPLES, k.count) || !has(&a, ROTATIONS, 9 * kept)
+        || !has(&a, CENTRES, 3 * kept) || !has(&a, SCRATCH, k.count))
         return refused(&a);
     rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                  a.views[QUANTILES].buf, a.views[SCRATCH].buf);
@@ -102,16 +58,18 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     enum { ROTATIONS = 3, CENTRES, SQUARES, FACTORS, RESIDUAL, NORMALS, SPACE };
     Arguments a;
     Known k;
-    if (!taken(&a, arguments, given, 3, 7, 12))
+    if (!take_arguments(&a, arguments, given, "ddd" "DDDDDDD", 12))
         return NULL;
     const double *n = a.numbers;
-    const int64_t number = a.views[CENTRES].len / 24;
+    const int64_t number = length_of(&a, CENTRES) / 3;
+    if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !(n[3] >= 0.0)
+        || !is_whole(n[6], 0.0, MOST_ITERATIONS) || !is_whole(n[10], 0.0, MOST_ITERATIONS)
+        || !has(&a, CENTRES, 3 * number) || !has(&a, ROTATIONS, 9 * number) || !has(&a, SQUARES, number * k.count)
+        || !has(&a, FACTORS, number * k.count) || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36)
+        || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
+        return refused(&a);
     const OrientationChoice choice = {n[2], n[3], n[4], n[5], n[11], (int64_t)n[6],
                                       {n[2], n[7], n[8], n[9], n[11], (int64_t)n[10]}};
-    if (!known_from(&a, &k) || number < 1 || number > MOST_ORIENTATIONS || !has(&a, ROTATIONS, 9 * number)
-        || !has(&a, SQUARES, number * k.count) || !has(&a, FACTORS, number * k.count)
-        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, NORMALS, 36) || !has(&a, SPACE, 2 * NUMBERS_OF_A_POINT * k.count))
-        return refused(&a);
     const int64_t left = choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                                 a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
                                 a.views[NORMALS].buf, a.views[SPACE].buf);
@@ -119,7 +77,9 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     return PyLong_FromLongLong(left);
 }
 
+/* The photo points of all points, one after the other, and what they are computed with. */
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, PROBLEM_END };
+#define PROBLEM "lldd" "ddd"
 
 static int problem_from(const Arguments *a, RefinementProblem *n)
 {
@@ -127,29 +87,48 @@ static int problem_from(const Arguments *a, RefinementProblem *n)
     n->photo = a->views[PHOTO].buf, n->start = a->views[OF_POINT].buf, n->vectors = a->views[VECTORS].buf;
     n->error = a->views[ERROR].buf, n->rotations = a->views[TURNED].buf, n->centres = a->views[AT].buf;
     n->points = a->views[GROUND].buf;
-    n->count = a->views[ERROR].len / 8, n->point_count = a->views[OF_POINT].len / 8 - 1;
+    n->count = length_of(a, ERROR), n->point_count = length_of(a, OF_POINT) - 1;
+    const int64_t photos = length_of(a, AT) / 3;
     return n->point_count >= 0 && has(a, PHOTO, n->count) && has(a, VECTORS, 3 * n->count)
-        && has(a, GROUND, 3 * n->point_count) && 3 * a->views[TURNED].len == 9 * a->views[AT].len
-        && n->start[n->point_count] == n->count;
+        && has(a, GROUND, 3 * n->point_count) && has(a, AT, 3 * photos) && has(a, TURNED, 9 * photos)
+        && are_rows(a, PHOTO, photos) && are_starts64(n->start, n->point_count, n->count);
+}
+
+/* Whether all photos of each point have places near enough to one another for a band of this width. */
+static int are_places_in_band(const RefinementProblem *n)
+{
+    for (int64_t point = 0; point < n->point_count; point++) {
+        int64_t low = INT64_MAX, high = -1;
+        for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
+            const int64_t place = n->place[n->photo[row]];
+            low = place >= 0 && place < low ? place : low;
+            high = place > high ? place : high;
+        }
+        if (high >= 0 && 6 * (high - low + 1) > n->width)
+            return 0;
+    }
+    return 1;
 }
 
 static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES, SPACE, INDICES };
     Arguments a;
-    if (!taken(&a, arguments, given, 7, 6, 9))
+    if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDDDL", 9))
         return NULL;
     const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
                           a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
-                          a.views[ORIENTED].buf,  a.views[ERROR].len / 8, a.views[OF_POINT].len / 8 - 1};
-    const int64_t photos = a.views[ORIENTED].len;
-    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
-        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || rays.start[rays.points] != rays.count
-        || !has(&a, POINTS, 3 * rays.points) || !has(&a, DEVIATIONS, 3 * rays.points) || !has(&a, FACTORS, rays.count)
-        || !has(&a, ANGLES, rays.points) || !has(&a, SPACE, NUMBERS_OF_A_RAY * rays.count)
-        || !has(&a, INDICES, rays.count + rays.points + 1))
-        return refused(&a);
+                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
+    const int64_t photos = length_of(&a, ORIENTED);
     const double *n = a.numbers;
+    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
+        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, POINTS, 3 * rays.points)
+        || !has(&a, DEVIATIONS, 3 * rays.points) || !has(&a, FACTORS, rays.count) || !has(&a, ANGLES, rays.points)
+        || !has(&a, SPACE, NUMBERS_OF_A_RAY * rays.count) || !has(&a, INDICES, rays.count + rays.points + 1)
+        || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
+        || !is_whole(n[7], 0.0, MOST_ITERATIONS) || !is_whole(n[8], 0.0, MOST_ITERATIONS))
+        return refused(&a);
     Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
     const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
                                     a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
@@ -162,9 +141,9 @@ static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *
     enum { RESIDUAL = PROBLEM_END, IN_FRONT };
     Arguments a;
     RefinementProblem n;
-    if (!taken(&a, arguments, given, PROBLEM_END, 2, 0))
+    if (!take_arguments(&a, arguments, given, PROBLEM "DB", 0))
         return NULL;
-    if (!problem_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || a.views[IN_FRONT].len != n.count)
+    if (!problem_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || !has(&a, IN_FRONT, n.count))
         return refused(&a);
     block_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
     return done(&a);
@@ -179,20 +158,23 @@ static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *co
     };
     Arguments a;
     RefinementProblem n;
-    if (!taken(&a, arguments, given, PROBLEM_END + 5, 11, 1))
+    if (!take_arguments(&a, arguments, given, PROBLEM "lbdld" "DDDDDDDDDDL", 1))
         return NULL;
-    const int64_t cameras = a.views[CAMERA_RIGHT].len / (8 * OF_CAMERA), width = OF_CAMERA * cameras;
-    if (!problem_from(&a, &n) || 3 * a.views[PLACE].len != a.views[AT].len || a.views[FREE].len != n.point_count
-        || !has(&a, FACTORS, n.count) || !has(&a, CAMERA, cameras ? n.count : 0)
-        || !has(&a, BY_CAMERA, cameras ? 2 * OF_CAMERA * n.count : 0)
-        || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
-        || !has(&a, POINT_RIGHT, 3 * n.point_count) || a.views[PHOTO_NORMALS].len != 6 * a.views[RIGHT].len
-        || (a.views[RIGHT].len && a.views[BAND].len % a.views[RIGHT].len)
-        || a.views[BORDER].len != width * a.views[RIGHT].len || !has(&a, POINT_BORDER, 3 * width * n.point_count)
-        || !has(&a, CAMERA_NORMALS, width * width) || !has(&a, CAMERA_RIGHT, width) || !has(&a, SEEN, cameras))
+    const int64_t cameras = length_of(&a, CAMERA_RIGHT) / OF_CAMERA, width = OF_CAMERA * cameras;
+    const int64_t size = length_of(&a, RIGHT);
+    if (!problem_from(&a, &n) || size % 6 || !has(&a, PLACE, length_of(&a, AT) / 3) || !has(&a, FREE, n.point_count)
+        || !are_within64(a.views[PLACE].buf, length_of(&a, PLACE), INT64_MIN, size / 6) || !has(&a, FACTORS, n.count)
+        || !has(&a, CAMERA, cameras ? n.count : 0)
+        || !are_within64(a.views[CAMERA].buf, length_of(&a, CAMERA), INT64_MIN, cameras)
+        || !has(&a, BY_CAMERA, cameras ? 2 * OF_CAMERA * n.count : 0) || !has(&a, COUPLING, 18 * n.count)
+        || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, POINT_RIGHT, 3 * n.point_count)
+        || !has(&a, PHOTO_NORMALS, 6 * size) || !has(&a, BAND, size ? length_of(&a, BAND) / size * size : 0)
+        || (size && length_of(&a, BAND) / size < 6) || !has(&a, BORDER, width * size)
+        || !has(&a, POINT_BORDER, 3 * width * n.point_count) || !has(&a, CAMERA_NORMALS, width * width)
+        || !has(&a, CAMERA_RIGHT, width) || !has(&a, SEEN, cameras))
         return refused(&a);
     n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
-    n.size = a.views[RIGHT].len / 8, n.width = n.size ? a.views[BAND].len / a.views[RIGHT].len : 0;
+    n.size = size, n.width = size ? length_of(&a, BAND) / size : 0;
     n.damping = a.numbers[0];
     n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
     n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
@@ -201,6 +183,8 @@ static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *co
     n.border = a.views[BORDER].buf, n.point_border = a.views[POINT_BORDER].buf;
     n.camera_normals = a.views[CAMERA_NORMALS].buf, n.camera_right = a.views[CAMERA_RIGHT].buf;
     n.seen = a.views[SEEN].buf;
+    if (!are_places_in_band(&n))
+        return refused(&a);
     block_normals(&n);
     return done(&a);
 }
@@ -210,20 +194,32 @@ static PyObject *py_refinement_points(PyObject *Py_UNUSED(module), PyObject *con
     enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, POINTS };
     Arguments a;
     RefinementProblem n;
-    if (!taken(&a, arguments, given, 9, 1, 0))
+    if (!take_arguments(&a, arguments, given, "lll" "dddddd" "D", 0))
         return NULL;
     memset(&n, 0, sizeof n);
-    n.count = a.views[PHOTO_OF].len / 8, n.point_count = a.views[POINT_OF].len / 8 - 1;
-    n.cameras = a.views[OF_CAMERAS].len / (8 * OF_CAMERA);
-    if (n.point_count < 0 || !has(&a, COUPLING, 18 * n.count) || !has(&a, INVERSE, 9 * n.point_count)
-        || !has(&a, RIGHT, 3 * n.point_count) || !has(&a, POINTS, 3 * n.point_count)
-        || !has(&a, POINT_BORDER, 3 * OF_CAMERA * n.cameras * n.point_count))
-        return refused(&a);
     n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
+    n.count = length_of(&a, PHOTO_OF), n.point_count = length_of(&a, POINT_OF) - 1;
+    n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
+    if (n.point_count < 0 || !are_starts64(n.start, n.point_count, n.count)
+        || !are_rows(&a, PHOTO_OF, length_of(&a, PLACE))
+        || !are_within64(n.place, length_of(&a, PLACE), INT64_MIN, length_of(&a, SOLUTION) / 6)
+        || !has(&a, OF_CAMERAS, OF_CAMERA * n.cameras) || !has(&a, COUPLING, 18 * n.count)
+        || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, RIGHT, 3 * n.point_count)
+        || !has(&a, POINTS, 3 * n.point_count) || !has(&a, POINT_BORDER, 3 * OF_CAMERA * n.cameras * n.point_count))
+        return refused(&a);
     n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
     n.point_border = a.views[POINT_BORDER].buf;
     point_corrections(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
     return done(&a);
+}
+
+/* Whether what these rules keep and repeat are numbers that there is room and time for. */
+static int are_rules_sound(const RelativeRules *r)
+{
+    return is_whole(r->sampling.at_once, 1.0, MOST_KEPT) && is_whole(r->sampling.kept, 1.0, MOST_KEPT)
+        && is_whole(r->sampling.starts, 1.0, MOST_KEPT) && is_whole(r->danish.held, 0.0, MOST_ITERATIONS)
+        && is_whole(r->choice.to_compare, 1.0, MOST_ITERATIONS) && is_whole(r->choice.most, 1.0, MOST_ITERATIONS)
+        && is_whole(r->choice.rotation_steps, 0.0, MOST_ITERATIONS);
 }
 
 static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -231,19 +227,20 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
     enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, REDUNDANCY, COORDINATES, DEVIATIONS,
            IN_FRONT, USABLE };
     Arguments a;
-    if (!taken(&a, arguments, given, 6, 8, 0))
+    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDDBB", 0))
         return NULL;
     const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, a.views[ERROR].len / 8};
+    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
     const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    a.views[REDUNDANCY].buf,
                                    a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
                                    a.views[USABLE].buf};
-    const int64_t samples = a.views[SAMPLES].len / 40;
+    const int64_t samples = length_of(&a, SAMPLES) / 5;
     if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || a.views[RULES].len != sizeof(RelativeRules) || a.views[FOUND].len != sizeof(RelativeFound)
+        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
+        || !are_rules_sound(rules) || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double))
         || !has(&a, PARALLAX, p.count) || !has(&a, WEIGHTS, p.count) || !has(&a, REDUNDANCY, p.count)
-        || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
-        || a.views[IN_FRONT].len != p.count || a.views[USABLE].len != p.count)
+        || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count) || !has(&a, IN_FRONT, p.count)
+        || !has(&a, USABLE, p.count))
         return refused(&a);
     double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
     if (!space) {
@@ -261,18 +258,19 @@ static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *con
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
     Arguments a;
-    if (!taken(&a, arguments, given, 6, 4, 1))
+    if (!take_arguments(&a, arguments, given, "ddddbd" "DDDD", 1))
         return NULL;
-    const int64_t count = a.views[TRUSTED].len;
-    Common common = {NULL, a.views[TARGET].buf, NULL, a.views[TRUSTED].buf, count, (int64_t)a.numbers[0]};
-    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
-        || !has(&a, TARGET_DEVIATION, 3 * count) || a.views[RULES].len != sizeof(SimilarityRules)
-        || a.views[FOUND].len != sizeof(SimilarityFound) || !has(&a, FACTORS, 3 * count)
-        || !has(&a, RESIDUALS, 3 * count) || !has(&a, SPACE, 12 * count) || common.unknowns < 1
-        || common.unknowns > MOST_UNKNOWNS)
+    const int64_t count = length_of(&a, TRUSTED);
+    const SimilarityRules *rules = a.views[RULES].buf;
+    if (!is_whole(a.numbers[0], 1.0, MOST_UNKNOWNS) || !has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, RULES, sizeof(SimilarityRules) / sizeof(double))
+        || !is_whole(rules->steps, 0.0, MOST_ITERATIONS) || !is_whole(rules->free_steps, 0.0, MOST_ITERATIONS)
+        || !has(&a, FOUND, sizeof(SimilarityFound) / sizeof(double)) || !has(&a, FACTORS, 3 * count)
+        || !has(&a, RESIDUALS, 3 * count) || !has(&a, SPACE, 12 * count))
         return refused(&a);
+    Common common = {NULL, a.views[TARGET].buf, NULL, a.views[TRUSTED].buf, count, (int64_t)a.numbers[0]};
     const int regular = adjust_similarity(&common, a.views[SOURCE].buf, a.views[SOURCE_DEVIATION].buf,
-                                          a.views[TARGET_DEVIATION].buf, a.views[RULES].buf, a.views[FACTORS].buf,
+                                          a.views[TARGET_DEVIATION].buf, rules, a.views[FACTORS].buf,
                                           a.views[RESIDUALS].buf, a.views[SPACE].buf, a.views[FOUND].buf);
     release(&a);
     return PyBool_FromLong(regular);
@@ -282,13 +280,13 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRIPLES, START };
     Arguments a;
-    if (!taken(&a, arguments, given, 5, 1, 4))
+    if (!take_arguments(&a, arguments, given, "ddddl" "D", 4))
         return NULL;
     const double *n = a.numbers;
-    const int64_t count = a.views[SOURCE].len / 24, triples = a.views[TRIPLES].len / 24, rank = (int64_t)n[0];
-    if (!has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
-        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples) || rank < 1 || rank > count
-        || a.views[START].len != sizeof(At))
+    const int64_t count = length_of(&a, SOURCE) / 3, triples = length_of(&a, TRIPLES) / 3;
+    if (!is_whole(n[0], 1.0, (double)count) || triples > MOST_TRIPLES || !has(&a, SOURCE, 3 * count) || !has(&a, TARGET, 3 * count) || !has(&a, SOURCE_DEVIATION, 3 * count)
+        || !has(&a, TARGET_DEVIATION, 3 * count) || !has(&a, TRIPLES, 3 * triples)
+        || !are_rows(&a, TRIPLES, count) || !has(&a, START, sizeof(At) / sizeof(double)))
         return refused(&a);
     double *space = PyMem_Malloc((size_t)((5 + triples) * count) * sizeof(double) + (size_t)triples * sizeof(At));
     if (!space) {
@@ -297,7 +295,7 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
     }
     const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
     prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
-    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, rank, n[1], n[2], n[3], space + 3 * count,
+    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, (int64_t)n[0], n[1], n[2], n[3], space + 3 * count,
                                     a.views[START].buf);
     PyMem_Free(space);
     release(&a);

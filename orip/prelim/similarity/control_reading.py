@@ -29,6 +29,10 @@ reading of few points fits three times better by chance."""
 _BETTER_THAN_FROM_BELOW = 0.5
 """The same where the cameras look up from below the control as it is given: few photos are taken that way."""
 
+_BETTER_THAN_FLAT = 0.7
+"""A reading of X, Y or the unit of Z has to fit so much better than the control without its heights; otherwise single
+heights are wrong, and any reading fits in which they are small."""
+
 _EXPECTED = 3.0
 """Standard errors of the control; what fits within them as given needs no other reading."""
 
@@ -95,7 +99,8 @@ def other_reading(
     given = _fit(common)
     if given is None:
         return None
-    if (geographic := _geographic(common, given)) is not None:
+    flat = _flat_misfit(common)
+    if (geographic := _geographic(common, given, flat)) is not None:
         return geographic
     mirrored = _fit(replace(common, source=-common.source))
     if mirrored is None:
@@ -109,14 +114,24 @@ def other_reading(
         count = len(common.source)
         return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
     if given.misfit > expected:
-        return _other_unit(common, given)
+        return _other_unit(common, given, flat)
     # where the points exclude a reflection, the side of the cameras need not be looked at
     if mirrored.misfit <= max(expected, given.misfit / _BETTER):
         return _from_below(block, common, given)
     return None
 
 
-def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
+def _flat_misfit(common: CommonPoints) -> float:
+    """Return the misfit of the control without its heights, in units of the block; infinite where nothing fits.
+
+    Where heights alone are wrong, every reading fits that makes them small beside X and Y.
+    """
+    target = common.target * [1.0, 1.0, 0.0]
+    fit = _fit(replace(common, target=target))
+    return float("inf") if fit is None else fit.misfit / fit.similarity.scale
+
+
+def _geographic(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
     """Return longitude and latitude in degrees as the reading if they fit, and X and Y as lengths do not."""
     x, y, _ = common.target.T
     for longitude, latitude in ((0, 1), (1, 0)):
@@ -128,8 +143,11 @@ def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
         metres = _METRES_PER_DEGREE * np.array([np.cos(np.radians(common.target[:, latitude].mean())), 1.0])
         target = np.column_stack([common.target[:, [longitude, latitude]] * metres, common.target[:, 2]])
         fit = _fit(replace(common, target=target))
-        # both misfits in units of the block
-        if fit is not None and fit.misfit / fit.similarity.scale < _BETTER * given.misfit / given.similarity.scale:
+        if fit is None:
+            continue
+        # all misfits in units of the block
+        own = fit.misfit / fit.similarity.scale
+        if own < _BETTER * given.misfit / given.similarity.scale and own < _BETTER_THAN_FLAT * flat:
             count = len(common.source)
             if longitude == 0:
                 return ControlReading("longitude, latitude", count, fit.misfit, given.misfit)
@@ -200,20 +218,21 @@ def camera_side(rotations: FloatArray) -> float:
     return float(np.sign(clearer)) if abs(clearer) > _UPRIGHT else 0.0
 
 
-def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
+def _other_unit(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
     """Return another unit of Z as the reading if it explains the misfit."""
     fits = {}
     for factor in _Z_FACTORS:
         scaled = np.array([1.0, 1.0, factor])
         fit = _fit(replace(common, target=common.target * scaled, target_deviation=common.target_deviation * scaled))
         if fit is not None:
-            fits[factor] = fit.misfit
+            fits[factor] = fit
     if not fits:
         return None
-    factor = min(fits, key=lambda candidate: fits[candidate])
-    if fits[factor] >= _BETTER * given.misfit:
+    factor = min(fits, key=lambda candidate: fits[candidate].misfit)
+    fit = fits[factor]
+    if fit.misfit >= _BETTER * given.misfit or fit.misfit / fit.similarity.scale >= _BETTER_THAN_FLAT * flat:
         return None
-    return ControlReading("unit of Z", len(common.source), fits[factor], given.misfit, z_factor=factor)
+    return ControlReading("unit of Z", len(common.source), fit.misfit, given.misfit, z_factor=factor)
 
 
 def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:

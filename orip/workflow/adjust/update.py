@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.shared_lens import lens_key
 from orip.records.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
@@ -26,6 +28,7 @@ from orip.solving.updated_values import (
 from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
+from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.preliminary_text import read_preliminary_text
 from orip.workflow.project.state import Part, StoredParts
@@ -140,7 +143,7 @@ def _updated_records(
     rows = _rows(estimates, what, names)
     if what == "cameras":
         chosen = _estimates_by_key(estimates, rows, CAMERA_PARAMETERS)
-        cameras, verdicts = _updated(old.cameras, chosen, updated_camera, what)
+        cameras, verdicts = _updated(old.cameras, _with_lenses(chosen, old), updated_camera, what)
         new = replace(old, cameras=cameras)
         verdicts += _additional(solution, chosen)
     else:
@@ -160,6 +163,21 @@ def _updated_records(
         warnings=warnings,
     )  # fmt: skip
     return Change(bundle.state, outcome, StoredParts(new), project.record_stores)
+
+
+def _with_lenses(
+    chosen: dict[str, tuple[EstimatedParameter, ...]], old: StoredDefinitions
+) -> dict[str, tuple[EstimatedParameter, ...]]:
+    """Return estimates also of cameras that were not adjusted or chosen, but whose lens another one has."""
+    found = dict(chosen)
+    for stored in old.cameras:
+        key, lens = record_key(stored.record.name), lens_key(stored.record)
+        if key in chosen and lens not in found:
+            found[lens] = tuple(
+                estimate._replace(sd=math.nan) if estimate.parameter in OWN_PARAMETERS else estimate
+                for estimate in chosen[key]
+            )
+    return found
 
 
 def _estimates_by_key(

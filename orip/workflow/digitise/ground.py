@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Literal
 
@@ -21,11 +19,12 @@ from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.project import StereoModel
 from orip.workflow.control.edits import ControlTable, add_control, list_control
-from orip.workflow.digitise.films import MountedFilms, mounted_films
+from orip.workflow.digitise.numbering import numbered
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import Ending, Entry, Outcome, Session
 from orip.workflow.digitise.setup import DigitisingSetup
 from orip.workflow.digitise.wanted import model_named
+from orip.workflow.observations.films import MountedFilms, mounted_films
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import carry_out
 from orip.workflow.project.folder import ProjectFolder
@@ -158,7 +157,7 @@ def _names(films: MountedFilms, choice: GroundChoice, table: ControlTable) -> It
         message = "name the points, in a list with --list or one by one, or say with --first how they are numbered"
         raise UsageError(message)
     if choice.first is not None:
-        return (name for name in _series(choice.first) if name not in there)
+        return (name for name in numbered(choice.first) if name not in there)
     known = [name for name in dict.fromkeys(given) if name in there]
     if known:
         message = f"in {table.shown} already: {', '.join(known)}; take them out of the list, or out of that file"
@@ -171,10 +170,3 @@ def _listed(project: ProjectFolder, file: Path) -> list[str]:
     found = read_work_list(path, project.shown(path))
     raise_complaints(found.complaints)
     return [row.point for row in found.value]
-
-
-def _series(first: str) -> Iterator[str]:
-    """Yield 1000, 1001 ... or G1, G2 ...; a name without a number gets one."""
-    stem, digits = re.fullmatch(r"(.*?)([0-9]*)", first).groups()  # type: ignore[union-attr]  # matches anything
-    for number in count(int(digits or 1)):
-        yield f"{stem}{number:0{len(digits)}d}"

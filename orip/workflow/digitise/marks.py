@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 from typing import Literal
 
@@ -21,24 +22,27 @@ from orip.interior.orientation import (
     orient_photo,
     orient_template,
 )
+from orip.link.client import ProcessorFault
 from orip.multimodel.state import Position
 from orip.records.camera import Mark
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template
-from orip.workflow.digitise.films import MountedFilms, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import DriveTarget, Entry, Outcome, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
+from orip.workflow.digitise.wanted_marks import MarkChoice, WantedMarks, marks_to_visit
+from orip.workflow.drive.loaded_table import load_again
+from orip.workflow.observations.films import MountedFilms, mounted_films, plate_of_log, position
 
 
 @dataclass(frozen=True, slots=True)
 class _Sheet:
     """A template or photo whose marks are digitised.
 
-    `marks` are those to visit, with their given coordinates, `of_record` the names of those that need not say them;
-    `before` is what was measured before, on the plate.
+    `marks` are all there may be, with their given coordinates, `visited` the names of those to visit, `of_record` of
+    those that need not say their coordinates; `before` is what was measured before, on the plate.
     `driving` and `adjusted` take digitised marks, plate to given; `to_marks` takes the plate to the system that the
     marks of the orientation are in.
     """
@@ -48,6 +52,7 @@ class _Sheet:
     stage: Stage
     header: str
     marks: tuple[Mark, ...]
+    visited: tuple[str, ...]
     of_record: frozenset[str]
     before: MeasuredMarks
     again: bool
@@ -71,6 +76,7 @@ def digitise_template(
     kind: TransformationKind | None = None,
     stage: Stage | None = None,
     again: bool = False,
+    chosen: Sequence[MarkChoice] = (),
 ) -> Digitised:
     """Digitise the tick marks of a template that has been mounted.
 
@@ -87,13 +93,15 @@ def digitise_template(
         None: as it was mounted before, or as defined.
     again : bool
         Drive to where they were digitised, and keep what is not digitised again.
+    chosen : sequence of MarkChoice
+        These alone, and the others stay as they were digitised before.
 
     Raises
     ------
     UsageError, InputError, LinkError
     """
     films = mounted_films(folder, log)
-    sheet = _template_sheet(films, films.template(template), kind, stage, again=again)
+    sheet = _template_sheet(films, films.template(template), kind, stage, WantedMarks(again, chosen))
     return _digitise(films, setup, [sheet])
 
 
@@ -107,6 +115,7 @@ def digitise_photos(
     kind: TransformationKind | None = None,
     again: bool = False,
     start: str | None = None,
+    chosen: Sequence[MarkChoice] = (),
 ) -> Digitised:
     """Digitise the fiducial marks of photos, one after the other.
 
@@ -117,6 +126,8 @@ def digitise_photos(
         All photos on that template instead.
     start : str or None
         The photo to begin with.
+    chosen : sequence of MarkChoice
+        These marks alone, and the others stay as they were digitised before.
 
     Raises
     ------
@@ -126,14 +137,14 @@ def digitise_photos(
     if bool(photos) == (template is not None):
         message = "name photos, or a template with --template whose photos are meant"
         raise UsageError(message)
-    chosen = [films.photo(name) for name in photos] if template is None else _on_template(films, template)
+    meant = [films.photo(name) for name in photos] if template is None else _on_template(films, template)
     if start is not None:
-        names = [record_key(photo.name) for photo in chosen]
+        names = [record_key(photo.name) for photo in meant]
         if record_key(start) not in names:
-            message = f"photo {start} is not among those to digitise: {', '.join(photo.name for photo in chosen)}"
+            message = f"photo {start} is not among those to digitise: {', '.join(photo.name for photo in meant)}"
             raise UsageError(message)
-        chosen = chosen[names.index(record_key(start)) :]
-    return _digitise(films, setup, [_photo_sheet(films, photo, kind, again=again) for photo in chosen])
+        meant = meant[names.index(record_key(start)) :]
+    return _digitise(films, setup, [_photo_sheet(films, photo, kind, WantedMarks(again, chosen)) for photo in meant])
 
 
 def _on_template(films: MountedFilms, template: str) -> list[Photo]:
@@ -146,22 +157,22 @@ def _on_template(films: MountedFilms, template: str) -> list[Photo]:
 
 
 def _template_sheet(
-    films: MountedFilms, template: Template, kind: TransformationKind | None, stage: Stage | None, *, again: bool
+    films: MountedFilms, template: Template, kind: TransformationKind | None, stage: Stage | None, wanted: WantedMarks
 ) -> _Sheet:
     known = films.measured.templates.get(record_key(template.name))
     before = films.ticks_on_plate(template)
     ticks = films.definitions.temtick_of(template).ticks
-    chosen: TransformationKind = kind or (known.transformation if known else "A")
+    fitted: TransformationKind = kind or (known.transformation if known else "A")
     mounted = stage or _stage_of_template(films, template)
     stored = films.interior.to_template.get(record_key(template.name))
 
     def orientation(marks: MeasuredMarks) -> TemplateOrientation:
-        return TemplateOrientation(template.name, chosen, mounted, marks)
+        return TemplateOrientation(template.name, fitted, mounted, marks)
 
     given = given_coordinates_of_template(orientation(before), ticks)
     return _Sheet(
-        "TICK", template.name, mounted, template_header(template.name, chosen, mounted),
-        _to_visit(f"template {template.name}", ticks, before, given, again=again), _names(ticks), before, again,
+        "TICK", template.name, mounted, template_header(template.name, fitted, mounted),
+        *marks_to_visit(f"template {template.name}", ticks, before, given, wanted), _names(ticks), before, wanted.keeps,
         plate_of_log(template.scan).inverse(), plate_of_log(None),
         lambda marks: drive_template(orientation(marks), ticks, stored),
         lambda marks: orient_template(orientation(marks), ticks),
@@ -179,7 +190,7 @@ def _stage_of_template(films: MountedFilms, template: Template) -> Stage:
     return stage
 
 
-def _photo_sheet(films: MountedFilms, photo: Photo, kind: TransformationKind | None, *, again: bool) -> _Sheet:
+def _photo_sheet(films: MountedFilms, photo: Photo, kind: TransformationKind | None, wanted: WantedMarks) -> _Sheet:
     camera = films.definitions.camera_of(photo)
     if not camera.fiducials:
         message = f"photo {photo.name} has no fiducial marks: its camera {camera.name} has none"
@@ -193,32 +204,21 @@ def _photo_sheet(films: MountedFilms, photo: Photo, kind: TransformationKind | N
         raise InputError.single(message)
     known = films.measured.photos.get(record_key(photo.name))
     before = films.fiducials_on_plate(photo)
-    chosen: TransformationKind = kind or (known.transformation if known else "A")
+    fitted: TransformationKind = kind or (known.transformation if known else "A")
     stored = films.interior.to_photo.get(record_key(photo.name))
 
     def orientation(marks: MeasuredMarks) -> PhotoOrientation:
-        return PhotoOrientation(photo.name, chosen, marks)
+        return PhotoOrientation(photo.name, fitted, marks)
 
     given = given_coordinates_of_photo(orientation(before), camera)
     return _Sheet(
-        "MARK", photo.name, films.stage_of(photo.name), photo_header(photo.name, chosen),
-        _to_visit(f"photo {photo.name}", camera.fiducials, before, given, again=again),
-        _names(camera.fiducials), before, again,
+        "MARK", photo.name, films.stage_of(photo.name), photo_header(photo.name, fitted),
+        *marks_to_visit(f"photo {photo.name}", camera.fiducials, before, given, wanted),
+        _names(camera.fiducials), before, wanted.keeps,
         plate_of_log(films.scan_of(photo)).inverse(), to_plate.inverse(),
         lambda marks: drive_photo(orientation(marks), camera, stored),
         lambda marks: orient_photo(orientation(marks), camera, photo.template is not None),
     )  # fmt: skip
-
-
-def _to_visit(
-    title: str, record: Iterable[Mark], before: MeasuredMarks, given: np.ndarray, *, again: bool
-) -> tuple[Mark, ...]:
-    if not again:
-        return tuple(record)
-    if not before.names:
-        message = f"{title} has no marks to digitise again; leave --again out"
-        raise InputError.single(message)
-    return tuple(Mark(name, x, y) for name, (x, y) in zip(before.names, given.tolist(), strict=True))
 
 
 def _names(marks: Iterable[Mark]) -> frozenset[str]:
@@ -234,7 +234,21 @@ def _digitise(films: MountedFilms, setup: DigitisingSetup, sheets: Sequence[_She
             orientations += _digitise_sheet(session, sheet)
             if session.ending != "complete":
                 break
+        if orientations and not setup.is_trial:
+            _load_table_again(films, session)
     return setup.outcome(films, session, orientations)
+
+
+def _load_table_again(films: MountedFilms, session: Session) -> None:
+    """Load the drive table with the new orientation where the plate processor drives with the one before."""
+    try:
+        bundle = load_again(films.project.folder, films.log, session.link)
+    except (InputError, ProcessorFault) as reason:
+        text = f"still has the orientation from before: {reason}; run 'orip drive download' when that is mended"
+        session.warnings.append(ProjectWarning("stale-table", "the plate processor", text))
+    else:
+        if bundle is not None:
+            session.tell(f"download  {bundle}.DRV with this orientation is loaded into the plate processor")
 
 
 class _Digitising:
@@ -251,7 +265,7 @@ class _Digitising:
 
     def place(self, mark: Mark) -> DriveTarget:
         """Return where to look for a mark: where it was, or by the marks that were digitised already."""
-        if self._sheet.again:
+        if self._sheet.again and mark.name in self._before:
             return DriveTarget("measured before", self._before[mark.name])
         to_given = self._sheet.driving(self.marks()).transformation.after(self._sheet.to_marks)
         return DriveTarget("predicted", position(to_given.inverse(), (mark.x, mark.y)))
@@ -302,7 +316,8 @@ def _digitise_sheet(session: Session, sheet: _Sheet) -> Iterator[MarkAdjustment]
     what = sheet.what.lower()
     session.log.chapter(f"orip digitise {sheet.title}")
     session.link.guide(sheet.stage)
-    for mark in sheet.marks:
+    marks = {mark.name: mark for mark in sheet.marks}
+    for mark in [marks[name] for name in sheet.visited]:
         place = session.drive(sheet.stage, digitising.place(mark))
         session.tell(f"at {what} {mark.name} of {sheet.name} ({place.known})")
         sought = Sought(sheet.what, record_key(sheet.name), mark.name, sheet.stage)
@@ -314,9 +329,35 @@ def _digitise_sheet(session: Session, sheet: _Sheet) -> Iterator[MarkAdjustment]
         session.log.put(sheet.header, digitising.lines())
         logged = None if xy is None else position(sheet.to_log, xy)
         session.enter(Entry(what, sheet.name, mark.name, decision.outcome, place.known, place.xy, logged))
+        if digitising.lines():
+            _tell_orientation(session, sheet, digitising.marks())
     if not digitising.lines():
         return
     try:
         yield sheet.adjusted(digitising.marks()).adjustment
     except OrientationError as reason:
         session.warnings.append(ProjectWarning("not-oriented", sheet.title, str(reason)))
+
+
+def _tell_orientation(session: Session, sheet: _Sheet, marks: MeasuredMarks) -> None:
+    """Report the orientation as it is after this mark: its parameters, and the residuals of all marks."""
+    try:
+        found = sheet.adjusted(marks).adjustment
+    except OrientationError as reason:
+        session.tell(f"  not oriented yet: {reason}")
+        return
+    for line in orientation_lines(found):
+        session.tell(f"  {line}")
+
+
+def orientation_lines(found: MarkAdjustment) -> Iterator[str]:
+    """Yield the parameters of an orientation, and the residuals of its marks (mm; in brackets: disregarded)."""
+    summary = found.summary
+    s0 = "no redundancy" if isnan(summary.s0) else f"s0 {summary.s0:.4f}, redundancy {summary.redundancy}"
+    yield (
+        f"x0 {summary.x0:z.4f}  y0 {summary.y0:z.4f}  ro {summary.ro:z.5f}  sk {summary.sk:z.5f}  sx {summary.sx:.6f}  "
+        f"sy {summary.sy:.6f}  {s0}"
+    )
+    rows = zip(found.marks.names, found.residuals.tolist(), found.marks.disregarded.tolist(), strict=True)
+    texts = [(f"{name} {vx:z.4f} {vy:z.4f}", off) for name, (vx, vy), off in rows]
+    yield "VX VY  " + "  ".join(f"({text})" if off else text for text, off in texts)

@@ -13,7 +13,7 @@ from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import STAGES, DriveCode
 from orip.records.photo import Stage
-from orip.workflow.digitise.operator import Instrument, Operator, Tell, Visit
+from orip.workflow.digitise.operator import Instrument, Named, Operator, Tell, Visit
 
 Outcome = Literal["digitised", "skipped", "kept"]
 """Skipped: nothing is measured there, and what was measured before is gone. Kept: nothing has changed."""
@@ -22,6 +22,10 @@ Ending = Literal["complete", "ended by the operator", "nobody acts any more"]
 
 Known = Literal["measured before", "predicted", "middle", "nowhere"]
 """Where a place that is driven to comes from; nowhere: the stage stays where it is, and the operator finds it."""
+
+
+_DIGITS = tuple("0123456789")
+"""Keys that name a point."""
 
 
 class DriveTarget(NamedTuple):
@@ -37,9 +41,9 @@ class Entry:
 
     Parameters
     ----------
-    what : {"tick", "mark", "point"}
+    what : {"tick", "mark", "point", "temtick", "fiducial", "ground point"}
     owner : str
-        Its template (of a tick) or photo.
+        Its template (of a tick), temtick, camera (of a fiducial), model (of a ground point) or photo.
     name : str
     outcome : {"digitised", "skipped", "kept"}
     known : str
@@ -123,24 +127,46 @@ class Session:
         `left_switch` is what the left foot switch does; None: it skips. What was pressed before the stages were where
         they are does not count.
         """
+        while True:
+            found = self.decision_or_name(visit, left_switch=left_switch)
+            if isinstance(found, Decision):
+                return found
+            self.tell(f"{found.name}: there is nothing to be named here")
+
+    def decision_or_name(self, visit: Visit, *, left_switch: Callable[[], None] | None = None) -> Decision | Named:
+        """Return what the operator decides about a visit, or which other point he names; on the keypad by its digits.
+
+        Where the visit is to a new point, ENTER alone (kept) says that there are no more.
+        """
         while self.link.next_event() is not None:
             pass
+        digits = ""
         while True:
             event = self.operator.act(self.link, visit)
+            if isinstance(event, Named):
+                return event
             if event is None:
                 self.ending = "nobody acts any more"
                 return Decision(None)
             if event.kind == "LEFT" and left_switch is not None:
                 left_switch()
-            elif event.kind == "RIGHT":
-                return Decision("digitised", event.plates)
-            elif event.kind == "LEFT":
-                return Decision("skipped")
-            elif event.key == "ENTER":
-                return Decision("kept")
+            elif visit.is_new and event.key in _DIGITS:
+                digits += event.key
+                self.tell(f"name {digits} …")
+            elif digits and event.key == "ENTER":
+                return Named(digits)
             else:
-                self.ending = "ended by the operator"
-                return Decision(None)
+                return self._decided(event)
+
+    def _decided(self, event: Event) -> Decision:
+        if event.kind == "RIGHT":
+            return Decision("digitised", event.plates)
+        if event.kind == "LEFT":
+            return Decision("skipped")
+        if event.key == "ENTER":
+            return Decision("kept")
+        self.ending = "ended by the operator"
+        return Decision(None)
 
 
 class Rehearsal:
@@ -156,6 +182,14 @@ class Rehearsal:
     def request(self, line: str) -> str:
         """Do nothing."""
         return line
+
+    def digest(self) -> str:
+        """Have a table of nobody."""
+        return ""
+
+    def download(self, _table: bytes) -> str:
+        """Load nothing."""
+        return ""
 
     def drive_plate(self, stage: Stage, x: float, y: float) -> Driven:
         """Drive there."""

@@ -11,11 +11,10 @@ from pathlib import Path
 
 from orip.errors import LinkError, OripError, ProjectWarning
 from orip.files.log.writing import Log, LogFile, NoLog
-from orip.link.client import ProcessorFault, open_link
+from orip.link.client import ProcessorFault, host_link
 from orip.multimodel.state import Position
 from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
-from orip.workflow.digitise.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Instrument,
@@ -23,11 +22,14 @@ from orip.workflow.digitise.operator import (
     Script,
     Simulation,
     Tell,
+    TypedNames,
+    WaitingHint,
     places_of,
     read_script,
     typed_requests,
 )
 from orip.workflow.digitise.session import Ending, Entry, Rehearsal, Session
+from orip.workflow.observations.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.project.leftovers import remove_leftovers_of_kills
 
 _SAME_PLACE = 0.5e-4
@@ -132,7 +134,7 @@ def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path
     Parameters
     ----------
     url : str
-        See `orip.link.client.open_link`.
+        See `orip.link.client.host_link`.
     tell : function of a line
     simulate : sequence of Path
         Measurement files; everything is digitised where they have it. Relative ones are in the project folder.
@@ -145,12 +147,12 @@ def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path
         if simulate:
             return Simulation(places_of(films_of(films, simulate)))
         if script is None:
-            return AtTheProcessor()
+            return AtTheProcessor(WaitingHint(tell, url), TypedNames(tell))
         if str(script) == "-":
             return Script(typed_requests(sys.stdin, tell), lambda _request, fault: tell(str(fault)))
         return Script(read_script(films.project.folder / script, str(script)), _stop_at)
 
-    return DigitisingSetup(lambda: open_link(url), operator, log_file, tell)
+    return DigitisingSetup(lambda: host_link(url), operator, log_file, tell)
 
 
 def _stop_at(request: str, fault: ProcessorFault) -> None:
@@ -191,5 +193,9 @@ def _disregarded(films: MountedFilms) -> set[tuple[str, str]]:
 
 
 def _on_plate(films: MountedFilms, entry: Entry, logged: Position) -> Position:
-    scan = films.template(entry.owner).scan if entry.what == "tick" else films.scan_of(films.photo(entry.owner))
+    scan = None  # fiducial marks and tick marks of records are digitised on the plate
+    if entry.what == "tick":
+        scan = films.template(entry.owner).scan
+    elif entry.what in ("mark", "point"):
+        scan = films.scan_of(films.photo(entry.owner))
     return position(plate_of_log(scan), logged)

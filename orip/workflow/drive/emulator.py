@@ -20,9 +20,13 @@ from orip.files.drive.processor_state import (
 )
 from orip.files.text.atomic import reporting_failure
 from orip.link.emulator import Emulator
-from orip.link.station import MeasuringMark, Station, bare_stages
+from orip.link.station import DSR_STAGES, MeasuringMark, Stages, Station, bare_stages
 from orip.link.travel import Pace
+from orip.records.drive_table import StageLimits
 from orip.workflow.drive.table import load_drive_table
+
+FARTHEST_MM = 10_000.0
+"""No stage goes farther."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +43,15 @@ class EmulatorSettings:
         None: movements take no time.
     is_remote_allowed : bool
         Others than programs on this machine may connect.
+    stages : Stages or None
+        How far the stages go; None: as a drive table says.
     """
 
     listen: str
     state: Path | None = None
     pace: Pace | None = None
     is_remote_allowed: bool = False
+    stages: Stages | None = DSR_STAGES
 
 
 def emulate(settings: EmulatorSettings, listening: Callable[[str], None], trouble: Callable[[str], None]) -> str:
@@ -70,7 +77,9 @@ def emulate(settings: EmulatorSettings, listening: Callable[[str], None], troubl
         If the state file cannot be written.
     """
     host, port = _address(settings)
-    station = bare_stages() if settings.state is None else _restored(settings.state)
+    station = bare_stages(stages=settings.stages)
+    if settings.state is not None:
+        station = _restored(station, settings.state)
     if settings.state is not None:
         _keep(settings.state, station)  # better to hear now than after a day's work that it cannot be
 
@@ -137,9 +146,33 @@ def _joined(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _restored(path: Path) -> Station:
+def stages_of_words(text: str) -> Stages | None:
+    """Return the stages that are named: ``dsr``, ``table``, or ``x_min,x_max,y_min,y_max`` of both in mm.
+
+    Raises
+    ------
+    UsageError
+        If they are none of these, or have no area.
+    """
+    named: dict[str, Stages | None] = {"dsr": DSR_STAGES, "table": None}
+    if text.lower() in named:
+        return named[text.lower()]
+    try:
+        x_min, x_max, y_min, y_max = map(float, text.split(","))
+    except ValueError:
+        x_min = x_max = y_min = y_max = 0.0
+    if not (-FARTHEST_MM <= x_min < x_max <= FARTHEST_MM and -FARTHEST_MM <= y_min < y_max <= FARTHEST_MM):
+        message = (
+            f"'{text}' names no stages; write dsr, table, or x_min,x_max,y_min,y_max in mm, for example "
+            "-120,120,-120,120"
+        )
+        raise UsageError(message)
+    stage = StageLimits(x_min, x_max, y_min, y_max, DSR_STAGES[0].least_count)
+    return stage, stage
+
+
+def _restored(station: Station, path: Path) -> Station:
     kept = read_processor_state(path, str(path))
-    station = bare_stages()
     if kept is None:
         return station
     if kept.table:
@@ -149,7 +182,9 @@ def _restored(path: Path) -> Station:
         station = loaded
     restored = station.at(MeasuringMark(kept.model, kept.plates, kept.mark, kept.condition))
     if restored is None:
-        raise_no_state(str(path), f"model {kept.model} and its plate positions are not those of its drive table")
+        raise_no_state(
+            str(path), f"model {kept.model} or its plate positions are not within its drive table and the stages"
+        )
     return restored
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.errors import LinkError, UsageError
+from orip.errors import LinkError, ProjectWarning, UsageError
 from orip.files.drive.table_text import read_drive_table
 from orip.files.text.digest import file_digest
 from orip.files.text.regular_file import regular_bytes
@@ -27,6 +27,7 @@ from orip.records.drive_table import DriveCode, Triple
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.names import record_key
 from orip.records.solution import Solution
+from orip.workflow.drive.loaded_table import loaded_digest, table_warnings
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.project.bundle_state import read_bundle
 from orip.workflow.project.commit import commit
@@ -57,10 +58,11 @@ class WhereMark(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DrivenProject:
-    """A link, and the system that the project's coordinates are driven in."""
+    """A link, the system that the project's coordinates are driven in, and warnings of what is out of date."""
 
     link: PlateProcessorLink
     ground: GroundSystem
+    warnings: tuple[ProjectWarning, ...] = ()
 
     def goto(self, xyz: Triple) -> Driven:
         """Drive to a point of the project."""
@@ -118,14 +120,27 @@ def download(folder: Path, bundle: str | None, url: str) -> Downloaded:
 def operating(folder: Path, bundle: str | None, url: str) -> Iterator[DrivenProject]:
     """Open a link as the operator, to drive in the project's coordinates."""
     with open_link(url) as link:
-        yield DrivenProject(link, _object_system(folder, bundle, link))
+        yield _driven_project(folder, bundle, link)
 
 
 @contextmanager
 def observing(folder: Path, bundle: str | None, url: str) -> Iterator[DrivenProject]:
     """Open a link to read in the project's coordinates."""
     with observe_link(url) as link:
-        yield DrivenProject(link, _object_system(folder, bundle, link))
+        yield _driven_project(folder, bundle, link)
+
+
+def _driven_project(folder: Path, bundle: str | None, link: PlateProcessorLink) -> DrivenProject:
+    return DrivenProject(link, _object_system(folder, bundle, link), stale_table_warnings(folder, bundle, link))
+
+
+def stale_table_warnings(folder: Path, bundle: str | None, link: PlateProcessorLink) -> tuple[ProjectWarning, ...]:
+    """Return a warning where the table that is loaded is not the project's; none outside a project."""
+    loaded = loaded_digest(link)
+    if loaded is None or not (folder / PROJECT_FILE).exists():
+        return ()
+    bundles = open_project(folder).bundle_names if bundle is None else (bundle,)
+    return table_warnings(folder, bundles, loaded, f"at {link.url}")
 
 
 def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -> GroundSystem:

@@ -7,16 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.errors import Complaint, InputError
+from orip.errors import Complaint, InputError, ProjectWarning
+from orip.files.text.digest import file_digest
 from orip.files.text.regular_file import regular_bytes
 from orip.link.watch import AXES, LOCAL_AXES, Watch
 from orip.link.watch_processor import LinkedProcessor, OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
 from orip.multimodel.processor import Loaded
 from orip.multimodel.table import object_ground
+from orip.workflow.drive.loaded_table import table_warnings
 from orip.workflow.drive.table import DRIVEN_FROM, load_drive_table, make_drive_table
 from orip.workflow.project.bundle_state import BundleState, read_bundle
 from orip.workflow.project.commit import commit
+from orip.workflow.project.folder import open_project
 
 
 def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
@@ -50,6 +53,16 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     plan = plan_view(loaded.block, _points(state))
     processor = OwnProcessor(loaded) if link is None else LinkedProcessor(link, hashlib.sha256(data).hexdigest())
     return Watch(loaded.block, plan, processor, AXES if project.definition.crs is None else LOCAL_AXES)
+
+
+def watch_warnings(folder: Path, bundle: str | None, link: str | None) -> tuple[ProjectWarning, ...]:
+    """Return a warning where the table that is shown is older than the last adjustment or mounting."""
+    project = open_project(folder)
+    name = project.bundle_name(bundle)
+    path = project.beside_photos(name, "DRV")
+    command = "table" if link is None else "download"
+    remedy = f"run 'orip measure' and 'orip drive {command}'"
+    return table_warnings(folder, [name], file_digest(path), project.shown(path), remedy)
 
 
 def _points(bundle: BundleState) -> BlockPoints:

@@ -12,6 +12,7 @@ from orip.bundle.results.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.records.listed_observation import ListedObservation, Pair, StereoPartner
 from orip.records.names import near_names, record_key
+from orip.records.repeated import measurement_name, observed_before
 from orip.records.solution import Solution
 from orip.workflow.observations.places import NOWHERE, Places
 from orip.workflow.observations.rays import photos_of_points
@@ -125,18 +126,20 @@ def listed_observations(bundle: BundleState) -> Iterator[ListedObservation]:
     rays = photos_of_points(found)
     rows = zip(
         found.photos, found.points, found.measured.tolist(), found.errors.tolist(), found.disregarded.tolist(),
-        strict=True,
+        observed_before(found).tolist(), strict=True,
     )  # fmt: skip
-    for photo, point, (x, y), (x_error, y_error), disregarded in rows:
-        error = adjusted.pair(adjusted.a_priori, photo, point)
+    for photo, point, (x, y), (x_error, y_error), disregarded, before in rows:
+        name = measurement_name(point, before)
+        error = adjusted.pair(adjusted.a_priori, photo, name)
         yield ListedObservation(
             photo, point, (x, y),
             error=(x_error, y_error) if np.isnan(error).all() else error,
-            residual=adjusted.pair(adjusted.residual, photo, point),
-            sd=adjusted.pair(adjusted.sd, photo, point),
-            weight_factor=adjusted.pair(adjusted.weight_factor, photo, point),
+            residual=adjusted.pair(adjusted.residual, photo, name),
+            sd=adjusted.pair(adjusted.sd, photo, name),
+            weight_factor=adjusted.pair(adjusted.weight_factor, photo, name),
             disregarded=disregarded,
             rays=len(rays[point]),
+            before=before,
         )  # fmt: skip
 
 
@@ -158,7 +161,7 @@ class _Adjusted:
         self.sd = reliability(found, scale).adjusted_sd
 
     def pair(self, values: FloatArray, photo: str, point: str) -> Pair:
-        """Return x and y of a figure for a photo point."""
+        """Return x and y of a figure for a photo point; `point` is what its measurement is called."""
         rows = self.rows.get((record_key(photo), point), {})
         x, y = (float(values[rows[axis]]) if axis in rows else np.nan for axis in ("x", "y"))
         return x, y

@@ -22,7 +22,7 @@ def photos_of_points(observations: PhotoObservations) -> dict[str, list[str]]:
     photos: dict[str, list[str]] = {name: [] for name in observations.points}
     rows = zip(observations.photos, observations.points, observations.disregarded.tolist(), strict=True)
     for photo, point, disregarded in rows:
-        if not disregarded:
+        if not disregarded and photo not in photos[point]:
             photos[point].append(photo)
     return photos
 

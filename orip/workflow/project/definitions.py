@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from orip.errors import InputError
 from orip.files.stores.contents import cameras, exterior, photos, templates, temticks
@@ -14,6 +14,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.project import BundleDefinition
+from orip.records.shared_lens import lens_key, with_shared_lenses
 from orip.wording import first_names
 from orip.workflow.project.folder import ProjectFolder
 
@@ -54,12 +55,18 @@ class StoredDefinitions:
 def read_definitions(project: ProjectFolder, stores: Stores) -> StoredDefinitions:
     """Return all definitions; none where the stores are absent."""
     return StoredDefinitions(
-        cameras.read(stores[project.cameras]),
+        _with_shared_lenses(cameras.read(stores[project.cameras])),
         temticks.read(stores[project.temticks]),
         templates.read(stores[project.templates]),
         photos.read(stores[project.photos]),
         exterior.read(stores[project.exterior]),
     )
+
+
+def _with_shared_lenses(stored: Sequence[StoredRecord[Camera]]) -> tuple[StoredRecord[Camera], ...]:
+    """Return cameras, those with the lens of another one as that lens is now."""
+    records = with_shared_lenses(camera.record for camera in stored)
+    return tuple(replace(camera, record=record) for camera, record in zip(stored, records, strict=True))
 
 
 def write_definitions(project: ProjectFolder, stores: Stores, old: StoredDefinitions, new: StoredDefinitions) -> None:
@@ -105,6 +112,9 @@ def _not_in_stores(project: ProjectFolder, definitions: StoredDefinitions) -> It
 
 def _dangling(definitions: StoredDefinitions) -> Iterator[str]:
     stored = definitions.by_name()
+    for camera in stored.cameras.values():
+        if lens_key(camera) not in stored.cameras:
+            yield f"camera {camera.same_lens_as}"
     for template in stored.templates.values():
         if record_key(template.temtick) not in stored.temticks:
             yield f"temtick {template.temtick}"

@@ -15,8 +15,6 @@ from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 
 PROJECT_FILE = "orip.toml"
-MOST_BUNDLES = 5
-"""SQLite attaches ten databases to a connection: the five record stores, and an .EXO file of each bundle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,12 +210,6 @@ def open_project(folder: Path) -> ProjectFolder:
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
-    if len(parsed.value.definition.bundles) > MOST_BUNDLES:
-        message = (
-            f"the project has {len(parsed.value.definition.bundles)} bundles, at most {MOST_BUNDLES} are possible "
-            f"(one transaction changes all stores); give the others a project of their own with the same camera_file"
-        )
-        raise InputError.single(message, PROJECT_FILE)
     project = ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
     return replace(project, bundles_of_commands=_bundles_of_commands(project))
 

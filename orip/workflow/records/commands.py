@@ -15,6 +15,7 @@ from typing import Any
 from orip.errors import InputError, ProjectWarning
 from orip.files.project.text import project_document
 from orip.files.stores.transaction import Stores
+from orip.records.names import record_key
 from orip.wording import first_names
 from orip.workflow.project.commit import Change, ChangedMeanwhileError
 from orip.workflow.project.definitions import StoredDefinitions
@@ -245,11 +246,16 @@ def _measurements(state: ProjectState, changes: Sequence[RecordChange]) -> Itera
 
 
 def _require_alone(record: RecordName, changes: Sequence[RecordChange], measurements: Sequence[str]) -> None:
-    # models are parts of their bundle: they are deleted with it, not because they refer to it
+    # models are parts of their bundle: they are deleted with it, not because they refer to it; of records of one kind
+    # only cameras refer to each other
     others = [
         f"{change.kind} {change.name}"
         for change in _deleted(changes)
-        if change.kind != record.kind and not (record.kind == "bundle" and change.kind == "model")
+        if (
+            change.kind != record.kind
+            or (change.kind == "camera" and record_key(change.name) != record_key(record.name))
+        )
+        and not (record.kind == "bundle" and change.kind == "model")
     ]
     found = [*others, *measurements]
     if found:

@@ -20,7 +20,7 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.definitions import StoredDefinitions
-from orip.workflow.project.folder import MOST_BUNDLES, ProjectFolder
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.apply_text import with_polynomial
 
 T = TypeVar("T", bound=NamedRecord)
@@ -51,7 +51,7 @@ def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> Proj
 def in_given_form(camera: Camera) -> Camera:
     """Return the camera without the form that its distortion was given in, if it no longer says what the polynomial is.
 
-    Of a camera with such a form the polynomial is computed, so the other coefficients are 0.
+    Of a camera with such a form A1, A3, A5, A7 are computed.
     """
     with suppress(InputError):  # a form that no text may have
         if with_polynomial(camera) == camera:
@@ -76,10 +76,6 @@ def checked(document: Mapping[str, Any], faults: Sequence[str] = ()) -> CheckedD
     complaints = [
         Complaint(fault) for fault in (*faults, *(_without_line(complaint.message) for complaint in parsed.complaints))
     ]
-    bundles = len(document["bundle"])
-    if bundles > MOST_BUNDLES:
-        message = f"the project would have {bundles} bundles, at most {MOST_BUNDLES} are possible; delete another first"
-        complaints.append(Complaint(message))
     if complaints or parsed.value is None:
         raise InputError(complaints)
     definition = parsed.value.definition

@@ -14,6 +14,7 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.regular_file import regular_bytes
+from orip.records.camera import without_radial_distortion
 from orip.records.names import record_key
 from orip.records.project import ProjectDefinition
 from orip.workflow.project.commit import Change
@@ -124,9 +125,9 @@ def _require_fit(definition: ProjectDefinition) -> None:
 
 
 def _without_polynomial(definition: ProjectDefinition) -> ProjectDefinition:
-    """Return the definition as a text is read: the polynomial is 0 where the distortion has another form."""
+    """Return the definition as a text is read: A1, A3, A5, A7 are 0 where the radial distortion has another form."""
     cameras = tuple(
-        replace(camera, parameters=(*camera.parameters[:3], *(0.0 for _ in camera.parameters[3:])))
+        without_radial_distortion(camera)
         if camera.distortion_isp is not None or camera.distortion_curve is not None
         else camera
         for camera in definition.cameras

@@ -107,7 +107,7 @@ def _value_lines(values: Iterable[RecordValue]) -> list[str]:
 
 def _cell(table: Mapping[str, Any], key: str, *, counted: bool) -> str:
     if key == "distortion":
-        forms = {"distortion": "polynomial", "distortion_isp": "ISP", "distortion_curve": "curve"}
+        forms = {"distortion_isp": "ISP", "distortion_curve": "curve", "distortion": "polynomial"}
         return next((forms[key] for key in forms if key in table), "none")
     if key == "fiducials" and "sensor" in table:
         return "sensor"

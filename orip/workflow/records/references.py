@@ -1,6 +1,7 @@
 """Which records name which others, and how references follow when records change.
 
-A model names its two photos, a photo its camera and its template, a template its tick marks. The list of photos that a
+A model names its two photos, a photo its camera and its template, a template its tick marks, a camera with the lens of
+another one that camera. The list of photos that a
 template has says the same as the photos do, and follows them.
 """
 
@@ -17,6 +18,7 @@ RecordKind = Literal["camera", "temtick", "photo", "template", "bundle", "model"
 
 _REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
     ("photo", "camera", "camera"),
+    ("camera", "same_lens_as", "camera"),
     ("template", "temtick", "temtick"),
     ("photo", "template", "template"),
     ("model", "left", "photo"),

@@ -256,16 +256,6 @@ def test_a_missing_folder_is_told(tmp_path):
         pass
 
 
-def test_more_stores_than_sqlite_attaches_are_told(tmp_path):
-    paths = [tmp_path / f"B{number}.EXO" for number in range(12)]
-    with pytest.raises(OripError, match=r"11 further stores are too many.*attaches 10"), writing(paths):
-        pass
-    with writing(paths[:11]) as stores:
-        assert all(stores[path].present for path in paths[:11])
-    with pytest.raises(OripError, match="too many"), reading(paths[:11]):
-        pass
-
-
 def test_an_old_sqlite_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(sqlite3, "sqlite_version_info", (3, 31, 1))
     with pytest.raises(OripError, match=r"need SQLite 3\.37"), reading([tmp_path / "T.TIK"]):

@@ -9,6 +9,7 @@ import numpy as np
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
 from orip.records.measurement import PhotoObservations
+from orip.records.repeated import observed_before
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
@@ -17,6 +18,7 @@ OBSERVATION = StoreTable(
     (
         record_name("photo"),
         text("point"),
+        integer("measurement", "measurement > 0"),
         position(),
         real("x"),
         real("y"),
@@ -24,7 +26,7 @@ OBSERVATION = StoreTable(
         real("error_y", "nan"),
         flag("disregarded"),
     ),
-    key=("photo", "point"),
+    key=("photo", "point", "measurement"),
 )
 TABLES = (BUNDLE, OBSERVATION)
 
@@ -35,7 +37,7 @@ def read(store: Store) -> PhotoObservations | None:
     if bundle is None:
         return None
     columns: tuple[Any, ...] = store.columns(OBSERVATION)
-    photos, points, _position, x, y, error_x, error_y, disregarded = columns
+    photos, points, _measurement, _position, x, y, error_x, error_y, disregarded = columns
     return PhotoObservations(
         bundle=bundle[1],
         photos=photos,
@@ -57,6 +59,7 @@ def write(store: Store, observations: PhotoObservations) -> None:
         OBSERVATION,
         observations.photos,
         observations.points,
+        observed_before(observations) + 1,
         np.arange(len(observations.photos)),
         measured[:, 0],
         measured[:, 1],

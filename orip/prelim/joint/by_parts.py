@@ -10,28 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import FloatArray
 from orip.prelim.growing import FITTING, BlockGrower
-from orip.prelim.growing_block import GrowingBlock, growing_block_of
-from orip.prelim.image_rays import ImageRays
-from orip.prelim.misplaced_photos import residual_lengths
+from orip.prelim.joint.annealing import placed_together
+from orip.prelim.joint.placing import levelled
+from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
-from orip.prelim.similarity.levelled_parts import place_parts
-from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.preliminary import PartialBlock, RelativeOrientation
-
-LOOKING_DOWN, UPRIGHT = 2, 1
-"""Axes of the photos that may point up."""
-
-_M = 1e-3
-"""Parts are in metres at photo scale."""
-
-_FLAT = 0.1
-"""Deviation of the depth of points in a single photo, which are taken to lie in a plane, as part of that depth."""
-
-_NARROWER = 10.0
-"""Ratio of the limits for blunders from one adjustment to the next."""
 
 _POINTS = 3
 """Of a part."""
@@ -56,33 +42,20 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
     # the points of a system may all have turned out wrong
     parts = [part for part in (system.partial_block() for system in start.systems) if len(part.points) >= _POINTS]
     parts += _models_between(free, parts)
-    supported = _supported_photos(rays, np.asarray(np.isfinite(known).any(axis=1)))
+    supported = supported_photos(rays, known)
     alone = supported.copy()
     for part in parts:
         alone[part.photos] = False
     parts = [_with_single_rays(part, free) for part in parts]
-    parts += [_single_photo(rays, int(photo), free.index.rows[photo]) for photo in np.flatnonzero(alone)]
-    placed = place_parts(parts, known, axis)
-    if placed is None:
+    parts += [single_photo(rays, int(photo), free.index.rows[photo]) for photo in np.flatnonzero(alone)]
+    level = [turned for turned in (levelled(part, axis) for part in parts) if turned is not None]
+    if len(level) < len(parts):
         return Route(())
-    block = _started(held, assembled(placed), len(parts)).without_photos(~supported)
-    return Route((held.grow(_refined_with_all_ties(held, block)),), on_ground=True, relative=start.relative)
-
-
-def _refined_with_all_ties(held: BlockGrower, start: GrowingBlock) -> GrowingBlock:
-    """Return a block after adjustments in which no ray is a blunder at first.
-
-    Parts fit in themselves, so that the few points that tie them would lose their weight while the parts are still out
-    of place (graduated non-convexity, Blake and Zisserman 1987).
-    """
-    lengths = residual_lengths(held.seen(start), start)
-    finite = lengths[np.isfinite(lengths)]
-    factor = float(finite.max(initial=0.0))
-    while factor > 1.0:
-        rays = replace(held.rays, error=factor * held.rays.error)
-        start = replace(held, rays=rays).refined(start, 0.0)
-        factor /= _NARROWER
-    return held.refined(start, 0.0)
+    how = f"placed on the ground together with all {len(parts)} parts of the block"
+    block = placed_together(held, level, known, supported, how)
+    if block is None:
+        return Route(())
+    return Route((held.grow(block),), on_ground=True, relative=start.relative)
 
 
 def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[PartialBlock]:
@@ -97,22 +70,6 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
                 continue
             if np.mean(model.weight_factor >= 1.0) >= FITTING:
                 yield model.block
-
-
-def _supported_photos(rays: ImageRays, control: BoolArray) -> BoolArray:
-    """Return which photos (number of photos,) may be determined: others and control give them equations enough.
-
-    A point gives two if it is control or if two other photos show it, one if one of them does.
-    """
-    supported = np.ones(len(rays.photos), dtype=bool)
-    while True:
-        used = supported[rays.photo]
-        others = np.bincount(rays.point[used], minlength=len(rays.points))[rays.point] - 1
-        equations = np.where(control[rays.point], 2, np.clip(others, 0, 2))
-        enough = np.bincount(rays.photo, weights=equations * used, minlength=len(supported)) >= _EQUATIONS
-        if not (supported & ~enough).any():
-            return supported
-        supported &= enough
 
 
 def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
@@ -133,7 +90,7 @@ def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
         vectors = rays.vectors[new]
         points.append(rays.point[new])
         coordinates.append(centre + (depth / -vectors[:, 2:] * vectors) @ rotation.T)
-        deviations.append(np.full((len(new), 3), _FLAT * depth))
+        deviations.append(np.full((len(new), 3), FLAT * depth))
         has[rays.point[new]] = True
     return replace(
         part,
@@ -141,23 +98,3 @@ def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
         coordinates=np.concatenate(coordinates),
         deviations=np.concatenate(deviations),
     )
-
-
-def _single_photo(rays: ImageRays, photo: int, rows: IntArray) -> PartialBlock:
-    """Return a photo as a part of its own, its points in a plane."""
-    coordinates = _M * rays.vectors[rows]
-    return PartialBlock(
-        rays.photos[photo],
-        np.array([photo]),
-        np.eye(3)[None],
-        np.zeros((1, 3)),
-        rays.point[rows],
-        coordinates,
-        np.abs(_FLAT * coordinates[:, [2, 2, 2]]),
-    )
-
-
-def _started(held: BlockGrower, block: PartialBlock, parts: int) -> GrowingBlock:
-    how = f"placed on the ground together with all {parts} parts of the block"
-    start = growing_block_of(held.rays, block, how)
-    return replace(start, coordinates=np.where(held.held_points[:, None], held.held, start.coordinates))

@@ -1,0 +1,91 @@
+"""The compiled loops over photo points refuse arguments that do not belong together, and write nowhere else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from bundle.solving import with_photo_points
+from bundle.test_banded_block import BLOCK as BANDED
+from bundle.test_photo_loop import two_cameras_with_sets
+from support.wrong_calls import call, functions_of, overlapping, recorded, written_by, wrong_calls
+
+from orip.adjustment.normals import solve_normals
+from orip.adjustment.precision import cofactors
+from orip.bundle.compiled import photo_loop
+from orip.bundle.problem import pose_problem, starting_state
+from orip.records.block import Block
+
+pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
+
+PATTERN, OWN = 16, 26
+"""Where the arguments of the pattern begin, and those that each loop has for itself: orip/bundle/compiled/module.c."""
+ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(PATTERN, PATTERN + 6)
+FUNCTIONS = ("residuals", "points", "eliminate", "precision", "forward", "backward")
+MAX_LOST = 12.0
+
+
+def small_block() -> Block:
+    """Return two cameras with sets of additional parameters, and a few points."""
+    block = two_cameras_with_sets()
+    return with_photo_points(block, np.flatnonzero(block.photo_points.point < 12))
+
+
+def everything(block: Block) -> None:
+    """Ask for all that the loops compute."""
+    problem = pose_problem(block)
+    equations = problem.linearise(starting_state(block))
+    weights = np.ones(len(equations.residual))
+    equations.rows.block_normals(weights, -equations.residual, problem.layout)
+    normals = solve_normals(equations, weights, problem.layout, MAX_LOST)
+    normals.solve(np.ones((problem.layout.size, 1)))
+    cofactors(equations, normals)
+
+
+@pytest.fixture(scope="module")
+def calls() -> dict[str, list[Any]]:
+    with pytest.MonkeyPatch.context() as patched:
+        return recorded(photo_loop.compiled, lambda: everything(small_block()), patched)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_wrong_arguments(name: str, calls: dict[str, list[Any]]) -> None:
+    assert_refused(name, calls[name])
+
+
+@pytest.mark.parametrize("name", ["eliminate", "precision"])
+def test_wrong_bands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = recorded(photo_loop.compiled, lambda: everything(BANDED), monkeypatch)[name]
+    assert_refused(name, arguments, OWN)
+
+
+def assert_refused(name: str, arguments: list[Any], first: int = 0) -> None:
+    """Assert that wrong arguments from the first one on are refused."""
+    function = getattr(photo_loop.compiled, name)
+    assert call(function, arguments) is None
+    written = written_by(function, arguments)
+    assert written
+    for wrong in (*wrong_calls(arguments, written, first), *overlapping(arguments, written)):
+        fault = call(function, wrong.arguments)
+        assert wrong.refused is None or (fault is not None) == wrong.refused, wrong.what
+
+
+@pytest.mark.parametrize("place", [0, -1])
+@pytest.mark.parametrize("argument", [*range(11, 14), ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS])
+def test_indices_that_lead_elsewhere_are_refused(argument: int, place: int, calls: dict[str, list[Any]]) -> None:
+    for number in (-1, 10**6, -(2**31), 2**31 - 1):
+        arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+        arguments[argument][place] = number
+        assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError), number
+
+
+def test_a_photo_that_is_not_among_the_runs_of_its_group_is_refused(calls: dict[str, list[Any]]) -> None:
+    """Its unknowns would be looked for without end."""
+    arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+    arguments[RUNS][-1] = arguments[RUNS][-2]
+    assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError)
+
+
+def test_every_function_is_called(calls: dict[str, list[Any]]) -> None:
+    assert set(calls) == set(functions_of(photo_loop.compiled)) == set(FUNCTIONS)

@@ -1,0 +1,105 @@
+"""All commands that write, each as it is killed; a command of orip that is not here has to be one that only reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+FILM, OPERATED, DRIVABLE = "film", "operated", "drivable"
+"""Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
+adjusted, with templates and models to drive in."""
+
+_CONTROL = {
+    "points": ("T9 X=1 Y=2 Z=3 aX=1 aY=1 aZ=1", "1", "X=1012.5", "5"),
+    "elements": ("right group=PHOTO kind=Z0 value=330 a=5", "left", "value=331", "right"),
+    "distances": ("D9 from=3 to=4 code=XYZ distance=136.7 a=0.05", "D1", "distance=166.7", "D2"),
+    "directions": ("S2 station=1 target=4 direction=51.5 a=0.02", "'S1 1 3'", "a=0.02", "'S1 1 4'"),
+    "preliminary": ("T9 X=1 Y=2 Z=3", "P1", "X=1102", ""),
+}
+"""Of each control text a line to add, one that is there, a change of it, and one that is disregarded."""
+
+CONTROL_TEXTS = {
+    "FIRST.ELE": "left PHOTO Z0 330 5\nright PHOTO Y0 2075 -5\n",
+    "FIRST.LEN": "D1 1 2 XYZ 166.63 0.05\nD2 3 4 XYZ 136.7 -0.05\n",
+    "FIRST.DIR": "S1 1 2 88.4352 0.01\nS1 1 3 1.1402 0.01\nS1 1 4 51.5 -0.02\n",
+    "MAIN.PRE": "P1 1101 2083 107\n",
+    "again.txt": "POINTS MAIN left\nP1 104.402 100.931\n",
+    "EDITS.MEA": "DISREGARD POINT MAIN left 4\n",
+}
+"""Of the project on film; in FIRST.PNT point 5 is disregarded."""
+
+_TICKS = 'ticks=[{name="1",x=1,y=2},{name="2",x=3,y=4},{name="3",x=3,y=9}]'
+_RECORDS = {
+    "camera": (FILM, "c=36", "C35", "c=35.3"),
+    "temtick": (DRIVABLE, f"'{_TICKS}'", "SHEET", f"'{_TICKS}'"),
+    "photo": (FILM, "camera=C35", "left", "X0=1071.5"),
+    "template": (DRIVABLE, "temtick=SHEET stage=UPPER photos=[]", "LEFT", "stage=LOWER"),
+    "bundle": (FILM, "", "MAIN", "measurement_precision=0.004"),
+    "model": (DRIVABLE, "left=101 right=104 row=7 column=1", "1-1", "row=8"),
+}
+"""Of each kind of record a project, the values of a record to add, one that is there, and a change of it."""
+
+_OTHERS = {
+    FILM: (
+        "init", "measure", "solve", "run", "prelim", "prelim update", "report",
+        "update photos", "update points", "export-toml --output orip.toml --force", "load FIRST.PHO FIRST.dump",
+        "init --sample small_frame_block sample", "init MINE mine",
+        "observations disregard point left P1", "observations include point left 4",
+        "observations kill point left P1 --yes", "observations rename point left P1 P2",
+        "observations remeasure again.txt",
+    ),
+    OPERATED: (
+        "digitise template RIGHT --link {} --simulate films/DAY1.MEA",
+        "digitise photo 101 --again --link {} --simulate films/DAY1.MEA",
+        "digitise points --list first.txt --link {} --simulate films/DAY1.MEA",
+        "digitise ticks SHEET 1 2 3 4 --link {} --script panel.txt",
+        "digitise fiducials REFLEX35 1 2 3 4 --link {} --script panel.txt",
+    ),
+    DRIVABLE: (
+        "update cameras", "drive table", "drive download --link {}",
+        "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+    ),
+}  # fmt: skip
+
+ONLY_READING = frozenset(
+    {
+        "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
+        "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo",
+        # these write what the plate processor holds, not what is in the project
+        "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
+        "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",
+    }
+    | {f"{kind} {verb}" for kind in _RECORDS for verb in ("list", "show")}
+    | {f"control {kind} list" for kind in _CONTROL}
+)  # fmt: skip
+
+UNTIL_A_SIGNAL = frozenset({"drive emulate"})
+"""Run until a signal ends them; killed in tests/link."""
+
+
+def _of_control() -> Iterator[str]:
+    for kind, (added, there, change, disregarded) in _CONTROL.items():
+        yield f"control {kind} add {added}"
+        yield f"control {kind} insert {added} --before {there}"
+        yield f"control {kind} edit {there} {change}"
+        yield f"control {kind} kill {there} --yes"
+        if disregarded:
+            yield f"control {kind} disregard {there}"
+            yield f"control {kind} include {disregarded}"
+    yield "control points reject 2"
+
+
+def _of_records() -> Iterator[tuple[str, str]]:
+    for kind, (project, added, there, change) in _RECORDS.items():
+        yield project, f"{kind} add NEW {added}"
+        yield project, f"{kind} copy {there} NEW" + (" row=9" if kind == "model" else "")
+        yield project, f"{kind} edit {there} {change}"
+        yield project, f"{kind} rename {there} OTHER"
+        yield project, f"{kind} delete {there} --with-referents --yes"
+
+
+KILLED: Sequence[tuple[str, str]] = (
+    *((project, words) for project, commands in _OTHERS.items() for words in commands),
+    *((FILM, words) for words in _of_control()),
+    *_of_records(),
+)
+"""The project and the words of each; {} stands for the URL of the plate processor."""

@@ -1,0 +1,140 @@
+"""Parts of a block placed on the ground together, checked with vertical photos of flat ground; when a block fits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from monte_carlo.preliminary_records import gathered
+from monte_carlo.weakly_joined_blocks import weakly_joined_records
+from scipy import stats
+
+from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
+from orip.prelim.image_rays import ImageRays, image_rays
+from orip.prelim.joint.placing import levelled, place_parts, tilted
+from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
+from orip.records.preliminary import PartialBlock
+
+C = 0.15
+AZIMUTHS = np.radians([3.0, 182.0, -5.0, 95.0])
+HEIGHTS = np.array([900.0, 1000.0, 1100.0, 950.0])
+CENTRES = np.column_stack([[0.0, 400.0, 800.0, 400.0], [0.0, 50.0, 0.0, 500.0], HEIGHTS])
+GROUND = np.array([[x, y, 20.0] for x in range(-200, 1001, 200) for y in range(-200, 701, 150)], dtype=float)
+CONTROL = (0, 6, 40)
+
+
+def about_up(azimuth: float) -> np.ndarray:
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def vertical_photos() -> list[PartialBlock]:
+    """Return four vertical photos of flat ground as parts of their own, in the systems of their images."""
+    parts = []
+    for photo, (centre, azimuth) in enumerate(zip(CENTRES, AZIMUTHS, strict=True)):
+        seen = (GROUND - centre) @ about_up(azimuth)
+        image = seen * C / -seen[:, 2:]
+        points = np.flatnonzero(np.abs(image[:, :2]).max(axis=1) < 0.1)
+        parts.append(
+            PartialBlock(
+                f"P{photo}", np.array([photo]), np.eye(3)[None], np.zeros((1, 3)), points, image[points],
+                np.full((len(points), 3), 0.01),
+            )
+        )  # fmt: skip
+    return parts
+
+
+def control() -> np.ndarray:
+    known = np.full_like(GROUND, np.nan)
+    known[list(CONTROL)] = GROUND[list(CONTROL)]
+    return known
+
+
+def test_vertical_photos_of_flat_ground_are_placed_where_they_were_taken() -> None:
+    placed = place_parts(vertical_photos(), control())
+    assert placed is not None
+    for part, centre, azimuth in zip(placed, CENTRES, AZIMUTHS, strict=True):
+        # linear equations, but for the 1e-10 that keep them regular: a millionth of the flying height
+        np.testing.assert_allclose(part.centres[0], centre, atol=1e-3)
+        np.testing.assert_allclose(part.rotations[0], about_up(azimuth), atol=1e-6)
+        np.testing.assert_allclose(part.coordinates, GROUND[part.points], atol=1e-3)
+
+
+def test_a_photo_tied_by_one_point_gets_the_usual_scale() -> None:
+    parts = vertical_photos()
+    first = parts[0]
+    shared = int(np.flatnonzero(np.isin(first.points, parts[1].points))[0])
+    arrays = first.points, first.coordinates, first.deviations
+    of_one_point = [np.repeat(array[[shared]], 2, axis=0) for array in arrays]
+    parts.append(PartialBlock("P4", np.array([4]), np.eye(3)[None], np.zeros((1, 3)), *of_one_point))
+    placed = place_parts(parts, control())
+    assert placed is not None
+    heights = np.array([part.centres[0, 2] - 20.0 for part in placed])
+    assert 0.5 * np.median(heights) < heights[4] < 2.0 * np.median(heights)
+
+
+@pytest.mark.parametrize("axis", [LOOKING_DOWN, UPRIGHT])
+def test_a_levelled_photo_has_its_axis_upwards(axis: int) -> None:
+    turned = tilted(vertical_photos()[0], 0.3, -0.2)
+    level = levelled(turned, axis)
+    assert level is not None
+    np.testing.assert_allclose(level.rotations[0][:, axis], [0.0, 0.0, 1.0], atol=1e-15)
+
+
+def test_photos_that_look_in_opposite_directions_have_no_level() -> None:
+    part = vertical_photos()[0]
+    both = PartialBlock(
+        "P0", np.array([0, 1]), np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])]), np.zeros((2, 3)), part.points,
+        part.coordinates, part.deviations,
+    )  # fmt: skip
+    assert levelled(both, LOOKING_DOWN) is None
+
+
+def weak_rays() -> tuple[ImageRays, np.ndarray]:
+    block = gathered(weakly_joined_records(101))
+    rays = image_rays(block)
+    known = np.full((len(rays.points), 3), np.nan)
+    known[[rays.points.index(point.name) for point in block.control_points]] = 0.0
+    return rays, known
+
+
+def test_a_photo_with_too_few_equations_is_not_supported() -> None:
+    rays, known = weak_rays()
+    assert supported_photos(rays, known).all()
+    of_first = np.flatnonzero(rays.photo == 0)
+    # two points give at most four equations for six unknowns
+    fewer = rays.of(np.delete(np.arange(len(rays.photo)), of_first[2:]))
+    assert not supported_photos(fewer, known)[0]
+
+
+def test_a_single_photo_shows_its_points_in_one_plane() -> None:
+    rays, _ = weak_rays()
+    part = single_photo(rays, 1, np.flatnonzero(rays.photo == 1))
+    assert np.ptp(part.coordinates[:, 2]) == 0.0
+    image = part.coordinates[:, :2] / -part.coordinates[:, 2:]
+    rows = np.flatnonzero(rays.photo == 1)
+    np.testing.assert_allclose(image, rays.vectors[rows, :2] / -rays.vectors[rows, 2:], rtol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [1, 3, 9, 40, 300])
+def test_what_measuring_errors_explain_is_exceeded_once_in_a_thousand_blocks(degrees: int) -> None:
+    sums = np.linspace(0.0, 6.0 * degrees + 20.0, 20001)
+    limit = sums[[fits_by_chance(square_sum, degrees) for square_sum in sums]].max()
+    # Wilson and Hilferty's quantile is good to some tenths of its probability
+    assert 5e-4 < stats.chi2.sf(limit, degrees) < 2e-3
+
+
+def test_large_residuals_count_as_the_limit_and_missing_ones_do_not() -> None:
+    assert robust_square_sum(np.array([1.0, np.nan, np.inf])) == pytest.approx(1.0 + robust_square_sum(np.array([1e6])))
+
+
+def test_redundancy_counts_what_takes_part() -> None:
+    rays, known = weak_rays()
+    held = np.isfinite(known).all(axis=1)
+    found = redundancy(rays, held, rays_that_count(rays, np.ones(len(rays.photos), dtype=bool), held))
+    # every point is seen twice, or is control
+    assert found == 2 * len(rays.photo) - 6 * 4 - 3 * np.count_nonzero(~held)
+    assert not is_strong(found, 4)
+    assert is_strong(40, 4)
+    alone = rays_that_count(rays, np.arange(4) == 0, held)
+    assert alone.any()
+    assert held[rays.point[alone]].all()
