@@ -60,14 +60,15 @@ def test_estimates_are_unbiased_with_the_deviations_that_they_claim(design, runs
         for row in estimate_errors(solved(given), settings, lambda _: None, lambda: False).components:
             group = VarianceGroup(row.kind, row.of, row.component)
             true = factors.get(group, 1.0)
-            if np.isfinite(row.factor):
-                found.setdefault(group, []).append((row.factor / true, row.sd / true))
+            # errors whose estimate falls to zero are not estimated: without them the mean would be too large
+            found.setdefault(group, []).append((np.nan_to_num(row.factor) / true, row.sd / true))
     assert set(found) >= set(factors)
     for group, pairs in found.items():
         estimates, deviations = np.array(pairs).T
-        # the variances are unbiased, not their roots
-        variance, sd = estimates**2, 2.0 * estimates * deviations
-        expected = float(np.sqrt(np.mean(sd**2) / len(pairs)))
+        # the variances are unbiased, not their roots; those of the design are better known than those of few runs
+        variance = estimates**2
+        claimed = float(np.sqrt(np.nanmean((2.0 * estimates * deviations) ** 2)))
+        expected = max(claimed, float(np.std(variance))) / np.sqrt(len(pairs))
         assert abs(variance.mean() - 1.0) < 4.5 * expected, (group, variance.mean(), expected)
         if len(pairs) >= 100:
-            assert np.std(estimates) == pytest.approx(deviations.mean(), rel=0.25), group
+            assert np.std(estimates) == pytest.approx(np.nanmean(deviations), rel=0.25), group
