@@ -36,7 +36,7 @@ _SETTLED = 0.1
 
 
 def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
-    """Return the weaknesses that show before the adjustment."""
+    """Return the weaknesses that are known before the adjustment."""
     text = "has both C and A1 unknown: they differ only by the higher distortion terms; hold A1 constant"
     return tuple(
         ProjectWarning("same-unknown", f"camera {camera.name}", text)

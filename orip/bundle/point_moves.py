@@ -1,4 +1,4 @@
-"""Points moved otherwise than by corrections of their coordinates.
+"""Moving points in other ways than by corrections of their coordinates.
 
 Where a step of the iterations has failed, points are intersected from the rays of the photos, or moved along their
 corrections in direction and inverse distance. Photo coordinates are nearly linear in the inverse distance of a point
@@ -7,8 +7,8 @@ coordinates a point goes to infinity slowly, and one that should come much neare
 are the same to first order, so that the correction is that of the coordinates.
 
 Where weights are steady, points are moved to where more of their rays fit. A point that a gross error has pulled away
-takes the weight of its correct rays and stays with the wrong ones; whether that happens depends on the starting values,
-and which position most of its rays agree on does not.
+lowers the weight of its correct rays and stays with the wrong ones. Whether that happens depends on the start;
+the position that most of its rays agree on does not.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _FARTHEST = 10.0
 """A point moves to ten times its distance at most."""
 
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
-"""Rays of a point whose consensus is looked at: of two, neither can be called wrong; many outweigh a wrong one."""
+"""Numbers of rays for which a consensus is sought: of two, neither can be called wrong; many outweigh a wrong one."""
 
 
 def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns) -> BlockState:

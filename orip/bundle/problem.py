@@ -36,7 +36,7 @@ class BlockProblem:
     block : Block
     unknowns : Unknowns
     observations : tuple of Observations
-        One of each kind; their rows follow one another.
+        One of each kind, in the order of their rows.
     datum : FreeDatum or None
         That of a free network; None: control.
     excluded : array (n,) of bool or None

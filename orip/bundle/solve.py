@@ -23,7 +23,7 @@ from orip.records.block import Block
 from orip.records.project import BundleDefinition
 
 _LARGE = 2000
-"""Unknowns of a full reduced system that several threads factor faster than one."""
+"""Number of unknowns from which several threads factor a full reduced system faster than one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class SolvedBlock:
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
-    """Return the settings of the iterations: a bundle's, with down-weighting off where it begins at the last one."""
+    """Return the settings of the iterations; no down-weighting where a bundle's would begin with the last one."""
     off = definition.start_down_weight >= definition.max_iterations
     return IterationSettings(
         definition.enp_stop,

@@ -1,7 +1,7 @@
 """The chain: decides how preliminary values are found, finds them, and says what it did for each photo.
 
-Routes are tried in the order in which they promise most. The first that orients all photos, none of them against its
-points, is taken, or what two routes agree on, otherwise the best of them.
+Routes are tried in the order of their prospects. The first that orients all photos without one that its points
+contradict is taken, or what two routes agree on, otherwise the best of them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
 
 _STARTING_PAIRS = 5
-"""First pairs that are tried one after the other."""
+"""Number of first pairs that are tried, one after the other."""
 
 _GOOD = 2.5
 """Mean standard residual below which no further route is tried."""
@@ -49,7 +49,7 @@ _BETTER = 0.999
 """Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
 
 _FAR_OFF = 15.0
-"""Residuals over the a-priori error count up to this."""
+"""Residual over the a-priori error above which larger ones count the same."""
 
 _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""

@@ -1,4 +1,4 @@
-"""Whether an adjustment ended where it should, and which of two ends of the same block is the better minimum."""
+"""Whether an adjustment ended where it should, and which of two adjustments of a block ended at the better minimum."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from orip.records.block import Block
 from orip.wording import agreeing, counted, counted_names
 
 _ABSURD_SIGMA0 = 5.0
-"""A-priori errors are seldom guessed wrong by more."""
+"""sigma0 above which a wrong minimum is suspected: a-priori errors are seldom wrong by a larger factor."""
 
 _MANY_DOWN_WEIGHTED = 0.2
-"""Part of all photo points above which blunders are not the reason."""
+"""Part of all photo points above which blunders cannot be the reason."""
 
 _MOST_OF_A_PHOTO = 0.5
 """Part of its photo points that do not fit above which the photo is out of place, not its points."""
@@ -26,7 +26,7 @@ follows with their square."""
 
 
 def doubt_about(solved: SolvedBlock) -> str:
-    """Return what is suspicious about the end of an adjustment, as the end of a sentence that begins with it, else "".
+    """Return what is suspicious about the end of an adjustment, to complete "the adjustment ..."; "" if nothing is.
 
     An adjustment that was started far from its minimum does not converge, or leaves photos undetermined, points behind
     their cameras, residuals of many times the a-priori errors or a photo that fits few of its points.
@@ -62,7 +62,7 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
 
 
 def robust_cost(solved: SolvedBlock) -> float:
-    """Return what the Danish method makes least: the sum of the losses of all observations.
+    """Return what the Danish method minimises: the sum of the losses of all observations.
 
     The loss is the integral of standard residual times weight: u² / 2 up to the limit c, and at most c² (1/2 + 2 / e),
     which is that of an observation that cannot be computed.

@@ -109,7 +109,7 @@ def _drive_steps(state: ProjectState) -> Iterator[Step]:
 
 
 def observation_loop() -> str:
-    """Return which loops over photo points this installation has."""
+    """Return whether this installation has the compiled loops over photo points."""
     from orip.bundle.compiled import photo_loop
     from orip.prelim import compiled
 

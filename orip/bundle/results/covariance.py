@@ -20,7 +20,7 @@ from orip.bundle.unknowns import CONSTANT, set_names
 from orip.units import DEGREES_PER_RADIAN
 
 _AT_ONCE = 60
-"""Columns of the inverse that are in memory together: each has as many elements as there are unknowns."""
+"""Columns of the inverse computed together: limits memory, as each has as many elements as there are unknowns."""
 
 
 class Figures(NamedTuple):

@@ -32,7 +32,7 @@ from orip.records.block import Block
 from orip.records.solution import Blunder
 
 FAMILY_ALPHA = 0.05
-"""Error probability of all tests of a block together, where that of one is not given."""
+"""Error probability of all tests of a block together, where that of one test is not given."""
 
 LARGEST_ALPHA = 0.001
 """Error probability of one test in a block of few observations."""
@@ -42,7 +42,7 @@ _NEAR_THE_WORST = 0.1
 linearisation."""
 
 _MOST_AT_ONCE = 300
-"""Hypotheses that are judged together, the worst ones; their cofactors make a full matrix."""
+"""Most hypotheses that are judged together, the worst ones; their cofactors are a full matrix."""
 
 _REVIEWED_AT_ONCE = 20
 """Photo points whose neighbours are judged together: those of other points hardly depend on each other."""
@@ -57,8 +57,8 @@ class SnoopingSettings:
     sigma0 : {"apriori", "posteriori"}
         Known to be 1, or estimated from the same adjustment.
     alpha : float or None
-        Error probability of one test. None: it follows the number of tests, so that of all that is right in a block
-        nothing is left out with a probability of 0.95; at most 0.001.
+        Error probability of one test. None: it follows from the number of tests, so that with a probability of 0.95 no
+        correct observation of a block is left out; at most 0.001.
     """
 
     sigma0: Literal["apriori", "posteriori"] = "apriori"
@@ -67,7 +67,7 @@ class SnoopingSettings:
 
 @dataclass(frozen=True, slots=True)
 class Snooped:
-    """The adjustment without its blunders, and what was found, in the order in which it was."""
+    """The adjustment without its blunders, and the findings in the order in which they were made."""
 
     solved: SolvedBlock
     findings: tuple[Finding, ...]
