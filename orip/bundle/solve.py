@@ -44,6 +44,8 @@ class SolvedBlock:
         Why the iterations ended.
     cofactors : Cofactors
     variance : VarianceOfUnitWeight
+    scale : float
+        Errors of the observations, in a-priori errors, that weights were reduced by; 1 unless these are far off.
     """
 
     problem: BlockProblem
@@ -55,6 +57,7 @@ class SolvedBlock:
     reason: TerminationReason
     cofactors: Cofactors
     variance: VarianceOfUnitWeight
+    scale: float
 
     @property
     def block(self) -> Block:
@@ -164,5 +167,5 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(
         problem, found.state, equations, found.weight_factors, normals, found.iterations, found.reason, precision,
-        variance,
+        variance, found.scale,
     )  # fmt: skip

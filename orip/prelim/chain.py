@@ -22,6 +22,7 @@ from orip.prelim.joint.by_photos import by_photos
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
+from orip.prelim.resection.direct_linear import POINTS_NEEDED
 from orip.prelim.routes import (
     LEAST_RESECTION,
     SAFE_RESECTION,
@@ -33,6 +34,7 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
+from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
 
@@ -124,6 +126,8 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
         yield by_models(free, models)
     elif seeing.mean() > 0.5:
         yield by_control(with_control)
+    if len(measured.rays.cameras.unknown) and (seen >= POINTS_NEEDED).any():
+        yield by_unknown_cameras(with_control)
     for choice in range(_STARTING_PAIRS):
         yield by_pairs(free, choice)
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):

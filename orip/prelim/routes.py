@@ -107,9 +107,13 @@ def _with_sentences(grown: GrowingBlock, rays: ImageRays, sentences: Mapping[str
 
 def by_control(grower: BlockGrower) -> Route:
     """Go by resection of the photos that see enough control points; `grower` holds the control."""
-    start = empty_growing_block(grower.rays)
-    start = replace(start, coordinates=grower.held.copy(), deviations=np.where(np.isnan(grower.held), np.nan, 0.0))
-    return Route((grower.grow(start),), on_ground=True)
+    return Route((grower.grow(control_start(grower)),), on_ground=True)
+
+
+def control_start(grower: BlockGrower) -> GrowingBlock:
+    """Return the control of a block, and no photo yet."""
+    deviations = np.where(np.isnan(grower.held), np.nan, 0.0)
+    return replace(empty_growing_block(grower.rays), coordinates=grower.held.copy(), deviations=deviations)
 
 
 def by_given(grower: BlockGrower, rotations: FloatArray, centres: FloatArray) -> Route:

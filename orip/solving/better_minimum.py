@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -62,17 +63,11 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
 
 
 def robust_cost(solved: SolvedBlock) -> float:
-    """Return what the Danish method minimises: the sum of the losses of all observations.
-
-    The loss is the integral of standard residual times weight: u² / 2 up to the limit c, and at most c² (1/2 + 2 / e),
-    which is that of an observation that cannot be computed.
-    """
-    equations, c = solved.equations, solved.block.definition.max_standard_residual
-    largest = (0.5 + 2.0 / np.e) * c**2
-    u = np.abs(np.where(equations.active, equations.residual, np.inf)[~equations.exact])
-    with np.errstate(invalid="ignore"):
-        above = largest - c * (u + c) * np.exp(-u / c)
-    return float(np.where(u <= c, 0.5 * u**2, np.where(np.isfinite(u), above, largest)).sum())
+    """Return what the Danish method makes least: the sum of the costs of all observations, with the a-priori errors."""
+    equations, limit = solved.equations, solved.block.definition.max_standard_residual
+    judged = equations.active & ~equations.exact
+    of_judged = danish_costs(np.abs(equations.residual[judged]), limit)
+    return float(of_judged.sum()) + int(np.count_nonzero(~equations.active)) * greatest_danish_cost(limit)
 
 
 def _soundness(solved: SolvedBlock) -> tuple[bool, int]:

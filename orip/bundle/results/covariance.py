@@ -115,9 +115,9 @@ def cofactor_columns(solved: SolvedBlock, columns: IntArray) -> FloatArray:
 
 def _joined(figures: Sequence[Figures]) -> Figures:
     return Figures(
-        np.concatenate([each.columns for each in figures]),
-        block_diag(*(each.partials for each in figures)),
-        np.concatenate([each.undetermined for each in figures]),
+        np.concatenate([part.columns for part in figures]),
+        block_diag(*(part.partials for part in figures)),
+        np.concatenate([part.undetermined for part in figures]),
     )
 
 

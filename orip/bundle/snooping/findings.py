@@ -197,7 +197,7 @@ def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:
         return "an amount that nothing determines"
     largest = sorted(blunders, key=lambda blunder: -abs(blunder.size) / blunder.sd)[:_SIZES]
     by_unit: dict[str, list[str]] = {}
-    for blunder in (each for each in blunders if each in largest):
+    for blunder in (blunder for blunder in blunders if blunder in largest):
         unit = unit_of_observation(blunder.kind, blunder.component, ground_unit)
         by_unit.setdefault(unit, []).append(f"{blunder.component} {blunder.size:+.4g} ± {blunder.sd:.2g}")
     return ", ".join(f"{', '.join(sizes)} {unit}".rstrip() for unit, sizes in by_unit.items())

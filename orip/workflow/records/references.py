@@ -1,8 +1,7 @@
 """Which records name which others, and how references follow when records change.
 
 A model names its two photos, a photo its camera and its template, a template its tick marks, a camera with the lens of
-another one that camera. The list of photos that a
-template has says the same as the photos do, and follows them.
+another one that camera. The list of photos of a template repeats what the photos say, and follows them.
 """
 
 from __future__ import annotations
