@@ -145,6 +145,21 @@ class Problem(Protocol[StateT]):
     def with_blocks_moved(self, state: StateT, correction: FloatArray) -> StateT:
         """Return the state with its blocks moved along their corrections, array (3 b,), or part of the way."""
 
+    def without_undetermined_blocks(self, state: StateT, factors: BlockFactors, scale: float) -> StateT | None:
+        """Return the state with the blocks that nothing determines left out; None if there are none.
+
+        `factors` are those of the normal equations at the state, `scale` that of the observations in a-priori errors.
+        """
+
+    def without_contradictory_blocks(self, state: StateT, factors: BlockFactors, scale: float) -> StateT | None:
+        """Return the state without blocks that the observations that fit do not determine; None if there are none."""
+
+    def with_all_blocks(self, state: StateT) -> StateT:
+        """Return the state with the blocks that were left out, computed from their observations; itself if none are."""
+
+    def with_doubtful_blocks_placed(self, state: StateT, equations: Equations, limit: float) -> StateT:
+        """Return the state with blocks that do not fit placed by their observations alone, wherever they were."""
+
     def improve_consensus(self, state: StateT, equations: Equations, limit: float) -> StateT | None:
         """Return the state with blocks moved to where more of their observations fit; None if there are none.
 

@@ -1,8 +1,8 @@
 """Tests of groups of residuals: square sums and means larger than chance explains.
 
-Probabilities are given as natural logarithms, so that the most significant of several tests can be told where the
-probabilities themselves underflow. Special functions come from scipy.special; scipy.stats would cost a second to
-import.
+Probabilities are given as natural logarithms, so that the most significant of several tests is known even where the
+probabilities themselves underflow. Special functions come from scipy.special; importing scipy.stats would take a
+second.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from scipy.special import gammaincc, gammaln, log_ndtr
 from orip.arrays import FloatArray
 
 _SMALL = 1e-280
-"""Below it a probability of the chi-square distribution underflows soon, or has."""
+"""Below this a probability of the chi-square distribution is about to underflow, or has."""
 
 
 def two_sided_normal(statistic: FloatArray | float) -> FloatArray:
@@ -73,5 +73,5 @@ def against_others(residuals: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def largest_of(log_probability: float, count: int) -> float:
-    """Return the logarithm of a bound of the probability that the most unlikely of several tests is so unlikely."""
+    """Return the logarithm of a bound of the probability that the least likely of several tests is so unlikely."""
     return min(log_probability + float(np.log(count)), 0.0)

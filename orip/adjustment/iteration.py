@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 
 from orip.adjustment.acceleration import Acceleration
-from orip.adjustment.block_fit import with_blocks_fitted
+from orip.adjustment.block_fit import judged_residuals, with_blocks_fitted
 from orip.adjustment.convergence import (
     TerminationReason,
     exponent_of_numerical_precision,
@@ -21,14 +21,18 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.final_weights import Restoration, improve
+from orip.adjustment.final_weights import Tried, propose
 from orip.adjustment.normals import SolvedNormals, solve_normals
+from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import Weighing
+from orip.adjustment.weighing import Weighing, has_many_reduced, weighing_from
 from orip.arrays import FloatArray
 
-_IMPROVABLE_ENP = 2.0
-"""ENP from which corrections no longer change which observations may regain full weight."""
+_SAME_COST_ENP = 2.0
+"""ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
+
+_LONGEST_ATTEMPT = 8
+"""Iterations after which an attempt at a better solution is given up."""
 
 _SAME_PLACE_ENP = 3.0
 """ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the
@@ -48,6 +52,9 @@ class IterationSettings:
     start_down_weight : int or None
         First iteration in which it may; None: all weights are 1.
     max_lost_digits : float
+    early_weights : bool
+        Exceptionally large residuals lose weight before the Danish method, which waits until the block has settled;
+        else all weights are 1 before it, and it begins at `start_down_weight`.
     """
 
     enp_stop: float
@@ -55,6 +62,7 @@ class IterationSettings:
     max_standard_residual: float
     start_down_weight: int | None
     max_lost_digits: float
+    early_weights: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +97,8 @@ class Adjustment(Generic[StateT]):
         before the last iteration where that one changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
+    scale : float
+        Of the observations, in a-priori errors, that weights were reduced by; see `Weighing`.
     """
 
     state: StateT
@@ -97,6 +107,7 @@ class Adjustment(Generic[StateT]):
     normals: SolvedNormals
     iterations: tuple[IterationRecord, ...]
     reason: TerminationReason
+    scale: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +121,14 @@ class _IterationState(Generic[StateT]):
     weighing : Weighing
     control : StepControl
     acceleration : Acceleration
-    restoration : Restoration
-    last : int
-        Number of the last iteration allowed.
-    full_weight : int or None
-        The observation to which the next iteration restores full weight.
+    tried : Tried
+        What was tried from converged solutions.
+    full_weight : tuple of int
+        Observations that have full weight in the next iteration.
+    converged : _IterationState or None
+        The converged solution that the iterations try to improve.
+    returned : bool
+        An attempt was taken back: the solution is a converged one.
     records : tuple of IterationRecord
         Of the iterations so far.
     """
@@ -123,9 +137,10 @@ class _IterationState(Generic[StateT]):
     weighing: Weighing
     control: StepControl
     acceleration: Acceleration
-    restoration: Restoration
-    last: int
-    full_weight: int | None = None
+    tried: Tried
+    full_weight: tuple[int, ...] = ()
+    converged: _IterationState[StateT] | None = None
+    returned: bool = False
     records: tuple[IterationRecord, ...] = ()
 
 
@@ -164,43 +179,47 @@ def adjust(
     Adjustment
     """
     now = _initial(problem, start, settings)
-    while True:
-        weights = _weights(now)
-        step = _controlled_step(problem, now, weights, settings)
+    reason: TerminationReason | None = None
+    while reason is None:
+        now, weights, formed = _determined(problem, now, settings)
+        step = _controlled_step(problem, now, weights, formed, settings)
+        del formed
         now = _after(now, step, weights, problem.layout)
         on_iteration(now.records[-1])
+        if now.weighing.settled_after == len(now.records):
+            now = _settled(problem, now, step.normals, weights)
         next_weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
         steady = weights_are_steady(weights, next_weights)
         if not steady or _has_exact_constraints(now.current.equations):
             now = replace(now, acceleration=Acceleration())
-        reason = _termination_reason(now, settings, steady=steady, stop_asked=stop_asked())
-        if reason in (None, TerminationReason.CONVERGED) and steady and now.records[-1].enp >= _IMPROVABLE_ENP:
-            now, improved = _improved(problem, now, next_weights, step.normals, settings)
-            reason = None if improved else reason
-        if reason is None and len(now.records) >= now.last:
-            reason = TerminationReason.MAX_ITERATIONS
-        if reason is not None:
-            break
-        # the normal equations of the next iteration need their memory
-        del step
+        reason = _termination_reason(now, step.before, settings, steady=steady, stop_asked=stop_asked())
+        if now.converged is not None:
+            now, reason = _judged_attempt(now, now.converged, reason, settings)
+        if reason is TerminationReason.CONVERGED and (attempt := _attempt(problem, now, step.normals, settings)):
+            now, reason = attempt, None
+        if reason is None and len(now.records) >= settings.max_iterations:
+            reason = TerminationReason.CONVERGED if now.returned else TerminationReason.MAX_ITERATIONS
+        if reason is None:
+            # the normal equations of the next iteration need their memory
+            del step
     final = _final_weights(now)
     equations, normals = now.current.equations, None
-    if now.records[-1].enp >= _SAME_PLACE_ENP and np.array_equal(_effective(step.before, weights), final):
+    is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved
+    if is_near and np.array_equal(_effective(step.before, weights), final):
         equations, normals = replace(equations, rows=step.before.rows), step.normals
     del step
     if normals is None:
         normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
-    return Adjustment(now.current.state, equations, final, normals, now.records, reason)
+    return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing.scale)
 
 
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> _IterationState[StateT]:
     return _IterationState(
         _linearised(problem, start),
-        Weighing(settings.max_standard_residual, settings.start_down_weight),
+        weighing_from(settings.max_standard_residual, settings.start_down_weight, early=settings.early_weights),
         StepControl(problem.layout.unknowns),
         Acceleration(),
-        Restoration(),
-        settings.max_iterations,
+        Tried(),
     )
 
 
@@ -208,39 +227,78 @@ def _linearised(problem: Problem[StateT], state: StateT) -> Linearised[StateT]:
     return Linearised(state, problem.linearise(state))
 
 
-def _weights(now: _IterationState[StateT]) -> FloatArray:
-    """Return the weight factors (n,) of the next iteration."""
-    weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
-    if now.full_weight is not None:
-        weights[now.full_weight] = 1.0
-    return weights
+def _determined(
+    problem: Problem[StateT], now: _IterationState[StateT], settings: IterationSettings
+) -> tuple[_IterationState[StateT], FloatArray, SolvedNormals]:
+    """Return weight factors (n,) and normal equations of the next iteration, without blocks that nothing determines."""
+    while True:
+        equations, iteration = now.current.equations, len(now.records) + 1
+        weights = now.weighing.factors(equations, iteration)
+        weights[list(now.full_weight)] = 1.0
+        normals = solve_normals(equations, weights, problem.layout, settings.max_lost_digits, now.control.damping)
+        if not now.weighing.is_crowded_in(iteration, equations, weights):
+            return now, weights, normals
+        scale = now.weighing.scale_in(equations, iteration)
+        leave_out = problem.without_undetermined_blocks
+        if now.weighing.has_begun_in(iteration):
+            leave_out = problem.without_contradictory_blocks
+        fewer = leave_out(now.current.state, normals.blocks, scale)
+        if fewer is None:
+            return now, weights, normals
+        del normals
+        now = replace(now, current=_linearised(problem, fewer), acceleration=Acceleration())
 
 
 def _controlled_step(
-    problem: Problem[StateT], now: _IterationState[StateT], weights: FloatArray, settings: IterationSettings
+    problem: Problem[StateT],
+    now: _IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    settings: IterationSettings,
 ) -> _Step[StateT]:
-    """Solve and move; while that fails, fit the blocks by themselves, then damp the correction more and more."""
+    """Move by the solution; while that fails, fit the blocks by themselves, then damp the correction more and more."""
     before, control = now.current.equations, now.control
     while True:
-        normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
         control = control.judging(before, weights, normals)
         accelerated = (Acceleration() if control.damping else now.acceleration).step(normals, problem.layout)
         factor = problem.step_factor(accelerated.step)
         step = factor * accelerated.step
         moved = _linearised(problem, problem.update(now.current.state, step))
         if not control.damping:
-            if control.accepts_correction(before, moved.equations, weights, normals):
+            if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
                 return _Step(normals, before, moved, factor < 1.0, control.relaxed(), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
         moved = with_blocks_fitted(problem, moved, before, weights)
-        if control.accepts_fitted(before, moved.equations, weights, normals):
+        accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
+        if accepted or not control.can_damp_more:
             return _Step(normals, before, moved, True, control.relaxed(), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
         del normals, moved
+        normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
+
+
+def _is_accepted(
+    now: _IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    after: Equations,
+    by_square_sum: Callable[[Equations, Equations, FloatArray, SolvedNormals], bool],
+) -> bool:
+    """Return whether a step is taken: judged by the robust cost where many weights are reduced, else by square sums.
+
+    A block that is thrown far away by a few wrong observations raises square sums without limit, and the robust cost by
+    what these observations cost at most. Observations that were given full weight are to raise the cost.
+    """
+    before, iteration = now.current.equations, len(now.records) + 1
+    enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
+    if now.full_weight or not has_many_reduced(before, weights):
+        return by_square_sum(before, after, weights, normals)
+    here = now.weighing.cost_in(before, iteration, before.residual)
+    return enp >= _SAME_COST_ENP or now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
 
 
 def _after(
@@ -254,7 +312,7 @@ def _after(
         weighing=now.weighing.after(record.iteration, record.enp),
         control=step.control,
         acceleration=step.acceleration,
-        full_weight=None,
+        full_weight=(),
         records=(*now.records, record),
     )
 
@@ -279,7 +337,7 @@ def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: La
 
 
 def _termination_reason(
-    now: _IterationState[StateT], settings: IterationSettings, *, steady: bool, stop_asked: bool
+    now: _IterationState[StateT], before: Equations, settings: IterationSettings, *, steady: bool, stop_asked: bool
 ) -> TerminationReason | None:
     """Return why the iterations end with the last one; None: they go on, if another iteration is allowed."""
     if most_are_lost(now.records[-1].active, now.records[0].active):
@@ -288,7 +346,7 @@ def _termination_reason(
         return TerminationReason.CONVERGED
     if stop_asked:
         return TerminationReason.STOPPED
-    if _has_diverged(now):
+    if _has_diverged(now) and now.weighing.cost(now.current.equations) >= now.weighing.cost(before):
         return TerminationReason.DIVERGED
     return None
 
@@ -310,28 +368,69 @@ def _has_exact_constraints(equations: Equations) -> bool:
     return bool((equations.active & equations.exact).any())
 
 
-def _improved(
-    problem: Problem[StateT],
-    now: _IterationState[StateT],
-    weights: FloatArray,
-    normals: SolvedNormals,
-    settings: IterationSettings,
-) -> tuple[_IterationState[StateT], bool]:
-    """Return where to go on from a solution with steady weights, and whether that is another place or weight."""
-    if settings.start_down_weight is None:
-        return now, False
-    limit = settings.max_standard_residual
-    improvement, restoration = improve(problem, now.current, weights, normals, limit, now.restoration)
-    now = replace(now, restoration=restoration)
-    if improvement is None:
-        return now, False
+def _settled(
+    problem: Problem[StateT], now: _IterationState[StateT], normals: SolvedNormals, weights: FloatArray
+) -> _IterationState[StateT]:
+    """Return the state as the Danish method begins: with the scale of the observations, and doubtful blocks placed.
+
+    What the iterations before made of points that do not fit depends on where they began.
+    """
+    equations = now.current.equations
+    if not has_many_reduced(equations, weights):
+        return _with_all_blocks(problem, now)
+    now = replace(now, weighing=replace(now.weighing, crowded=True))
+    weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage)
+    state = problem.with_doubtful_blocks_placed(now.current.state, equations, weighing.final_limit)
+    return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())
+
+
+def _with_all_blocks(problem: Problem[StateT], now: _IterationState[StateT]) -> _IterationState[StateT]:
+    """Return the state with the blocks that were left out while it was still far from the solution."""
+    state = problem.with_all_blocks(now.current.state)
+    if state is now.current.state:
+        return now
+    return replace(now, current=_linearised(problem, state), acceleration=Acceleration())
+
+
+def _attempt(
+    problem: Problem[StateT], now: _IterationState[StateT], normals: SolvedNormals, settings: IterationSettings
+) -> _IterationState[StateT] | None:
+    """Return from where to try for a better solution than a converged one; None if there is nothing to try."""
+    # one iteration is left for the way back
+    if settings.start_down_weight is None or len(now.records) + 2 > settings.max_iterations:
+        return None
+    weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
+    proposal, tried = propose(problem, now.current, weights, normals, now.weighing.final_limit, now.tried)
+    now = replace(now, tried=tried)
+    if proposal is None:
+        return None
     return replace(
         now,
-        current=improvement.linearised,
-        full_weight=improvement.full_weight,
+        current=proposal.linearised,
+        full_weight=proposal.full_weight,
         acceleration=Acceleration(),
-        last=len(now.records) + settings.max_iterations,
-    ), True
+        converged=now,
+        returned=False,
+    )
+
+
+def _judged_attempt(
+    now: _IterationState[StateT],
+    before: _IterationState[StateT],
+    reason: TerminationReason | None,
+    settings: IterationSettings,
+) -> tuple[_IterationState[StateT], TerminationReason | None]:
+    """Return where to go on during an attempt, and why the iterations end: a solution that is no better is left."""
+    used_up = (
+        len(now.records) - len(before.records) >= _LONGEST_ATTEMPT or len(now.records) + 1 >= settings.max_iterations
+    )
+    if reason is None and not used_up:
+        return now, None
+    found, known = now.weighing.cost(now.current.equations), before.weighing.cost(before.current.equations)
+    if reason is TerminationReason.CONVERGED and found < known:
+        return replace(now, converged=None), reason
+    stopped = TerminationReason.STOPPED if reason is TerminationReason.STOPPED else None
+    return replace(before, tried=now.tried, records=now.records, returned=True), stopped
 
 
 def _final_weights(now: _IterationState[StateT]) -> FloatArray:

@@ -1,13 +1,13 @@
-"""Tests for outliers: the limits that normalised residuals and groups of residuals are held against.
+"""Tests for outliers: the limits that normalised residuals and groups of residuals are compared with.
 
 An observation in use is tested by its normalised residual w, a group of k of them by the fall of the weighted square
 sum when it is left out; of one observation that fall is w². With a known sigma0 w is normal and the fall chi-square
 distributed (Baarda 1968). With sigma0 from the same adjustment w follows the tau distribution (Pope 1976), and the fall
 is a part of the square sum that Fisher's F limits.
 
-An observation that is left out has no share in sigma0: what it deviates from its prediction follows Student's t, and
-the rise of the square sum when a group is taken back Fisher's F. The quantiles come from scipy.special; scipy.stats
-would cost a second to import.
+An observation that is left out has no share in sigma0: its deviation from its prediction follows Student's t, and the
+rise of the square sum when a group is taken back Fisher's F. The quantiles come from scipy.special; importing
+scipy.stats would take a second.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def residual_cofactor(redundancy_number: FloatArray, weight_factor: FloatArray) 
 
     By propagation of errors of variance σ² through v = (A Q A^T W - I) e it is 1 + h - 2 wf h - wf (1 - wf) h² with
     h = (1 - r) / wf, which is r (r + h): r for an observation with full weight, more for a down-weighted one. What
-    other down-weighted observations take off it, wf (1 - wf) times the square of what they share, is left out.
+    other down-weighted observations subtract from it, wf (1 - wf) times the square of what they share, is neglected.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 With the design matrix A, H = A Q A^T and weight factors W the residuals are v = (H W - I) l, and so they are
 correlated: a sum c^T v of many residuals of one group may vary far less, or far more, than as many independent ones
 would. The covariances are exact where weight factors are 0 or 1; observations that are not among the tested rows and
-have lost a part of their weight make them a little too large.
+have lost a part of their weight make them slightly too large.
 
 All rows are divided by their a-priori errors. Check observations, which had no influence, are rows with weight 0: their
 residuals have the covariance I + H.
@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from orip.arrays import BoolArray, FloatArray
 
 _AT_ONCE = 60
-"""Right-hand sides that are solved together: each has as many elements as there are unknowns."""
+"""Right-hand sides that are solved together: limits memory, as each has as many elements as there are unknowns."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from orip.adjustment.factorisation.elimination import (
 from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000
-"""Numbers gathered at a time: bounds the memory of the blockwise products."""
+"""Numbers gathered at a time, which bounds the memory of the blockwise products."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def diagonal_blocks(block_design: csr_array) -> FloatArray:
 
 
 def _full_diagonals(block_design: csr_array) -> FloatArray:
-    """Return (b, 3) of each coordinate the squares of the rows of D in which it stands; see `factorise_blocks`."""
+    """Return for each coordinate (b, 3) the squares of all rows of D in which it occurs; see `factorise_blocks`."""
     coordinates = block_design.tocoo()
     squares = np.bincount(coordinates.row, coordinates.data**2, block_design.shape[0])
     sums = np.bincount(coordinates.col, squares[coordinates.row], block_design.shape[1])

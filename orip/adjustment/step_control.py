@@ -81,6 +81,11 @@ class StepControl:
         """Return whether a correction is so large that points may be anywhere."""
         return self._enp(normals) < _FAR_ENP
 
+    @property
+    def can_damp_more(self) -> bool:
+        """Return whether more damping may still help."""
+        return self.damping < _MOST
+
     def refused(self) -> StepControl:
         """Return the control after an attempt was refused."""
         return replace(self, undamped=-1)

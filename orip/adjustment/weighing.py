@@ -1,6 +1,6 @@
-"""Which weight function an iteration uses: a scaled one far from the solution, then that of the Danish method.
+"""Which weight function an iteration uses: a wide one far from the solution, then that of the Danish method.
 
-See docs/decisions/006.
+See docs/decisions/006 and 015.
 """
 
 from __future__ import annotations
@@ -10,14 +10,35 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.weights import danish_weights, scaled_weights
-from orip.arrays import FloatArray
+from orip.adjustment.weights import (
+    danish_costs,
+    danish_weights,
+    greatest_danish_cost,
+    robust_scale,
+    wide_costs,
+    wide_weights,
+)
+from orip.arrays import BoolArray, FloatArray
 
 _SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
 
-_LONGEST_SETTLING = 10
+_LONGEST_SETTLING = 7
 """Iterations after which the Danish method begins in any case: with many blunders ENP may never reach that limit."""
+
+_FAR_OFF = 1.5
+"""A-priori errors that are right within this factor are not replaced by the scale of the residuals."""
+
+_OF_COMPUTED_DATA = 0.1
+"""A smaller scale comes from observations without errors: it says nothing of how they would be measured."""
+
+_MANY, _MANY_PART = 40, 0.0025
+"""Observations that do not fit, at least, and the part of all, as in tracks of feature matching: so many carry blocks
+and others away. Fewer are left to the weights."""
+
+_TESTABLE, _LEAST_REDUNDANCY = 0.05, 100.0
+"""Least redundancy number of a residual that the scale is estimated from, and the least sum of these numbers: the scale
+is then known to 12 % (the standard deviation of such a median is 1.17 / sqrt(redundancy))."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,27 +53,94 @@ class Weighing:
         First iteration in which the Danish method may reduce weights; None: all weights are 1.
     settled_after : int or None
         Iterations until the residuals no longer depended on the starting values; None: they still do.
+    early : bool
+        Exceptionally large residuals lose weight before the Danish method; else all weights are 1 until then.
+    scale : float
+        Of the observations, in a-priori errors: 1 unless these are far off.
+    crowded : bool
+        Many observations did not fit when the state had settled.
     """
 
     limit: float
     start: int | None
     settled_after: int | None = None
+    early: bool = True
+    scale: float = 1.0
+    crowded: bool = False
+
+    @property
+    def final_limit(self) -> float:
+        """Return the standard residual up to which an observation keeps its full weight in the solution."""
+        return self.limit * self.scale
 
     def factors(self, equations: Equations, iteration: int) -> FloatArray:
         """Return the weight factors (n,) for an iteration; exact constraints always have 1."""
         factors = np.ones(len(equations.residual))
-        if self.start is None:
+        if self.start is None or not (self.early or iteration >= self.start):
             return factors
-        judged = equations.active & ~equations.exact
+        judged = _judged(equations)
         size = np.abs(equations.residual[judged])
-        danish = self.settled_after is not None and iteration >= self.start
-        factors[judged] = danish_weights(size, self.limit) if danish else scaled_weights(size, self.limit)
+        limit = self.limit * self.scale_in(equations, iteration)
+        if self.has_begun_in(iteration):
+            factors[judged] = danish_weights(size, limit)
+        else:
+            factors[judged] = wide_weights(size, limit, 3 if _are_many(size > limit) else 2)
         return factors
+
+    def cost_in(self, equations: Equations, iteration: int, residuals: FloatArray) -> float:
+        """Return the cost that an iteration from some equations minimises, at residuals (n,) of these.
+
+        For iterations in which many weights are reduced.
+        """
+        judged = _judged(equations)
+        size = np.abs(residuals[judged])
+        if self.start is None:
+            return float(np.sum(size**2) / 2.0)
+        costs = danish_costs if self.has_begun_in(iteration) else wide_costs
+        return float(costs(size, self.limit * self.scale_in(equations, iteration)).sum())
+
+    def scale_in(self, equations: Equations, iteration: int) -> float:
+        """Return the scale of the limit in an iteration: before the Danish method begins, that of the residuals."""
+        if self.start is None or self.has_begun_in(iteration):
+            return self.scale
+        return max(robust_scale(np.abs(equations.residual[_judged(equations)])), 1.0)
+
+    def is_crowded_in(self, iteration: int, equations: Equations, weights: FloatArray) -> bool:
+        """Return whether many observations do not fit: in an iteration with some weights, and once settled for good."""
+        return self.crowded if self.has_begun_in(iteration) else has_many_reduced(equations, weights)
+
+    def has_begun_in(self, iteration: int) -> bool:
+        """Return whether an iteration has the weights of the Danish method."""
+        return self.settled_after is not None and self.start is not None and iteration >= self.start
+
+    def cost(self, equations: Equations) -> float:
+        """Return the robust cost of the Danish method; what cannot be computed counts as the largest residual.
+
+        Half the square sum where all weights are 1.
+        """
+        judged = _judged(equations)
+        if self.start is None:
+            return float(np.sum(equations.residual[judged] ** 2) / 2.0)
+        of_judged = danish_costs(np.abs(equations.residual[judged]), self.final_limit)
+        lost = int(np.count_nonzero(~equations.active))
+        return float(of_judged.sum()) + lost * greatest_danish_cost(self.final_limit)
 
     def after(self, iteration: int, enp: float) -> Weighing:
         """Return the phase that follows an iteration."""
         settles = self.settled_after is None and (enp >= _SETTLED_ENP or iteration >= _LONGEST_SETTLING)
         return replace(self, settled_after=iteration) if settles else self
+
+    def scaled(self, equations: Equations, redundancy_numbers: FloatArray) -> Weighing:
+        """Return the weighing with the scale of the residuals, where the a-priori errors are far off.
+
+        Parameters
+        ----------
+        equations : Equations
+        redundancy_numbers : array (n,)
+        """
+        scale = scale_of_observations(equations, redundancy_numbers)
+        is_far_off = not 1.0 / _FAR_OFF <= scale <= _FAR_OFF
+        return replace(self, scale=scale) if is_far_off and scale >= _OF_COMPUTED_DATA else self
 
     def is_final_in(self, iteration: int) -> bool:
         """Return whether an iteration had the weight function that the solution has: all 1, or the Danish method."""
@@ -64,3 +152,43 @@ class Weighing:
         if self.start is None or self.settled_after is None:
             return 0
         return max(self.settled_after, self.start - 1)
+
+
+def weighing_from(limit: float, start: int | None, *, early: bool) -> Weighing:
+    """Return the phase to begin with; without early weights the Danish method waits for nothing but its iteration."""
+    return Weighing(limit, start) if early or start is None else Weighing(limit, start, start - 1, early=False)
+
+
+def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
+    """Return whether weights (n,) are reduced as often as in tracks of feature matching."""
+    judged = _judged(equations)
+    return _are_many(weights[judged] < 1.0)
+
+
+def _are_many(wrong: BoolArray) -> bool:
+    return bool(np.count_nonzero(wrong) >= max(_MANY, _MANY_PART * len(wrong)))
+
+
+def scale_of_observations(
+    equations: Equations, redundancy_numbers: FloatArray, among: BoolArray | None = None
+) -> float:
+    """Return how large the errors of observations are, in a-priori errors; 1 where too few are checked by others.
+
+    The median of the residuals over the roots of their redundancy numbers: residuals show a part of the errors only.
+
+    Parameters
+    ----------
+    equations : Equations
+    redundancy_numbers : array (n,)
+    among : array (n,) of bool, optional
+        Observations that are looked at; otherwise all.
+    """
+    tested = _judged(equations) if among is None else _judged(equations) & among
+    tested &= np.nan_to_num(redundancy_numbers) > _TESTABLE
+    if np.sum(redundancy_numbers[tested]) < _LEAST_REDUNDANCY:
+        return 1.0
+    return robust_scale(np.abs(equations.residual[tested]) / np.sqrt(redundancy_numbers[tested]))
+
+
+def _judged(equations: Equations) -> BoolArray:
+    return equations.active & ~equations.exact

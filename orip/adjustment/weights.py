@@ -38,13 +38,10 @@ def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     return np.where(standard_residuals <= limit, 1.0, reduced)
 
 
-def scaled_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
-    """Return weight factors for iterations far from the solution, in which most residuals are large.
+def danish_costs(standard_residuals: FloatArray, limit: float) -> FloatArray:
+    """Return what each residual adds to the robust cost: the integral of u wf(u), at most `greatest_danish_cost`.
 
-    They are (L / u)² above a limit L that is scaled by the median of the standard residuals u: only observations that
-    stand out from the others lose weight, so that blunders do not spoil the first iterations. They fall more slowly
-    than the Danish weights, since large residuals may come from a photo whose orientation is still wrong, which must
-    stay tied to the block.
+    Iterations with weights computed again minimise the sum of these costs (Holland and Welsch 1977).
 
     Parameters
     ----------
@@ -54,9 +51,45 @@ def scaled_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     Returns
     -------
     array (n,)
+        u²/2 up to the limit c, c² (1/2 + 2/e - (1 + u/c) exp(-u/c)) above it.
+    """
+    parts = np.maximum(standard_residuals, limit) / limit
+    above = greatest_danish_cost(limit) - limit**2 * (1.0 + parts) * np.exp(-parts)
+    return np.where(standard_residuals <= limit, standard_residuals**2 / 2.0, above)
+
+
+def greatest_danish_cost(limit: float) -> float:
+    """Return what a residual of any size adds to the robust cost at most."""
+    return limit**2 * (0.5 + 2.0 / float(np.e))
+
+
+def wide_weights(standard_residuals: FloatArray, limit: float, exponent: int) -> FloatArray:
+    """Return weight factors for iterations that are not near the solution yet: 1 up to the limit L, (L / u)^p above it.
+
+    They fall more slowly than the Danish weights, since large residuals may come from a photo whose orientation is
+    still wrong, which must stay tied to the block.
+
+    Parameters
+    ----------
+    standard_residuals : array (n,)
+    limit : float
+    exponent : int
+        2; or 3 where many observations are wrong: it falls fast enough that a fifth of these does not move the block.
+    """
+    return np.maximum((limit / np.maximum(standard_residuals, limit)) ** exponent, LEAST_WEIGHT)
+
+
+def wide_costs(standard_residuals: FloatArray, limit: float) -> FloatArray:
+    """Return what each residual adds to the cost that wide weights of exponent 3 minimise: L² (3/2 - L / u) above L."""
+    above = limit**2 * (1.5 - limit / np.maximum(standard_residuals, limit))
+    return np.where(standard_residuals <= limit, standard_residuals**2 / 2.0, above)
+
+
+def robust_scale(standard_residuals: FloatArray) -> float:
+    """Return the scale of residuals, most of which are normal: the median of their sizes over that of normal ones.
+
+    Up to half of them may be of any size. 1 without residuals.
     """
     if not len(standard_residuals):
-        return np.ones(0)
-    scale = max(float(np.median(standard_residuals)) / MEDIAN_OF_NORMAL, 1.0)
-    raised = limit * scale
-    return (raised / np.maximum(standard_residuals, raised)) ** 2
+        return 1.0
+    return float(np.median(standard_residuals)) / MEDIAN_OF_NORMAL

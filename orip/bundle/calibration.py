@@ -1,4 +1,4 @@
-"""Self-calibration judged: which camera parameters are significant, which can be determined at all.
+"""Judging a self-calibration: which camera parameters are significant, and which can be determined at all.
 
 Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the others
 alone; of A3, A5 and A7, which depend on each other, only the highest order may be removed, and the rest is tested again
@@ -40,7 +40,7 @@ Verdict = Literal["significant", "not significant", "not determinable"]
 
 _GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("P1", "P2"), ("B1",), ("B2",))
 _HIGHER_ORDERS = {"A3": {"A5", "A7"}, "A5": {"A7"}}
-"""Radial parameters that are removed before another one."""
+"""The radial parameters of higher order that are removed before each one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class ParameterTest:
     statistic, limit : float
         Roots of F and of its quantile: for one parameter |a| / sd and the two-sided limit of Student's t.
     lost_digits : float
-        Of the parameter that the other unknowns determine worst.
+        The most that a parameter of the group loses to the other unknowns.
     verdict : str
     """
 

@@ -1,9 +1,9 @@
 """A free network: the ground system is fixed by inner constraints, not by control.
 
 A similarity transformation of points and photos changes no photo coordinate, so the normal equations have a defect of
-up to seven; distances take scale out of it. The system is solved with as many photo unknowns held, and corrections and
-cofactors are then taken to the inner constraints by an S-transformation (Baarda 1973), which needs no dense matrix of
-all points. What is held does not show in the result.
+up to seven; distances determine the scale. The system is solved with as many photo unknowns held, and corrections and
+cofactors are then transformed to the inner constraints by an S-transformation (Baarda 1973), which needs no dense
+matrix of all points. The result does not depend on which unknowns are held.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
 from orip.records.block import Block
 
 _DETERMINED = 1e-8
-"""An observation determines a movement that changes it by more than this part of what its partials allow."""
+"""An observation determines a movement if that changes it by more than this part of what its partials allow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def _size(state: BlockState) -> float:
 
 
 def _known_points(state: BlockState) -> FloatArray:
-    """Return the points (k, 3) with coordinates: none are known of one whose only ray meets nothing."""
+    """Return the points (k, 3) that have coordinates; those whose rays do not meet may have none."""
     known = np.isfinite(state.points).all(axis=1)
     return state.points[known] if known.any() else np.zeros((1, 3))
 

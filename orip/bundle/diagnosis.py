@@ -25,18 +25,19 @@ from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.shared_lens import first_of_lens
 from orip.records.solution import Diagnosis
-from orip.wording import agreeing, counted, counted_names, joined
+from orip.wording import agreeing, counted, counted_names, first_names, joined
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
 _POINTS_FOR_A_PHOTO = 3
+_NAMED_POINTS = 6
 
 _SETTLED = 0.1
 """Changes below this part of a standard deviation do not count."""
 
 
 def forewarnings(block: Block) -> tuple[ProjectWarning, ...]:
-    """Return the weaknesses that show before the adjustment."""
+    """Return the weaknesses that are known before the adjustment."""
     text = "has both C and A1 unknown: they differ only by the higher distortion terms; hold A1 constant"
     return tuple(
         ProjectWarning("same-unknown", f"camera {camera.name}", text)
@@ -56,6 +57,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
         *_principal_distance_and_scale(solved),
         *calibration_diagnosis(solved),
         *_behind(solved),
+        *_errors_far_off(solved),
         *_as_a_whole(solved),
         *_correlated(solved),
     )
@@ -116,7 +118,18 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
     """Name every unknown that was removed, record by record, with its probable cause."""
     names = solved.problem.unknowns.names
     normals = solved.normals
-    columns = [int(column) for column in np.flatnonzero(normals.removed) if names[column] is not None]
+    together = _left_out_together(solved)
+    columns = [
+        int(column)
+        for column in np.flatnonzero(normals.removed)
+        if (found := names[column]) is not None and not (found.group == "POINT" and found.name in together)
+    ]
+    if together:
+        names_of_some = first_names(together, _NAMED_POINTS)
+        because = "their rays have no angle of intersection, or contradict each other"
+        text = f"{len(together)} points were left out, as {because}: {names_of_some}"
+        remedy = "measure them in photos taken from elsewhere, or check their names"
+        yield Diagnosis("undetermined", f"point {together[0]}", text, remedy)
 
     def record(column: int) -> tuple[str, str]:
         name = names[column]
@@ -130,6 +143,23 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         cause, remedy = _cause(solved, group, name)
         text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
+
+
+def _left_out_together(solved: SolvedBlock) -> tuple[str, ...]:
+    """Return the names of points that were left out, if they are too many for a line of each."""
+    names = solved.block.point_names
+    left_out = tuple(names[point] for point in np.flatnonzero(solved.state.left_out))
+    return left_out if len(left_out) > _NAMED_POINTS else ()
+
+
+def _errors_far_off(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Say how good the photo points are, where the a-priori errors are so far off that the weights follow them."""
+    if solved.scale == 1.0:
+        return
+    given = solved.block.definition.measurement_precision
+    good = f"{solved.scale * given.value:.2g} {given.unit}"
+    text = f"the photo points are about {good} good, not {given.value:g}: weights were reduced by that"
+    yield Diagnosis("a-priori", f"bundle {solved.block.definition.name}", text, f"give measurement_precision as {good}")
 
 
 def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
@@ -283,6 +313,7 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
             continue
         # used, but without influence: left out as a blunder, or since it is behind the camera
         idle: NDArray[np.bool_] = np.asarray((rows.used & ~active).reshape(-1, 2).any(axis=1))
+        idle &= ~solved.state.left_out[observations.point]
         if not idle.any():
             continue
         some = observations.of(idle)

@@ -1,4 +1,4 @@
-"""The local frame that a block is adjusted in: its origin, what is constant there, and what it excludes.
+"""The local frame in which a block is adjusted: its origin, what is constant in it, and what it does not allow.
 
 With a coordinate reference system photos and points have local coordinates while they are adjusted. A constant of the
 project is a constant of the frame only together with others: the three coordinates of a point or projection centre, and
@@ -25,7 +25,7 @@ from orip.records.photo import PHOTO_PARAMETERS, Photo
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 
 _ROUNDED_TO = -2
-"""Decimals to which the origin is rounded: a small change of the block does not move it."""
+"""Decimals to which the origin is rounded, so that a small change of the block does not move it."""
 
 
 def ground_system(
@@ -54,12 +54,12 @@ def ground_system(
     if not len(places):
         message = "with a crs the block needs a location: give a control point with X, Y and Z, or projection centres"
         raise InputError.single(message)
-    # the median: one point with a misprint does not move the frame of all others
+    # the median, so that one mistyped point does not move the frame of all others
     return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
 
 
 def frame_complaints(block: Block) -> list[Complaint]:
-    """Return the complaints of what the frame cannot hold; photos still have the project's coordinates."""
+    """Return complaints about what the frame does not allow; the photos still have the project's coordinates."""
     if block.ground is PLAIN:
         return []
     names = [f"photo {photo.name}" for photo in block.photos]

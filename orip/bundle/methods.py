@@ -11,7 +11,7 @@ from orip.bundle.diagnosis import diagnose
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.groups.words import group_diagnosis
 from orip.bundle.results.solution import iteration_pass, solution_of
-from orip.bundle.snooping.findings import findings_told, without_blunders
+from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.variance_components.estimation import estimate_errors
@@ -60,7 +60,7 @@ def adjust_block(
     solution : Solution
         In the user's names and units, diagnosed. Project, user, inputs, warnings, interior and run are empty.
     solved : SolvedBlock
-        As it was adjusted last.
+        The last adjustment.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def adjust_block(
     else:
         snooped = snoop(block, method.snooping, numbered, stop_asked)
         solved, blunders = snooped.solved, snooped.blunders
-        advice += findings_told(solved, snooped.findings)
+        advice += snooping_diagnosis(solved, snooped.findings)
     if method.prune and not stop_asked():
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved

@@ -72,7 +72,7 @@ def without_photos(block: Block, left_out: BoolArray) -> Block:
 
 
 def without_photo(block: Block, photo: int) -> Block:
-    """Return a block without a photo, and without the tie points that fewer than two photos show then.
+    """Return a block without a photo, and without the tie points that are then in fewer than two photos.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def without_unused_cameras(block: Block) -> Block:
 
 
 def _is_shown(block: Block, rays: BoolArray | slice = slice(None)) -> BoolArray:
-    """Return which points some rays show (number of points,)."""
+    """Return which points (number of points,) have one of these rays."""
     shown = np.zeros(len(block.point_names), dtype=bool)
     shown[block.photo_points.point[rays]] = True
     return shown
@@ -119,12 +119,12 @@ def _rays(measured: IndexedPhotoPoints, photos: BoolArray, points: BoolArray) ->
 
 
 def _places(kept: BoolArray) -> IntArray:
-    """Return the new index of each of the kept; those of the others mean nothing."""
+    """Return the new index of each row that is kept; the others have no valid one."""
     return np.asarray(np.cumsum(kept) - 1, dtype=np.int64)
 
 
 def _concerns(part: Block) -> Callable[[ControlElement], bool]:
-    """Return whether an element is one of a photo, camera, point or theodolite set of a block."""
+    """Return a test of whether an element belongs to a photo, camera, point or theodolite set of a block."""
     known = {
         "PHOTO": {record_key(photo.name) for photo in part.photos},
         "CAMERA": {record_key(camera.name) for camera in part.cameras},

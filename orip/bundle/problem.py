@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,15 +12,23 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.factorisation.band import arranged
+from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.point_moves import moves_to_consensus, with_intersected_points, with_points_moved
+from orip.bundle.left_out_points import (
+    determined_points,
+    without_contradicting_pairs,
+    without_contradictory_points,
+    without_undetermined_points,
+)
+from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better
+from orip.bundle.point_moves import with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -36,7 +45,7 @@ class BlockProblem:
     block : Block
     unknowns : Unknowns
     observations : tuple of Observations
-        One of each kind; their rows follow one another.
+        One of each kind, in the order of their rows.
     datum : FreeDatum or None
         That of a free network; None: control.
     excluded : array (n,) of bool or None
@@ -65,7 +74,21 @@ class BlockProblem:
     def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
         found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
-        return found if self.excluded is None else replace(found, active=found.active & ~self.excluded)
+        idle = self.excluded
+        if state.left_out.any():
+            of_points = self._rows_of_points(state.left_out)
+            idle = of_points if idle is None else idle | of_points
+        return found if idle is None else replace(found, active=found.active & ~idle)
+
+    def _rows_of_points(self, points: BoolArray) -> BoolArray:
+        """Return which equations (n,) are photo points of some points (number of points,)."""
+        of_kinds = [
+            np.repeat(points[kind.point], 2)
+            if isinstance(kind, PhotoPointObservations)
+            else np.zeros(len(kind.rows.photo), dtype=bool)
+            for kind in self.observations
+        ]
+        return np.concatenate([np.zeros(0, dtype=bool), *of_kinds])
 
     def design(self, state: BlockState) -> csr_array:
         """Return the whole design matrix (n, m + 3 b) at a state."""
@@ -120,14 +143,60 @@ class BlockProblem:
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
+        correction = self._moves(state, equations, limit, where_better)
+        moved = state.moved(correction, self.unknowns)
+        more = self.with_all_blocks(moved)
+        back = state.left_out & self._points_that_fit(more, limit) & determined_points(self.block, more, state.left_out)
+        if not (correction.any() or back.any()):
+            return None
+        return replace(more, left_out=state.left_out & ~back)
+
+    def _moves(
+        self, state: BlockState, equations: Equations, limit: float, moves: Callable[[PointRays, float], FloatArray]
+    ) -> FloatArray:
+        """Return corrections of all unknowns (m + 3 b,) that move points which do not fit."""
         first = 0
         correction = np.zeros(self.layout.size)
         for kind in self.observations:
             if isinstance(kind, PhotoPointObservations):
-                moves = moves_to_consensus(kind, first, self.unknowns.points, equations, state, limit)
-                correction[: len(moves)] += moves
+                correction += moves_of_points(kind, first, self.unknowns, equations, state, limit, moves)
             first += len(kind.rows.photo)
-        return state.moved(correction, self.unknowns) if correction.any() else None
+        return correction
+
+    def with_all_blocks(self, state: BlockState) -> BlockState:
+        """Return the state with the points that were left out, where their rays meet; itself if none are."""
+        if not state.left_out.any():
+            return state
+        points = np.where(state.left_out[:, None], self.with_blocks_recomputed(state).points, state.points)
+        return replace(state, points=points, left_out=np.zeros_like(state.left_out))
+
+    def with_doubtful_blocks_placed(self, state: BlockState, equations: Equations, limit: float) -> BlockState:
+        """Return the state with points that do not fit moved to where most of their rays agree, wherever they were.
+
+        Points whose two rays contradict each other are left out.
+        """
+        moved = state.moved(self._moves(state, equations, limit, placed), self.unknowns)
+        fits = self._points_that_fit(moved, limit)
+        return without_contradicting_pairs(self.block, moved, self.unknowns, fits)
+
+    def _points_that_fit(self, state: BlockState, limit: float) -> BoolArray:
+        """Return the points (number of points,) that lie in front of all their photos, with residuals up to a limit."""
+        fits, equations, first = np.ones(len(state.points), dtype=bool), self.linearise(state), 0
+        for kind in self.observations:
+            if isinstance(kind, PhotoPointObservations):
+                rows = slice(first, first + 2 * len(kind.point))
+                wrong = kind.rows.used & ~(equations.active[rows] & (np.abs(equations.residual[rows]) <= limit))
+                fits[kind.point[wrong.reshape(-1, 2).any(axis=1)]] = False
+            first += len(kind.rows.photo)
+        return fits
+
+    def without_undetermined_blocks(self, state: BlockState, factors: BlockFactors, scale: float) -> BlockState | None:
+        """Return the state without points that have no angle of intersection; None if there are none."""
+        return without_undetermined_points(self.block, state, self.unknowns, factors, scale)
+
+    def without_contradictory_blocks(self, state: BlockState, factors: BlockFactors, scale: float) -> BlockState | None:
+        """Return the state without points that rays with full weight do not determine; None if there are none."""
+        return without_contradictory_points(self.block, state, self.unknowns, factors, scale)
 
     def with_blocks_recomputed(self, state: BlockState) -> BlockState:
         """Return the state with its points intersected from the rays of the photos."""
@@ -212,6 +281,7 @@ def starting_state(block: Block) -> BlockState:
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
+        left_out=np.zeros(len(block.point_names), dtype=bool),
         turned_by_angles=np.array(
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),

@@ -23,7 +23,7 @@ from orip.records.block import Block
 from orip.records.project import BundleDefinition
 
 _LARGE = 2000
-"""Unknowns of a full reduced system that several threads factor faster than one."""
+"""Number of unknowns from which several threads factor a full reduced system faster than one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,8 @@ class SolvedBlock:
         Why the iterations ended.
     cofactors : Cofactors
     variance : VarianceOfUnitWeight
+    scale : float
+        Errors of the observations, in a-priori errors, that weights were reduced by; 1 unless these are far off.
     """
 
     problem: BlockProblem
@@ -55,6 +57,7 @@ class SolvedBlock:
     reason: TerminationReason
     cofactors: Cofactors
     variance: VarianceOfUnitWeight
+    scale: float
 
     @property
     def block(self) -> Block:
@@ -81,7 +84,7 @@ class SolvedBlock:
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
-    """Return the settings of the iterations: a bundle's, with down-weighting off where it begins at the last one."""
+    """Return the settings of the iterations; no down-weighting where a bundle's would begin with the last one."""
     off = definition.start_down_weight >= definition.max_iterations
     return IterationSettings(
         definition.enp_stop,
@@ -89,6 +92,7 @@ def iteration_settings(definition: BundleDefinition) -> IterationSettings:
         definition.max_standard_residual,
         None if off else definition.start_down_weight,
         definition.max_lost_digits,
+        definition.early_weights == "scaled",
     )
 
 
@@ -163,5 +167,5 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(
         problem, found.state, equations, found.weight_factors, normals, found.iterations, found.reason, precision,
-        variance,
+        variance, found.scale,
     )  # fmt: skip

@@ -19,7 +19,7 @@ _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""
 
 _ROUNDING = 1e-9
-"""Of the largest coordinate: a point that is nearer to its projection centre is at it."""
+"""Part of the largest coordinate; a point that is nearer than that to a projection centre coincides with it."""
 
 
 def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
@@ -40,7 +40,7 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     missing = np.isnan(start).any(axis=1)
     if missing.any():
         start[missing] = _intersections(block, start)[missing]
-        # check points may be written wrong: they start there only if no rays meet
+        # check points may have wrong coordinates: they start there only if their rays do not meet
         missing = np.isnan(start).any(axis=1)
         start[missing] = block.ground.to_local(checks)[missing]
     warnings = []
@@ -99,7 +99,7 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
 
 
 def _typical_distance(positions: FloatArray, block: Block, origins: FloatArray) -> float:
-    """Return the median distance of points from their photos, at which some are not; 1 if none is known."""
+    """Return the median distance of points from their photos, those at a centre left out; 1 if none is known."""
     distances = np.linalg.norm(positions[block.photo_points.point] - origins, axis=1)
     distances = distances[distances > _ROUNDING * np.abs(origins).max(initial=1.0)]
     return float(np.median(distances)) if len(distances) else 1.0

@@ -40,6 +40,8 @@ class BlockState:
     turned_by_angles : array (number of photos,) of bool
         Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
         are small rotations about the ground axes, which have no singular case.
+    left_out : array (number of points,) of bool
+        Points that take no part: their rays have no angle of intersection.
     memory : mapping of kind to array
         Shifts of exact constraints, kept from one iteration to the next.
     """
@@ -51,6 +53,7 @@ class BlockState:
     points: FloatArray
     theodolites: FloatArray
     turned_by_angles: NDArray[np.bool_]
+    left_out: NDArray[np.bool_]
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def angles(self) -> FloatArray:

@@ -1,8 +1,9 @@
 """Unknowns that nothing determines keep their values: the block is adjusted again with them held.
 
-Which unknowns are removed is decided in each iteration, so that one that is not removed in all of them moves. Rotations
-of photos are unknowns about the ground axes; one of these held keeps no angle. Therefore it is decided once more at the
-solution, with omega, phi and kappa themselves as unknowns, and what is removed then is held where it started.
+Which unknowns are removed is decided in each iteration, so that one that is not removed in all of them moves. The
+rotation unknowns of photos turn about the ground axes: holding one of them keeps none of the angles. Therefore it is
+decided once more at the solution, with omega, phi and kappa themselves as unknowns, and what is removed then is held
+where it started.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.records.ground import PlainGround
 
 _LEAST_COSINE_OF_PHI = 0.02
-"""Nearer to phi = ±90 degrees omega and kappa turn about the same axis; such photos keep rotations about the axes."""
+"""Nearer than this to phi = ±90 degrees omega and kappa turn about one axis; such photos keep rotations about axes."""
 
 _SAME = 1e-9
 """Values that differ by less, relative to 1 or their own size, have not been moved; angles are in radians."""

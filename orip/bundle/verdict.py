@@ -14,12 +14,12 @@ Level = Literal["good", "caution", "bad"]
 
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
-"""sigma0 from which on the a-priori errors are not just optimistic; the diagnosis has the same limit."""
+"""sigma0 above which the a-priori errors are more than just optimistic; the diagnosis has the same limit."""
 
 _FAR_ABOVE_TEXT = "the residuals are far larger than the a-priori errors"
 
 _HANDFUL = 10.0
-"""Redundancy below which sigma0 says nothing of the a-priori errors: by chance it is anything from a half to twice."""
+"""Redundancy below which sigma0 says nothing about the a-priori errors: by chance it is anything from 0.5 to 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ def group_findings(solution: Solution) -> list[Diagnosis]:
 
 def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     """Return what the test says of sigma0."""
-    # of a large block the interval is narrower than 0.01
+    # for a large block the interval is narrower than 0.01
     decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
     between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
     if sigma0 < test.lower:

@@ -1,4 +1,4 @@
-"""Asking before something is done that cannot be taken back by the command itself."""
+"""Asking before something is done that the command cannot undo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orip.errors import UsageError
 
 
 def require_confirmation(question: str, yes: bool) -> None:
-    """Go on if the user has said so already (``--yes``) or says so on the terminal.
+    """Go on if the user has agreed in advance (``--yes``) or agrees on the terminal.
 
     Raises
     ------

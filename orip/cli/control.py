@@ -158,7 +158,7 @@ def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weight
 
 
 def _planned(invocation: Invocation, edit: Callable[[ProjectState], Change[ControlOutcome]]) -> ControlOutcome:
-    """Return what an edit would do; what is wrong is said before anything is asked."""
+    """Return what an edit would do; errors are reported before the user is asked anything."""
     from orip.workflow.records.commands import read_records
 
     return edit(read_records(invocation.folder)).outcome

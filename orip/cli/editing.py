@@ -1,4 +1,4 @@
-"""What commands that edit records and control lines have in common: options, and how they say what they did."""
+"""What commands that edit records and control lines have in common: options, and how they report what they did."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def tell_edit(terminal: Terminal, verb: str, outcome: EditOutcome, unchanged: st
 
 
 def edit_document(command: str, outcome: EditOutcome, **more: Any) -> dict[str, Any]:
-    """Return what an edit did for programs."""
+    """Return what an edit did, as a document for programs."""
     return {
         "command": command,
         **more,

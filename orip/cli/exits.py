@@ -64,8 +64,8 @@ def _kept_back(*_: object, **__: object) -> None:
 
 
 def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
-    """Print what is wrong with a command line that could not be taken apart, and return the exit code."""
-    # The shared options have not been read; what can be told of them from the words has to do.
+    """Print what is wrong with a command line that could not be parsed, and return the exit code."""
+    # the shared options have not been parsed: they are guessed from the words
     colors: dict[bool, ColorChoice] = {True: "never", False: "auto"}
     never = "--color=never" in arguments or "never" in arguments
     terminal = Terminal(json="--json" in arguments, color=colors[never])
@@ -92,7 +92,7 @@ def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -
             }
             for complaint in complaints
         ] or [{"file": None, "line": None, "column": None, "message": f"{error}{advice}"}]
-        with suppress(OripError):  # where stdout leads to is full, perhaps that is the error: stderr has it below
+        with suppress(OripError):  # stdout may be full, which may be the error itself: it is on stderr below
             terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
             terminal.flush()
     for text in [str(complaint) for complaint in complaints] or [str(error)]:

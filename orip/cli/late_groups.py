@@ -1,4 +1,4 @@
-"""Groups of commands that are put together when one of them is asked for: `orip --help` has no use for them."""
+"""Groups of commands that are registered when one of them is asked for: `orip --help` does not need them."""
 
 from __future__ import annotations
 

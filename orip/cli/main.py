@@ -104,7 +104,7 @@ def main() -> None:
 
 
 def _prepare_streams() -> None:
-    """Let no stream fail a command: a closed one swallows what it is given, a full one waits, all characters print."""
+    """Let no stream fail a command: a closed one discards its input, a full one waits, every character prints."""
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  # open for as long as orip runs
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):

@@ -58,7 +58,7 @@ class SharedOptions(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Invocation:
-    """What a command gets beside its own options: the project folder, the shared options, and how to print."""
+    """What a command gets in addition to its own options: the project folder, the shared options, and how to print."""
 
     folder: Path
     options: SharedOptions

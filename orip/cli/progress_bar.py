@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 DELAY_SECONDS = 1.0
-"""Seconds; shorter work shows no bar."""
+"""Seconds that work takes before a bar is shown."""
 
 _WIDTHS = (5, 24)
 _BESIDES = 48
@@ -22,7 +22,7 @@ _BESIDES = 48
 class ProgressBar:
     """The outermost stage of the current work, with the time it has taken.
 
-    The bar appears from a thread of its own: a stage that tells nothing until it ends has one, too.
+    The bar is shown by a thread of its own, so that a stage that reports nothing until it ends has one, too.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class ProgressBar:
             self._timer.start()
 
     def advance(self, done: int) -> None:
-        """Show how far it is."""
+        """Show how far the stage has advanced."""
         with self._lock:
             if self._depth == 1:
                 self._done = done

@@ -20,7 +20,7 @@ Style = Literal["red", "yellow", "green", "bold", "bold red", "bold yellow", "di
 
 USUAL_COLUMNS = 80
 LABEL_WIDTH = 9
-"""Columns of the label that a line on stderr begins with; its following lines are indented by as much."""
+"""Width of the label at the beginning of a line on stderr; continuation lines are indented by as much."""
 
 _CODES: dict[Style, str] = {
     "red": "31",
@@ -112,7 +112,7 @@ class Terminal:
 
     @contextmanager
     def progress(self) -> Iterator[None]:
-        """Show how far long work is, on a terminal that can take back what it shows."""
+        """Show the progress of long work, on a terminal where it can be removed again."""
         if self.quiet or not sys.stderr.isatty() or os.environ.get("TERM", "dumb") == "dumb":
             yield
             return
@@ -132,7 +132,7 @@ class Terminal:
         text : str
         style : Style or None
         styled : int or None
-            The style is that of so many characters; None: of all.
+            Number of characters that have the style; None: all.
         """
         if (sys.stderr.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
             text = text.translate(_PLAIN)
@@ -167,7 +167,7 @@ class Terminal:
 
 @contextmanager
 def _reader_may_leave(stream: TextIO) -> Iterator[None]:
-    """Go on in silence when the reader has seen enough, as head and less do: work and exit code are not theirs."""
+    """Go on silently when the reader of the output has left, such as head or less: work and exit code stay the same."""
     try:
         yield
     except BrokenPipeError:
@@ -176,7 +176,7 @@ def _reader_may_leave(stream: TextIO) -> Iterator[None]:
 
 @contextmanager
 def output_taken() -> Iterator[None]:
-    """Explain that data cannot be written where stdout leads to; what still comes is not written either.
+    """Report that data cannot be written to stdout; no further data are written.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def _send_nowhere(stream: TextIO) -> None:
 
 
 def _wrapped(line: str, columns: int) -> list[str]:
-    """Break a line between words; what follows stands below the first word behind the label."""
+    """Break a line between words; continuation lines begin below the first word after the label."""
     if len(line) <= columns:
         return [line]
     return textwrap.wrap(

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Literal, Self, overload
 
 from orip.errors import LinkError
-from orip.link.lines import LinkLine, open_line
+from orip.link.lines import LinkLine, open_line, without_token
 from orip.link.reply_values import (
     Greeting,
     ProfilePoint,
@@ -235,7 +235,7 @@ def open_link(url: str, *, timeout_s: float = 5.0, retries: int = 3) -> PlatePro
     Parameters
     ----------
     url : str
-        ``tcp://host:port``, or a serial device or URL that pyserial knows.
+        ``tcp://host:port``, ``tcp://token@host:port``, or a serial device or URL that pyserial knows.
     timeout_s : float
         For a connection, and for each reply.
     retries : int
@@ -288,15 +288,16 @@ def observe_or_operate(url: str, timeout_s: float, retries: int) -> PlateProcess
             line, first = open_line(url, timeout_s)
         except ConnectionError as error:
             if attempt == retries:
-                message = f"no plate processor answers at {url} ({error}); start it ('orip drive emulate'), or check "
-                raise LinkError(message + "--link") from error
+                where = f"no plate processor answers at {without_token(url)} ({error})"
+                message = f"{where}; start it ('orip drive emulate'), or check --link"
+                raise LinkError(message) from error
             time.sleep(FIRST_PAUSE_S * 2**attempt)
             continue
         greeting = greeting_of(first)
         if greeting is None:
             line.close()
-            raise _no_processor(url, first)
-        return PlateProcessorLink(line, url, greeting)
+            raise _no_processor(without_token(url), first)
+        return PlateProcessorLink(line, without_token(url), greeting)
     message = f"retries has to be 0 or more, not {retries}"
     raise ValueError(message)
 

@@ -15,6 +15,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from orip.link.access import ASKING, shows_token
 from orip.link.line_reader import LONGEST_TABLE_LINE, LineReader
 from orip.link.protocol import NOBODY, Barred, answer, busy, downloaded, error, greeting, hosted, ok
 from orip.link.request_words import Refused, Request, whole_number
@@ -33,9 +34,10 @@ KEEP_PAUSE_S = 1.0
 
 
 class Patience(NamedTuple):
-    """Seconds to wait for the next line of a download, for a client to read its replies, and for all to leave."""
+    """Seconds to wait for lines of a download, for a token, for a client to read its replies, and for all to leave."""
 
     download_s: float = 10.0
+    token_s: float = 10.0
     reading_s: float = 10.0
     ending_s: float = 1.0
 
@@ -66,6 +68,8 @@ class Emulator:
     pace : Pace or None
         None: movements take no time.
     patience : Patience
+    token : str or None
+        What a client has to send first; None: nothing.
     """
 
     def __init__(
@@ -75,7 +79,9 @@ class Emulator:
         keep: Callable[[Station], None] | None = None,
         pace: Pace | None = None,
         patience: Patience = PATIENCE,
+        token: str | None = None,
     ) -> None:
+        self._token = token
         self._station = replace(station, is_paced=pace is not None)
         self._load, self._keep, self._pace, self._patience = load, keep, pace, patience
         self._travel = Travel(station.state.plates, time.monotonic())
@@ -109,10 +115,12 @@ class Emulator:
     async def _serve_client(self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         client = _Client(_address(writer), LineReader(stream), writer)
         self._clients[client] = asyncio.current_task()
-        self._operator = self._operator or client
         try:
             writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             writer.transport.set_write_buffer_limits(LARGEST_BACKLOG)
+            if not await self._is_let_in(client):
+                return
+            self._operator = self._operator or client
             writer.write(greeting(self._station, self._other_operator(client)))
             await self._converse(client)
         except OSError:  # time-outs are of this class
@@ -121,6 +129,19 @@ class Emulator:
             del self._clients[client]
             self._observe(client)
             writer.close()
+
+    async def _is_let_in(self, client: _Client) -> bool:
+        """Ask for the token, if there is one; nobody waits long for it."""
+        if self._token is None:
+            return True
+        client.writer.write(f"{ASKING}\n".encode("ascii"))
+        async with asyncio.timeout(self._patience.token_s):
+            line = await client.lines.next()
+        if line is not None and shows_token(line, self._token):
+            return True
+        text = "that is not the token which 'orip drive emulate' has printed"
+        client.writer.write(error(DriveFault(DriveCode.FORBIDDEN, text)))
+        return False
 
     async def _converse(self, client: _Client) -> None:
         goes_on = True

@@ -9,11 +9,12 @@ import time
 from typing import Any, Protocol
 
 from orip.errors import LinkError
+from orip.link.access import ASKING
 
 LONGEST_REPLY = 4096
 """Bytes; a plate processor's longest line has some 200."""
 
-_TCP = re.compile(r"tcp://(?:\[([0-9A-Fa-f:.]+)\]|([^/:\[\]]+)):([0-9]{1,5})/?")
+_TCP = re.compile(r"tcp://(?:([A-Za-z0-9_-]{1,100})@)?(?:\[([0-9A-Fa-f:.]+)\]|([^/:\[\]]+)):([0-9]{1,5})/?")
 
 _QUIET_S = 0.2
 """A serial line on which nothing came for this long has nothing left from before."""
@@ -45,11 +46,33 @@ def open_line(url: str, timeout_s: float) -> tuple[LinkLine, str]:
     if not url.lower().startswith("tcp:"):
         return _open_serial(url, timeout_s)
     found = _TCP.fullmatch(url)
-    if found is None or int(found[3]) > 65535:
+    if found is None or int(found[4]) > 65535:
         message = f"'{url}' is no link; write for example tcp://127.0.0.1:4788"
         raise LinkError(message)
-    line = SocketLine(found[1] or found[2], int(found[3]), url, timeout_s)
-    return line, line.greeting()
+    line = SocketLine(found[2] or found[3], int(found[4]), without_token(url), timeout_s)
+    first = line.greeting()
+    return line, first if first != ASKING else _let_in(line, found[1], without_token(url))
+
+
+def without_token(url: str) -> str:
+    """Return a URL as it may be shown."""
+    return re.sub(r"^(tcp://)[^@/]*@", r"\1", url)
+
+
+def _let_in(line: SocketLine, token: str | None, url: str) -> str:
+    """Show the token, and return the greeting that follows."""
+    if token is not None:
+        line.send(f"TOKEN {token}\n".encode("ascii"))
+        first = line.greeting()
+        if not first.startswith("ERR"):
+            return first
+    line.close()
+    what = "wants a token" if token is None else "does not take this token (error 403)"
+    message = (
+        f"the plate processor at {url} {what}; give the link as 'orip drive emulate --allow-remote' has printed it: "
+        "tcp://TOKEN@HOST:PORT"
+    )
+    raise LinkError(message)
 
 
 class SocketLine:

@@ -153,7 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         token, slash, path = urlsplit(self.path).path.removeprefix("/").partition("/")
         if not (slash and secrets.compare_digest(token.encode(), self.server.token.encode())):
-            self._refuse(HTTPStatus.NOT_FOUND, "take the address that 'orip drive watch' has printed")
+            self._refuse(HTTPStatus.FORBIDDEN, "take the address that 'orip drive watch' has printed")
             return None
         return path
 

@@ -20,7 +20,7 @@ _ERRORS = 5.0
 """Standard errors within which a photo point is the image of a position."""
 
 _PART = 100_000
-"""Photo points whose distortion is removed together: the partials take several times the memory of the vectors."""
+"""Photo points whose distortion is removed at a time: the partials take several times the memory of the vectors."""
 
 
 class AdjustedRays:

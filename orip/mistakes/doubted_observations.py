@@ -13,11 +13,11 @@ _DOUBTED = 0.5
 """Weight factor below which an observation hardly influenced the result."""
 
 _PICTURE = 0.01
-"""Mean square of the residuals, as part of the variance of the photo coordinates, above which the photos show something
-else: residuals are a tenth of the coordinates."""
+"""Mean square of the residuals, as a part of the variance of the photo coordinates, above which the photos are not of
+these points: residuals are a tenth of the coordinates."""
 
 _FAR_OFF = 1e6
-"""Largest standard residual that counts; those of points behind their photo are infinite."""
+"""Largest standard residual that is counted in full; those of points behind their photo are infinite."""
 
 
 def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
@@ -45,7 +45,7 @@ def down_weighted_share(solution: Solution, kind: str) -> float:
 
 
 def is_in_the_picture(solution: Solution) -> bool:
-    """Tell whether residuals are so large that the photos show something else than they should."""
+    """Tell whether residuals are so large that the photos cannot be of these points."""
     rows = solution.residuals
     photo = np.array(rows.kind) == "photo"
     left_out = float(np.isnan(rows.weight_factor[photo]).mean())

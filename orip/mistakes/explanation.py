@@ -1,4 +1,4 @@
-"""Why an adjustment does not fit, or there is none: what was probably mistaken.
+"""Why an adjustment does not fit, or is impossible: what was probably mistaken.
 
 What a solution shows by itself is always looked at. Hypotheses need further adjustments; they are tried only where the
 adjustment failed, did not fit within its a-priori errors, or down-weighted many observations of a kind.
@@ -35,10 +35,10 @@ from orip.records.block import Block
 from orip.records.solution import Solution
 
 _MOST_WARNINGS = 5
-"""The first ones matter, and the listings have all observations that do not fit."""
+"""Most warnings: the first ones matter, and the listings have all observations that do not fit."""
 
 _EQUALLY = 0.01
-"""Part of the observations by which the misfits of two hypotheses may differ that explain a block equally well."""
+"""Part of the observations by which the misfits of two equally good hypotheses may differ."""
 
 _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
@@ -53,9 +53,9 @@ def explain_misfit(
     ----------
     solution : Solution
     solved : SolvedBlock
-        The same as it was adjusted.
+        The adjustment that it comes from.
     started : Block
-        As its adjustment started.
+        The block with its starting values.
     readjuster : Readjuster
     """
     given = fit_of_adjustment(solved)
@@ -72,14 +72,14 @@ def explain_misfit(
 
 
 def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
-    """Return a block that fits if its orientations are found; None where they do not matter, or none are given."""
+    """Return an adjustment that fits without the given orientations; None where there is none, or none are given."""
     released = without_orientations(readjuster.block)
     solved = readjuster.adjust(released) if readjuster.is_worthwhile and released is not None else None
     return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
 
 
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what a block shows that fits with other orientations than the given ones."""
+    """Return what is wrong in a block that fits with other orientations than the given ones."""
     return misgiven(solved, readjuster.block) or _shown_by_itself(solution_of(solved), solved, readjuster)
 
 
@@ -164,7 +164,7 @@ class _Tried:
 
 
 def _adjusted(hypotheses: Iterable[Hypothesis], readjuster: Readjuster) -> Iterator[_Tried]:
-    """Yield the hypotheses that can be adjusted and turn out as they foresee."""
+    """Yield the hypotheses that can be adjusted, with an adjustment that agrees with them."""
     for hypothesis in hypotheses:
         solved = readjuster.adjust(hypothesis.block)
         if solved is not None and hypothesis.holds(solved):
@@ -172,7 +172,7 @@ def _adjusted(hypotheses: Iterable[Hypothesis], readjuster: Readjuster) -> Itera
 
 
 def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what to say for the hypothesis that explains most; of those that explain as much, the first."""
+    """Return the warnings of the hypothesis that explains most; of those that explain as much, of the first."""
     found: list[_Tried] = []
     for tried in _adjusted(hypotheses, readjuster):
         if explains(tried.fit, given) and not _better_start_suffices(tried, readjuster):
@@ -184,7 +184,7 @@ def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: 
     scale = min(tried.fit.scale for tried in found)
     least = min(misfit(tried.fit, scale) for tried in found)
     equal = [tried for tried in found if misfit(tried.fit, scale) <= least + _EQUALLY]
-    # the data as they were meant rotate the photos least
+    # with the data as they were meant the photos rotate least from where they started
     best = min(equal, key=lambda tried: round(tried.rotated, 1))
     return best.hypothesis.findings(best.solved)
 

@@ -21,7 +21,7 @@ _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
 
 _SIGN_TEST = 3.7
-"""Quantile of the normal distribution, error probability 1e-4: some ten hypotheses are tried."""
+"""Quantile of the normal distribution for an error probability of 1e-4, as some ten hypotheses are tried."""
 
 _FAR_OFF, _FEW = 10.0, 4
 """An observation that is off by ten times the limit fits by chance with a probability of at most a tenth, four of them
@@ -31,14 +31,14 @@ _EXPLAINED = 0.3
 """The other adjustment may have at most this part of the misfits."""
 
 _SEVERAL, _ALMOST_ALL = 4, 0.1
-"""Misfits of which another adjustment may keep this part alone, and explains the block if it fits otherwise."""
+"""Part of the misfits that another adjustment may keep and still explain the block if it fits otherwise."""
 
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
-"""Standard error of unit weight, and part of the observations that may be blunders, in an adjustment that fits."""
+"""Largest standard error of unit weight, and part of the observations that may be blunders, where a block fits."""
 
 
 _OF_A_GROUP = 0.15
-"""Part of the coordinates of a photo, or of the control, that may be blunders."""
+"""Largest part of the coordinates of a photo, or of the control, that may be blunders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Fit:
     columns : four sequences of length n
         Kind, photo, point and component of the observations.
     standard : array (n,)
-        Standard residuals; infinite for what could not be computed, as a point behind its photo.
+        Standard residuals; infinite for what could not be computed, such as a point behind its photo.
     """
 
     columns: tuple[Sequence[str], Sequence[str], Sequence[str], Sequence[str]]
@@ -68,7 +68,7 @@ class Fit:
         return max(1.0, float(np.median(self.standard)) / MEDIAN_OF_NORMAL)
 
     def of(self, observations: tuple[tuple[str, str, str, str], ...]) -> FloatArray:
-        """Return the standard residuals of some observations; infinite for those that it has not."""
+        """Return the standard residuals of some observations; infinite for those that are not in this fit."""
         if observations == self.observations:
             return self.standard
         place = dict(zip(self.observations, self.standard.tolist(), strict=True))

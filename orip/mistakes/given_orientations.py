@@ -17,22 +17,22 @@ from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted_names
 
 _FAR_AWAY, _FAR_TURNED = 0.2, 0.35
-"""Shift over the distance to the points, and rotation in radians, from which an orientation is not an approximation."""
+"""Shift over the distance to the points, and rotation in radians, above which an orientation is no approximation."""
 
 _UNUSUAL = 5.0
-"""Times what is usual from which one of the photos is given wrong."""
+"""Multiple of the usual difference from which a photo counts as given wrong."""
 
 _MOST_ARE_RIGHT = 0.25
-"""Quantile that shows how well photos are given: of four photos, two may be exchanged."""
+"""Quantile of the differences that counts as usual: of four photos, two may be exchanged."""
 
 _MOVED, _MOST_MOVED = 0.05, 40
-"""Shift over the distance plus rotation from which photos may be exchanged, and number of them that are compared."""
+"""Shift over the distance plus rotation from which photos may be exchanged, and most photos that are compared."""
 
 _NEAR = 0.3
-"""Part of the misfit as given that remains where a change explains it."""
+"""Largest part of the misfit that remains where a change explains it."""
 
 _FEW = 0.4
-"""Part of the photos up to which single ones are said to be given wrong."""
+"""Largest part of the photos that may be reported one by one as given wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class ComparedOrientations:
 
     @property
     def shifts(self) -> FloatArray:
-        """Return how far (n,) the centres were given from where they are, over the distance to the points."""
+        """Return the distances (n,) of given and found projection centres over the distance to the points."""
         return np.asarray(np.linalg.norm(self.given[:, :3] - self.found[:, :3], axis=1) / self.distance)
 
     @property
@@ -89,13 +89,13 @@ def compared_orientations(
 
 
 def misgiven_orientations(compared: ComparedOrientations) -> list[ProjectWarning]:
-    """Return a warning for each photo whose orientation was given wrong while most others were not."""
+    """Return a warning for each photo whose orientation was given wrong, if most others were not."""
     roughly = float(np.nanmedian(compared.shifts)) > _FAR_AWAY
     if roughly and (unit := _control_in_another_unit(compared)):
         return unit
     exchanged = _exchanged_pairs(compared)
     if roughly:
-        # where all are given roughly, or the ground is another one, no single photo is wrong
+        # where all are given roughly, or in another ground system, no single photo is wrong
         return [_exchange(compared, *pair) for pair in exchanged]
     wrong = _wrong(compared)
     wrong[list(chain(*exchanged))] = False
@@ -105,7 +105,7 @@ def misgiven_orientations(compared: ComparedOrientations) -> list[ProjectWarning
 
 
 def _control_in_another_unit(compared: ComparedOrientations) -> list[ProjectWarning]:
-    """Return a warning if all photos are where they were given, in another unit: control determines the scale."""
+    """Return a warning if all photos are where they were given, but in another unit: control determines the scale."""
     for factor in FEET_AND_METRES:
         off = np.linalg.norm(compared.found[:, :3] * factor - compared.given[:, :3], axis=1) / compared.distance
         if float(np.nanmedian(off)) < _NEAR * float(np.nanmedian(compared.shifts)):
@@ -114,7 +114,7 @@ def _control_in_another_unit(compared: ComparedOrientations) -> list[ProjectWarn
 
 
 def misgiven_as_a_whole(compared: ComparedOrientations) -> list[ProjectWarning]:
-    """Return a warning that photos were given wrong, without a reason."""
+    """Return a warning that photos were given wrong, without a cause."""
     wrong = _wrong(compared)
     names = [name for name, is_wrong in zip(compared.names, wrong, strict=True) if is_wrong]
     if not names:
@@ -136,7 +136,7 @@ def _wrong(compared: ComparedOrientations) -> BoolArray:
 
 
 def _exchanged_pairs(compared: ComparedOrientations) -> list[tuple[int, int]]:
-    """Return the pairs of photos that were found where the other one was given, while most were found where given."""
+    """Return the pairs of photos each found where the other one was given, if most were found where given."""
     off = np.nan_to_num(compared.shifts) + np.nan_to_num(compared.turns)
     usual = float(np.quantile(off, _MOST_ARE_RIGHT))
     rows = np.flatnonzero(off > max(_MOVED, 2.0 * usual)).tolist()

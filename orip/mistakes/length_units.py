@@ -1,4 +1,4 @@
-"""Units of length that are taken for each other."""
+"""Units of length that are mistaken for each other."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ LENGTH_UNITS = {
     1e2: ("metres", "centimetres"),
     1e3: ("metres", "millimetres"),
 }
-"""By the factor that lengths have to be multiplied by: the unit that they are in, and the unit of what they are
-compared with."""
+"""By the factor that lengths have to be multiplied by: their unit, and the unit of what they are compared with."""
 
 FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
-"""The factors of the two units that are in use side by side."""
+"""The factors of the two units that are used side by side."""
 
 
 def control_unit_text(factor: float) -> str:
-    """Return what to say of control that fits the orientations of the photos when it is multiplied by a factor."""
+    """Return the message for control that fits the orientations of the photos when multiplied by a factor."""
     unit, other = LENGTH_UNITS[factor]
     return (
         f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in {unit}, "

@@ -1,4 +1,4 @@
-"""Control that fits a block in another reading than as given: what was probably mistaken, and what to do about it."""
+"""Control that fits a block only if read differently: what was probably mistaken, and what to do about it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MIRROR_IMAGE = (
 
 
 def misread_control(reading: ControlReading | None) -> tuple[str, ...]:
-    """Return the sentence about control that fits in another reading; none if there is no such reading."""
+    """Return the sentence about control that fits if read differently; none if there is no such reading."""
     if reading is None:
         return ()
     if reading.reading == "mirror image":
@@ -56,7 +56,7 @@ def _fits(reading: ControlReading) -> str:
 
 
 def _reflection(reading: ControlReading) -> str:
-    """Return which of the changes explains a mirror image: the known projection centres tell, else the cameras' side.
+    """Return which change explains a mirror image, from known projection centres, else from the side of the cameras.
 
     An exchange of X and Y, or one of them reversed, leaves the cameras above the ground; Z reversed puts them below it.
     """

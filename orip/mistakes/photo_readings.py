@@ -1,4 +1,4 @@
-"""What was measured in a photo, read otherwise: mirrored, at another resolution, under shifted numbers, another camera.
+"""What was measured in a photo, read differently: mirrored, at another resolution, numbers shifted, another camera.
 
 A photo that the others contradict is resected from the points that they determine, in every reading.
 """
@@ -21,23 +21,23 @@ _FITS = 6.0
 """Standard errors within which a point fits a resected photo."""
 
 _MOST = 0.75
-"""Part of the points that have to fit."""
+"""Part of the points that has to fit."""
 
 _FEWEST = 5
-"""Known points of a photo, of which any reading would fit fewer by chance."""
+"""Least number of known points of a photo: fewer fit any reading by chance."""
 
 _RESOLUTIONS = (2.0, 4.0)
 """Factors of reduced pictures."""
 
 _SAME_DIRECTION = np.radians(30.0)
-"""Rotation within which a given KAPPA tells which axis was mirrored."""
+"""Rotation within which a given KAPPA shows which axis was mirrored."""
 
 MIRRORED = "mirrored"
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A photo read otherwise than as measured.
+    """A photo read differently from how it was measured.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def _shifted_numbers(block: Block, rows: IntArray) -> Iterator[Reading]:
 
 
 def mirrored_text(block: Block, photo: int, rotation: FloatArray | None = None) -> str:
-    """Return which axis was mirrored: where KAPPA was given it tells, else all differ by a rotation alone.
+    """Return which axis was mirrored: a given KAPPA shows it; without one the cases differ only by a rotation.
 
     Parameters
     ----------

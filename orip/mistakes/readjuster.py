@@ -13,10 +13,10 @@ from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
 
 _MOST_PHOTO_POINTS = 20_000
-"""In larger blocks further adjustments would take longer than a user wants to wait."""
+"""Most photo points: in larger blocks further adjustments would take longer than a user wants to wait."""
 
 _EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo"}
-"""Codes of warnings that explain the misfit that follows from them."""
+"""Codes of warnings that already explain a misfit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Readjuster:
         try:
             return _solved(self.start(block))
         except (NotSolvableError, np.linalg.LinAlgError, ValueError):
-            # a block that is changed for a trial may be none; the adjustment as given stands all the same
+            # a block changed for a trial may be impossible to adjust; the adjustment as given stands nevertheless
             return None
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:

@@ -1,4 +1,4 @@
-"""Given orientations that are wrong: the block as if they were not given, and how they differ from what is found."""
+"""Given orientations that are wrong: the block as if they had not been given, and how they differ from those found."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Cameras of the drive table: their image equation, the frame lines, and how far the lens polynomial can be used.
 
-A polynomial is a model of a lens as far as it rises. Where it falls again a second point of the object would be shown
-at the same place of the photo; such points count as not shown. The radius where that begins is the reach. Additional
-parameters, of higher degree yet, say nothing beyond the photo; with them the reach is at most a little more than that.
+A polynomial is a model of a lens as far as it rises. Where it falls again a second point of the object would be imaged
+at the same place in the photo; such points count as not shown. The radius where that begins is the reach. Additional
+parameters, which have even higher degrees, mean nothing beyond the photo; with them the reach is limited to slightly
+more than the photo.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _REACH_IN_BASES = 4.0
 
 _BORDER_PLACES = 33
 _BEYOND_BORDER = 1.05
-"""The border of the frame is looked at in places; between them the ideal radius is not larger by this factor."""
+"""The border of the frame is sampled; between the samples the ideal radius is not larger by more than this factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class CameraModel:
     bound_square: float = IN_FRONT**-2
 
     def is_one_to_one(self, x: FloatArray, y: FloatArray) -> bool:
-        """Tell whether the polynomials rise all over the places (n,), mm from the principal point."""
+        """Tell whether the polynomials rise at all places (n,), mm from the principal point."""
         _, _, xx, xy, yx, yy = self.image.explicit_with_partials(x, y)
         within = np.all(self.image.is_within_reach(x, y))
         return bool(within and np.all(xx > 0.0) and np.all(xx * yy - xy * yx > 0.0))
@@ -71,7 +72,7 @@ def camera_model(camera: DriveCamera) -> CameraModel:
 
 
 def _bound_square(camera: CameraModel) -> float:
-    """Return the largest square of (x, y) / C within the frame, with something to spare; that of all in front else."""
+    """Return the largest square of (x, y) / C within the frame, with a margin; without a frame, of all in front."""
     half_x, half_y = camera.half_frame
     if not np.isfinite(half_x) or not np.isfinite(half_y):
         return camera.bound_square
@@ -92,8 +93,8 @@ def _reach_square(radial: list[float], sign: float) -> float:
         return 0.0
     try:
         roots = np.roots(rising[::-1])
-    except np.linalg.LinAlgError:  # coefficients that overflow are those of no lens
+    except np.linalg.LinAlgError:  # no lens has coefficients that overflow
         return 0.0
-    # a double root, where the curve only rests, may come out with an imaginary part of the root of the rounding
+    # a double root, at an inflection, may be computed with an imaginary part of the size of the root of the rounding
     turning = roots.real[(np.abs(roots.imag) <= 1e-7 * np.abs(roots)) & (roots.real > 0.0)]
     return float(turning.min(initial=np.inf))

@@ -1,4 +1,4 @@
-"""In which order points are digitised, and which photo lends its measurement to which: the rules of ORIPROGRAM.
+"""In which order points are digitised, and from which photo they are transferred: the rules of ORIPROGRAM.
 
 New points are digitised model by model, in each model point by point; those that are measured again point by point, in
 all their photos before the next point. A point that no photo has yet is measured stereoscopically in the two photos of
@@ -72,7 +72,7 @@ class DigitisedBlock:
     stages: Mapping[str, Stage]
 
     def in_order(self, photos: Collection[str]) -> list[str]:
-        """Return photos in the order in which the models show them, those of no model behind."""
+        """Return photos in the order in which the models show them, those of no model last."""
         shown = dict.fromkeys(photo for model in self.models for photo in model.photos)
         return [*(photo for photo in shown if photo in photos), *(photo for photo in photos if photo not in shown)]
 
@@ -145,7 +145,7 @@ class DigitisedBlock:
         return found
 
     def _first(self, name: str | None) -> list[PhotoPair]:
-        """Return the models, one of them in front."""
+        """Return the models, the named one first."""
         return sorted(self.models, key=lambda model: model.model != name)
 
     def _model_of(self, *photos: str) -> str | None:

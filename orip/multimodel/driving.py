@@ -63,7 +63,7 @@ def drive_objects(block: OrientedBlock, state: ProcessorState, xyz: FloatArray) 
         At the last point that could be driven to.
     driven : DrivenPoints
     """
-    with np.errstate(all="ignore"):  # a point may be as far away as it likes: it is outside then
+    with np.errstate(all="ignore"):  # a point may be so far away that numbers overflow: it is then outside
         driven = _driven(block, state, xyz)
     return _state_after(state, driven), driven
 
@@ -85,7 +85,7 @@ def profile(
     if not length / step <= MOST_PROFILE_POINTS - 1:
         text = f"the profile has more than {MOST_PROFILE_POINTS} points; take a longer step, or divide it"
         return state, DriveFault(DriveCode.BAD_KEYWORD, text)
-    # a last step that is rounding alone is none
+    # a last step that is nothing but rounding is left out
     steps = int(np.ceil(length / step * (1.0 - 1e-12)))
     along = np.minimum(np.arange(steps + 1) * step, length)
     direction = np.subtract(end, start) / max(length, 1e-300)

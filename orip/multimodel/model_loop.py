@@ -25,10 +25,10 @@ _PARALLEL = 1e-10
 """Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
 
 _NO_BASE = 1e-9
-"""Of the distance of the projection centres from the origin: what is nearer lies in one place."""
+"""Part of the distance of the projection centres from the origin up to which they coincide."""
 
 _ALONG_BASE = 1e-6
-"""Shortest part of the mean viewing direction across the base that still tells where the model's z axis is."""
+"""Least component of the mean viewing direction across the base that determines the model's z axis."""
 
 
 class ObjectPlaces(NamedTuple):
@@ -41,7 +41,7 @@ class ObjectPlaces(NamedTuple):
     y_parallax : array (n,)
         mm in the photo; zero where the rays meet.
     code : array (n,) of int
-        A `DriveCode`; the other rows mean nothing.
+        A `DriveCode`; where it is not 0, the other values are meaningless.
     """
 
     xyz: FloatArray
@@ -103,7 +103,7 @@ class ModelLoop:
         at_left, at_right = (lower, upper) if self.swapped else (upper, lower)
         left, right = self.photos[0].rays(at_left), self.photos[1].rays(at_right)
         columns = tuple(left.direction.T), tuple(right.direction.T)
-        with np.errstate(all="ignore"):  # the codes tell which values mean something
+        with np.errstate(all="ignore"):  # the codes say which values are valid
             sine_square, along_left, along_right, middle = self._meeting(*columns)
             parallax = self._y_parallax(*columns)
         code = np.where((along_left <= 0.0) | (along_right <= 0.0), DriveCode.BEHIND_CAMERA, DriveCode.NONE)
@@ -123,7 +123,7 @@ class ModelLoop:
         return rotated_back(self.axes, x - x0, y - y0, z - z0)
 
     def object_direction(self, x: Number, y: Number, z: Number) -> tuple[Number, Number, Number]:
-        """Return along the ground axes what is given along the model axes."""
+        """Return a vector given along the model axes along the ground axes."""
         return rotated(self.axes, x, y, z)
 
     def _meeting(

@@ -27,7 +27,7 @@ _NOT_DRIVEN = {
 def drive_object(block: OrientedBlock, state: ProcessorState, xyz: Triple) -> Outcome:
     """Drive to a point of the object; the model changes where the point is not inside the active one.
 
-    A locked plate stays, and so does then the model.
+    A locked plate stays where it is, and then the model does not change either.
     """
     select = select_model if state.switches else places_in_model
     return _driven_to(block, state, select(block, state.model, xyz), xyz)

@@ -104,7 +104,7 @@ class DrivenPhoto:
 
     def plate_places(self, xyz: FloatArray) -> PlatePlaces:
         """Return where points (n, 3) of the object are shown."""
-        with np.errstate(all="ignore"):  # what is not shown may have any value; the codes tell
+        with np.errstate(all="ignore"):  # points that are not shown may have any values; the codes say which
             u1, u2, u3 = self._photo_axes(*np.ascontiguousarray(xyz.T))
             in_front, near = is_in_front(u1, u2, u3), self._is_near(u1, u2, u3)
             depth = np.where(in_front, u3, np.nan)
@@ -118,7 +118,7 @@ class DrivenPhoto:
         return PlatePlaces(np.stack([xp, yp], axis=1), code, inside, ratio)
 
     def may_be_inside(self, x: Number, y: Number, z: Number) -> bool | BoolArray:
-        """Tell whether a point of the object may be within the frame; where not, that is sure, and soon found."""
+        """Tell quickly whether a point of the object may be within the frame; False is certain."""
         return self._is_near(*self._photo_axes(x, y, z))
 
     def ray(self, xp: float, yp: float) -> tuple[float, float, float] | None:

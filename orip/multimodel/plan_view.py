@@ -1,4 +1,4 @@
-"""The block in plan: the points and the areas of the models, projected on a plane of two object axes.
+"""The block in plan: the points and the areas of the models, projected onto a plane of two object axes.
 
 The plane is the one in which the points spread over the largest area: X and Y for a block of aerial photos, X and Z or
 Y and Z for a cliff or a façade. It is seen from where the cameras are, except that a map is never seen from below.
@@ -23,17 +23,17 @@ from orip.records.control import PointKind
 from orip.records.drive_table import Triple
 
 _NEAREST = 6
-"""Points that a third coordinate is interpolated from."""
+"""Number of points from which a third coordinate is interpolated."""
 
 _PLANES = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
-"""Axes to the right and up, and the third one; of equals the map comes first."""
+"""Axes to the right and up, and the third one; if spreads are equal, the first is taken: the map."""
 
 _FIRST_DIRECTIONS, _DIRECTIONS = 24, 180
 _STEPS, _HALVINGS = 16, 16
-"""An outline is right to a millionth of the block's extent in its directions, two degrees apart."""
+"""Outlines are computed in directions two degrees apart, to a millionth of the block's extent."""
 
 _MARGIN = 0.25
-"""Of the extent of the points: how far beyond them outlines go."""
+"""How far outlines go beyond the points, as a part of the extent of these."""
 
 
 class BlockPoints(NamedTuple):
@@ -121,7 +121,7 @@ def _interpolation(plane: Plane, xyz: FloatArray, default: float) -> Callable[[F
 
     Weights are the inverse squares of distances, so that it passes through the points (Shepard, 1968).
     """
-    from scipy.spatial import KDTree  # takes its time; the processor itself has no use for it
+    from scipy.spatial import KDTree  # slow to import, and not needed by the processor itself
 
     axes = (plane.right, plane.up)
     tree = KDTree(xyz[:, axes]) if len(xyz) else None
@@ -133,7 +133,7 @@ def _interpolation(plane: Plane, xyz: FloatArray, default: float) -> Callable[[F
         found[:, axes] = plan
         if tree is not None:
             distance, nearest = tree.query(plan, k=np.arange(1, count + 1))
-            # relative to the nearest, and bounded: a point itself is met, no weight overflows
+            # relative to the nearest point, and bounded: points are reproduced, and no weight overflows
             weights = ((distance[:, :1] + 1e-12) / (distance + 1e-12)) ** 2
             found[:, plane.third] = (weights * heights[nearest]).sum(axis=1) / weights.sum(axis=1)
         return found
@@ -189,7 +189,7 @@ def _outline(
 
 def _polygon_centroid(polygon: FloatArray) -> FloatArray:
     """Return the centroid of a polygon (n, 2); its mean corner where it has no area."""
-    shifted = polygon - polygon[0]  # coordinates of a national grid would take the digits
+    shifted = polygon - polygon[0]  # large coordinates of a national grid would lose digits
     after = np.roll(shifted, -1, axis=0)
     cross = shifted[:, 0] * after[:, 1] - shifted[:, 1] * after[:, 0]
     area = float(cross.sum())

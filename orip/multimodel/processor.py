@@ -25,7 +25,7 @@ def load(table: DriveTable) -> Loaded | tuple[DriveFault, ...]:
     faults = table_faults(table)
     if faults:
         return faults
-    with np.errstate(all="ignore"):  # numbers may be as large as they like, as long as they agree
+    with np.errstate(all="ignore"):  # a table may have numbers of any size, as long as they agree
         block = oriented_block(table)
         return Loaded(block, first_state(block))
 

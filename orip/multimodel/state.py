@@ -38,7 +38,7 @@ Position = tuple[float, float]
 """Plate coordinates x, y."""
 
 MOST_EVENTS = 1000
-"""Of more events that nobody asks for the oldest are forgotten."""
+"""Most events in the queue; of more that nobody asks for the oldest are forgotten."""
 
 
 class Event(NamedTuple):
@@ -70,14 +70,14 @@ class ProcessorState:
     plates : tuple (upper, lower) of positions
         Plate units, unrounded.
     mark : tuple (X, Y, Z) or None
-        Where the measuring mark was driven to in the object; None after plates were moved by themselves: it is then
+        Where the measuring mark was driven to in the object; None after plates were moved individually: it is then
         where the two rays meet.
     condition : {"IN", "OUTSIDE", "LIMIT"}
     guide : Guide
     automatic : bool
         Models change at frame lines.
     locked : {"UPPER", "LOWER"} or None
-        The stage that does not move. While one is locked models do not change by themselves: the photo on it would.
+        The stage that does not move. While one is locked, models do not change automatically: its photo would change.
     prisms : tuple (left, right)
     events : tuple of Event
         Oldest first.

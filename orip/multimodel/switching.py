@@ -20,7 +20,7 @@ from orip.records.drive_table import Triple
 
 _LARGEST_CHUNK = 8192
 _CHUNK_ENTRIES = 1 << 20
-"""Points times photos that are looked at in one go: some ten megabytes of memory."""
+"""Points times photos that are computed at a time: some ten megabytes of memory."""
 
 
 class Selected(NamedTuple):
@@ -116,7 +116,7 @@ def _walk(block: OrientedBlock, active: int, inside: NDArray[np.bool_], ratio: F
     count = inside.shape[1]
     outside = [
         row.tobytes() for row in ~inside
-    ]  # the next point outside is found in them at the speed of a memory scan
+    ]  # bytes, in which the next point outside is found at the speed of a memory scan
     points, models_of_points = np.nonzero(inside.T)
     first, models = np.searchsorted(points, np.arange(count + 1)).tolist(), models_of_points.tolist()
     sequence, starts = [active], [0]

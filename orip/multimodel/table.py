@@ -1,11 +1,11 @@
-"""The drive table of a solution: orientations as adjusted, interior orientation as it is in force.
+"""The drive table of a solution: adjusted exterior orientations, and the interior orientation in force.
 
 With a coordinate reference system the project's coordinates are curved, and collinearity does not hold in them. The
 table's object system is then a local topocentric frame: x east, y north, z up, in the ground unit, at the median of the
-adjusted points; `object_ground` gives it again from the same solution, to take coordinates there and back.
+adjusted points; `object_ground` reproduces it from the same solution, to transform coordinates to it and back.
 
 Stage limits of films are 240 mm, the usual travel of a stage, around everything that is shown or was measured on that
-stage, and more if that takes more; those of digital frames are the frame.
+stage, and more if necessary; those of digital frames are the frame.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def object_ground(crs: str | None, ground_unit: str, solution: Solution) -> Grou
 
 
 def frame_size(camera: Camera) -> tuple[float, float]:
-    """Return the frame that models change at, mm: the camera's, else that of its sensor, else none (zero)."""
+    """Return the frame at whose lines models change, mm: the camera's, else that of its sensor, else none (zero)."""
     if camera.frame is not None:
         return camera.frame
     return (camera.sensor.width, camera.sensor.height) if camera.sensor is not None else (0.0, 0.0)
@@ -142,7 +142,7 @@ def _parameter_set(camera: Camera, solution: Solution) -> DriveParameterSet | No
     found = {estimate.name: estimate.value for estimate in solution.additional if record_key(estimate.camera) == key}
     for name, parameter_set in PARAMETER_SETS.items():
         if any(parameter in found for parameter in parameter_set.parameter_names):
-            # a parameter that was held at zero is none of the estimates
+            # a parameter that was held at zero is not among the estimates
             values = tuple(float(found.get(parameter, 0.0)) for parameter in parameter_set.parameter_names)
             return DriveParameterSet(name, base_of_camera(camera), values)
     return None
@@ -191,6 +191,8 @@ def _start(ingredients: TableIngredients, model: StereoModel) -> Triple:
 def _limits(ingredients: TableIngredients, stage: Stage) -> StageLimits:
     photos = [photo for photo in ingredients.used_photos() if ingredients.stages[record_key(photo.name)] == stage]
     cameras = [ingredients.cameras[record_key(photo.camera)] for photo in photos]
+    if not photos:
+        return _limits(ingredients, "LOWER" if stage == "UPPER" else "UPPER")
     sensors = [camera.sensor for camera in cameras if camera.sensor is not None]
     if sensors:
         columns, rows = max(sensor.columns for sensor in sensors), max(sensor.rows for sensor in sensors)

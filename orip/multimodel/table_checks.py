@@ -1,4 +1,4 @@
-"""Cross checks of a drive table: everything that has to agree before a stage may move."""
+"""Cross-checks of a drive table: everything that has to agree before a stage may move."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from orip.records.names import name_fault, record_key
 from orip.records.photo import Stage
 
 ORTHONORMAL = 1e-9
-"""What R^T R may differ from the unit matrix; 0.2 µm in a photo of 230 mm."""
+"""Largest difference of R^T R from the unit matrix; 0.2 µm in a photo of 230 mm."""
 
 _NO_INVERSE = 1e-9
-"""Smallest area of the unit square on the plate, as part of the product of its sides."""
+"""Smallest area of the unit square on the plate, as a part of the product of its sides."""
 
 _GRID = 65
-"""Places along each side of a frame where the distortion is looked at; a polynomial of the seventh degree has no more
-than three turns between the middle and the border."""
+"""Places along each side of a frame where the distortion is tested; a polynomial of the seventh degree has at most
+three turning points between the middle and the border."""
 
 
 def table_faults(table: DriveTable) -> tuple[DriveFault, ...]:
-    """Return everything that is wrong in a table; none: it can be driven with."""
-    with np.errstate(all="ignore"):  # a file may have any numbers; those that overflow are not within the limits
+    """Return everything that is wrong in a table; empty: it can be driven with."""
+    with np.errstate(all="ignore"):  # a file may have any numbers; those that overflow are beyond the limits
         return tuple(_all_faults(table))
 
 
@@ -128,7 +128,7 @@ def _camera_faults(camera: DriveCamera) -> Iterator[DriveFault]:
 
 
 def _is_one_to_one(camera: DriveCamera) -> bool:
-    """Tell whether no two points of the frame are shown at one place; of its middle alone, where no frame is given."""
+    """Tell whether no two points of the frame are imaged at one place; only at its middle, where no frame is given."""
     model = camera_model(camera)
     side = np.linspace(-0.5, 0.5, _GRID)
     x, y = (grid.ravel() for grid in np.meshgrid(side * camera.frame[0], side * camera.frame[1]))

@@ -25,8 +25,8 @@ def with_arbitrary_datum(
         With two photos at least.
     rays : ImageRays
     distances : sequence of ControlDistance
-        Those in space between known points count, in ground units. Without any the scale is such that the mean
-        distance from a photo to the nearest other one is 1.
+        Ground units; only spatial distances between known points are used. Without any, the scale is such that the
+        mean distance from a photo to the nearest other one is 1.
     reason : str
         Why there is no other datum.
 

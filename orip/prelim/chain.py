@@ -1,7 +1,7 @@
 """The chain: decides how preliminary values are found, finds them, and says what it did for each photo.
 
-Routes are tried in the order in which they promise most. The first that orients all photos, none of them against its
-points, is taken, or what two routes agree on, otherwise the best of them.
+Routes are tried in the order of their prospects. The first that orients all photos without one that its points
+contradict is taken, or what two routes agree on, otherwise the best of them.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from orip.prelim.joint.by_photos import by_photos
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.misplaced_photos import misplaced_photos
+from orip.prelim.resection.direct_linear import POINTS_NEEDED
 from orip.prelim.routes import (
     LEAST_RESECTION,
     SAFE_RESECTION,
@@ -33,11 +34,12 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
+from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
 
 _STARTING_PAIRS = 5
-"""First pairs that are tried one after the other."""
+"""Number of first pairs that are tried, one after the other."""
 
 _GOOD = 2.5
 """Mean standard residual below which no further route is tried."""
@@ -49,7 +51,7 @@ _BETTER = 0.999
 """Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
 
 _FAR_OFF = 15.0
-"""Residuals over the a-priori error count up to this."""
+"""Residual over the a-priori error above which larger ones count the same."""
 
 _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""
@@ -124,6 +126,8 @@ def _routes(measured: MeasuredBlock) -> Iterator[Route]:
         yield by_models(free, models)
     elif seeing.mean() > 0.5:
         yield by_control(with_control)
+    if len(measured.rays.cameras.unknown) and (seen >= POINTS_NEEDED).any():
+        yield by_unknown_cameras(with_control)
     for choice in range(_STARTING_PAIRS):
         yield by_pairs(free, choice)
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):

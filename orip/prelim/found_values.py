@@ -29,7 +29,7 @@ def found_values(
     best : Outcome or None
         None where no route oriented a photo.
     by_models : Route or None
-        The route by the user's models: its steps are listed in any case, as what failed there is what is to be mended.
+        The route by the user's models. Its steps are always listed: what failed there is what the user has to correct.
     name_weak_connections : bool
         Look for parts of the block whose scale depends on few points.
     """
@@ -37,7 +37,7 @@ def found_values(
     grown = best.grown if best is not None else empty_growing_block(measured.rays)
     findings: tuple[str, ...] = best.findings if best is not None else ()
     if best is not None and not findings and best.reading is None:
-        # a photo that could not be oriented says itself what is missing
+        # for a photo that could not be oriented the listing says what is missing
         weak = _weak_connections(measured) if name_weak_connections and grown.oriented.all() else ()
         findings = (*_doubtful_photos(measured, best), *weak)
     on_ground = best is not None and best.on_ground

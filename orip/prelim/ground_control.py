@@ -41,7 +41,7 @@ def approximate_points(block: Block) -> KnownPositions:
     Returns
     -------
     KnownPositions
-        In the frame of the block, without a-priori errors: all count alike.
+        In the frame of the block, without a-priori errors: all have the same weight.
     """
     of_control = (point for point in block.control_points if None not in point.coordinates and not point.rejected)
     given = {point.name: point.coordinates for point in of_control}
@@ -60,7 +60,7 @@ def known_centres(block: Block) -> KnownPositions:
 
 
 def _in_frame(block: Block, given: FloatArray) -> FloatArray:
-    """Return coordinates in the frame; unknown ones, which stay so, are replaced by medians for the transformation."""
+    """Return coordinates in the frame; unknown ones stay NaN, and are replaced by medians for the transformation."""
     unknown = np.isnan(given)
     columns = given.T
     middle = [float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0 for column in columns]

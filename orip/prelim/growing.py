@@ -49,10 +49,10 @@ _MODELS_TRIED = 6
 """Models with oriented photos that are tried for one photo."""
 
 _BLOCKS_TRIED = 3
-"""Models from which a partial block is tried to grow."""
+"""Models from which growing a partial block is tried."""
 
 _REMOVALS = 2
-"""Times that a photo may be removed; after that it stays, and its residuals show that it does not fit."""
+"""How often a photo may be removed; after that it stays, and its residuals show that it does not fit."""
 
 _REFINED_AT = 1.5
 """Errors add up as a block grows: when it has grown by this factor it is adjusted as a whole."""
@@ -60,7 +60,7 @@ _REFINED_AT = 1.5
 
 @dataclass(frozen=True, slots=True)
 class _Refused:
-    """What could not be added, and how many points were known then: it is tried again when there are more.
+    """What could not be added, and how many points were known then: it is tried again once there are more.
 
     Photos, and models of an oriented photo and one that is not.
     """
@@ -71,7 +71,7 @@ class _Refused:
 
 @dataclass(frozen=True, slots=True)
 class BlockGrower:
-    """The rays a block grows by, and what does not change in it.
+    """The rays from which a block grows, and what does not change while it grows.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class BlockGrower:
     allowed : array (photos,) of bool
         Photos that may be added.
     models : dict
-        Relative orientations by pairs of photos, kept since many are asked for again.
+        Relative orientations by pairs of photos, kept since many are needed again.
     branching : bool
         Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
@@ -106,7 +106,7 @@ class BlockGrower:
         return np.isfinite(self.held[:, 0])
 
     def seen(self, current: GrowingBlock) -> ImageRays:
-        """Return the rays as a system shows them: cameras corrected, points that are held as accurate as they are."""
+        """Return the rays with the cameras corrected and the a-priori errors of points that do not change included."""
         return current.corrected(self._with_errors_of_held(current))
 
     def _with_errors_of_held(self, current: GrowingBlock) -> ImageRays:
@@ -231,7 +231,7 @@ class BlockGrower:
     def resection(self, current: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
         """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
 
-        `seen` are the rays, corrected as the system shows the cameras to be.
+        `seen` are the rays with the cameras corrected as estimated in the system.
         """
         rows = self.index.rows[photo][known[self.index.points[photo]]]
         points = self.rays.point[rows]
@@ -246,10 +246,10 @@ class BlockGrower:
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
     def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
-        """Return the block with the photos that see exactly three known points, each in its likeliest position.
+        """Return the block with the photos that see exactly three known points, each in its most likely position.
 
-        Of up to four positions the one is used in which most other rays of the photo meet those of oriented photos,
-        and of equally good ones the most upright: on the ground the vertical is known.
+        Of up to four positions the one is used in which most other rays of the photo meet those of oriented photos;
+        of equally good ones the most upright, as the vertical is known on the ground.
         """
         known, result = current.known, None
         for photo in np.flatnonzero(self.allowed & ~current.oriented):
@@ -282,7 +282,7 @@ class BlockGrower:
     def _with_model(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the system with the photo that shares most points with an oriented one, connected by their model.
 
-        Known points must fit that give the scale, and check it.
+        Known points have to fit: they give the scale and check it.
         """
         for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)

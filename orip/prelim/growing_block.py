@@ -51,7 +51,7 @@ class GrowingBlock:
         return np.isfinite(self.coordinates[:, 0])
 
     def corrected(self, rays: ImageRays) -> ImageRays:
-        """Return rays as the system's photos and points show their cameras to be."""
+        """Return rays with the cameras corrected as estimated in the system."""
         return corrected(rays, self.corrections)
 
     def with_photo(self, photo: int, rotation: FloatArray, centre: FloatArray, how: str) -> GrowingBlock:
@@ -78,7 +78,7 @@ class GrowingBlock:
         )
 
     def partial_block(self) -> PartialBlock:
-        """Return what is grown."""
+        """Return the oriented photos and known points."""
         photos, points = np.flatnonzero(self.oriented), np.flatnonzero(self.known)
         return PartialBlock(
             self.name,

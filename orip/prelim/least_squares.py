@@ -40,7 +40,7 @@ class PrelimProblem(Protocol[E]):
         """
 
     def reweighted(self, at: E) -> E:
-        """Return the estimates with the weights that their residuals ask for."""
+        """Return the estimates with the weights that follow from their residuals."""
 
     def costs(self, at: E, weights: FloatArray) -> FloatArray:
         """Return the weighted square sums (k,) of the residuals of estimates."""
@@ -54,7 +54,7 @@ class StepRule(Protocol):
 
     damping: FloatArray
     on_trust: bool
-    """The last step goes on from an estimate that is not better than the best one."""
+    """Whether the last step was taken although it did not improve the best estimate."""
 
     def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
         """Return which problems (k,) are better after a step than the best estimate so far."""
@@ -75,7 +75,7 @@ class GaussNewton:
     exhausted = False
 
     def accepts(self, _problem: PrelimProblem[E], _best: E, _tried: E) -> BoolArray:
-        """Return that all problems are better."""
+        """Accept the step of every problem."""
         return np.ones(1, dtype=bool)
 
     def singular(self) -> None:
@@ -155,8 +155,8 @@ def least_squares(
     most_steps : int
         Fewer where all problems have converged or are exhausted before.
     reweightings : int, optional
-        Steps after which the weights follow the residuals; later they are held, as some would alternate for ever.
-        Otherwise after all steps.
+        Number of steps after which the weights follow the residuals; later they are held, as some would alternate for
+        ever. Without it they follow after all steps.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def enlarged_diagonal(normals: FloatArray, damping: FloatArray | float, floor: F
     damping : float or array (k,)
         Part of each element that is added to it.
     floor : array (k,)
-        Added to all elements, so that what nothing determines stays where it is; where it is 0, 1 is added.
+        Added to all diagonal elements, so that what nothing determines keeps its value; where it is 0, 1 is added.
     """
     diagonal = np.einsum("kii->ki", normals)
     added = np.asarray(damping).reshape(-1, 1) * diagonal + np.where(floor > 0.0, floor, 1.0)[:, None]

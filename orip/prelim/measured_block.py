@@ -1,4 +1,4 @@
-"""What a block offers to find preliminary values from: its rays, and the control that they are fitted to."""
+"""What preliminary values are found from: the rays of a block, and the control to which they are fitted."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from orip.records.block import Block
 from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
-"""Points that suffice to orient a photo; and where models are listed, point by point."""
+"""Points that suffice to orient a photo, and points that suffice where models are listed point by point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,9 @@ class MeasuredBlock:
     block : Block
     control, centres : KnownPositions
         Control points and projection centres known on the ground; in a free network, points with approximate
-        coordinates: they give it its datum, and hold nothing.
+        coordinates: they give it its datum, but hold nothing fixed.
     all_rays, rays : ImageRays
-        All rays, and those of as many points as suffice.
+        All rays, and the rays of as many points as suffice.
     index : PhotoIndex
         Of `rays`.
     common : array (photos, photos)
@@ -42,7 +42,7 @@ class MeasuredBlock:
     control_errors : array (number of points,)
         Root mean square a-priori errors of the coordinates of control, 0 for other points.
     models : dict
-        Relative orientations by pairs of photos, kept since many are asked for again.
+        Relative orientations by pairs of photos, kept since many are needed again.
     """
 
     block: Block
@@ -74,7 +74,7 @@ class MeasuredBlock:
         Parameters
         ----------
         wanted : frozenset of str, optional
-            Names of the control points that are meant; otherwise all.
+            Names of the control points to return; None: all.
         """
         held = np.full((len(self.rays.points), 3), np.nan)
         if self.is_free:
@@ -93,7 +93,7 @@ class MeasuredBlock:
         return known
 
     def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
-        """Return the control as `full_control`, without points that the absolute orientation weighted down."""
+        """Return the control as `full_control` does, without the points that the absolute orientation down-weighted."""
         if absolute is None:
             return self.full_control()
         fits = np.all(absolute.weight_factor >= 1.0, axis=1)
@@ -114,7 +114,7 @@ class MeasuredBlock:
 
 
 def measured_block(block: Block) -> MeasuredBlock:
-    """Return the rays and the control of a block; preliminary coordinates stand for control in a free network."""
+    """Return the rays and the control of a block; in a free network preliminary coordinates are used as control."""
     control = approximate_points(block) if block.is_free_network else known_points(block)
     all_rays = image_rays(block)
     known = set(control.names)

@@ -9,10 +9,10 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 
 MISFIT = 5.0
-"""Residual over the median of all above which a point does not fit its photo."""
+"""Ratio of a residual to the median of all above which a point does not fit its photo."""
 
 _FEWEST = 3
-"""Points that do not fit: fewer may be blunders."""
+"""Number of points that do not fit from which a photo is doubted: fewer may be blunders."""
 
 _OUT_OF_PLACE = 0.2
 """Part of its points that do not fit above which a photo is in the wrong place."""
@@ -21,8 +21,8 @@ _OUT_OF_PLACE = 0.2
 def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     """Return the lengths (n,) of the residuals of rays, as the system shows them, over their a-priori errors.
 
-    Infinite for a point behind the photo, or one that several oriented photos see without determining it; NaN where the
-    photo is not oriented, or alone in seeing its point.
+    Infinite for a point behind the photo, and for one that is in several oriented photos but not determined; NaN where
+    the photo is not oriented, or is the only one with the point.
     """
     offset = grown.coordinates[rays.point] - grown.centres[rays.photo]
     u = np.einsum("ni,nij->nj", offset, grown.rotations[rays.photo])

@@ -47,7 +47,7 @@ def _oriented(
 
 
 def _other_partners(rays: ImageRays, pair: tuple[int, int], index: PhotoIndex) -> str:
-    """Return which photos share more points with those of a model than they with each other."""
+    """Say which photos share more points with a photo of the model than the model's two photos with each other."""
     common = len(index.common_points(*pair)[0])
     partners = []
     for photo in pair:

@@ -11,6 +11,7 @@ from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.misplaced_photos import misplaced_photos, unfit
 from orip.prelim.photo_index import PhotoIndex
+from orip.wording import counted
 
 _SHARED_NEEDED, _KNOWN_NEEDED = 5, 3
 
@@ -34,7 +35,7 @@ def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, grown
     if oriented.any():
         shared[~oriented] = 0
     most, name = int(shared.max(initial=0)), rays.photos[photo]
-    shortage = f"photo {name} shares {most} points with its neighbours, {_SHARED_NEEDED} are needed"
+    shortage = f"photo {name} shares {counted(most, 'point')} with its neighbours, {_SHARED_NEEDED} are needed"
     if not oriented.any():
         return shortage
     known = int(grown.known[index.points[photo]].sum())

@@ -1,6 +1,6 @@
-"""The routes to a block in one system: by its models, by control in the photos, by pairs of photos, by what is given.
+"""The routes to a block in one system: by its models, by control in the photos, by pairs of photos, by given values.
 
-Each route gives blocks in systems of their own, or one that is on the ground from the beginning.
+Each route gives one or more blocks in systems of their own, or one that is on the ground from the beginning.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from orip.wording import counted
 POINTS_FOR_A_PAIR = 5
 
 _PAIRS_COMPARED = 12
-"""Pairs with most common points that the first pair of a system is chosen from."""
+"""Number of pairs with most common points from which the first pair of a system is chosen."""
 
 _GOOD_ANGLE = np.radians(20.0)
 """Rays that meet at this angle fix depths as well as any."""
 
 SAFE_RESECTION, LEAST_RESECTION = 6, 3
-"""Control points in a photo that orient it on their own: one of them may be wrong; nothing checks them."""
+"""Control points with which a photo is resected without others: of six one may be wrong, three have no check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def _how_by_models(
     bridged: JoinedSystems,
     connections: Sequence[SimilarityStep],
 ) -> dict[str, str]:
-    """Say of each photo in which model it was oriented, and how that came to the block."""
+    """Say for each photo in which model it was oriented, and how that model was joined to the block."""
     bridges = {step.source: step for step in bridged.steps}
     strips = {rays.photos[photo]: strip.name for strip in bridged.systems for photo in strip.photos}
     connected = {step.source: step for step in connections}
@@ -107,9 +107,13 @@ def _with_sentences(grown: GrowingBlock, rays: ImageRays, sentences: Mapping[str
 
 def by_control(grower: BlockGrower) -> Route:
     """Go by resection of the photos that see enough control points; `grower` holds the control."""
-    start = empty_growing_block(grower.rays)
-    start = replace(start, coordinates=grower.held.copy(), deviations=np.where(np.isnan(grower.held), np.nan, 0.0))
-    return Route((grower.grow(start),), on_ground=True)
+    return Route((grower.grow(control_start(grower)),), on_ground=True)
+
+
+def control_start(grower: BlockGrower) -> GrowingBlock:
+    """Return the control of a block, and no photo yet."""
+    deviations = np.where(np.isnan(grower.held), np.nan, 0.0)
+    return replace(empty_growing_block(grower.rays), coordinates=grower.held.copy(), deviations=deviations)
 
 
 def by_given(grower: BlockGrower, rotations: FloatArray, centres: FloatArray) -> Route:
@@ -130,7 +134,7 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented
-        # they may have been removed from it as wrong, and would begin the same system again
+        # the two photos may have been removed as wrong, and would begin the same system again
         free[start.block.photos] = False
     systems.sort(key=lambda system: -int(system.oriented.sum()))
     return Route(tuple(systems), relative=tuple(relative))

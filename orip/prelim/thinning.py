@@ -1,4 +1,4 @@
-"""Fewer rays: some dozens of points orient a photo as well as hundreds, and many times faster."""
+"""Thinning of rays: a few dozen points orient a photo as well as hundreds, and many times faster."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from orip.arrays import BoolArray, IntArray
 from orip.prelim.image_rays import ImageRays
 
 _HOLDING = 4
-"""Points kept at least of those that connect two photos."""
+"""Least number of points kept of those that connect two photos."""
 
 _MANY = 1.5
-"""Times the points that are enough: photos with fewer, in the middle, keep all of them."""
+"""Multiple of the points that are enough: if the median photo has fewer, all points are kept."""
 
 
 def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
     """Return rays of enough points for each photo; points that are left out have no index.
 
-    Of each photo, and of each two photos that are neighbours in the list of those that show a point, those points are
-    kept that most other photos show, since they connect the block; equal ones in the order of a fixed shuffle, as
+    In each photo, and in each two photos that are neighbours in the list of photos of a point, those points are kept
+    that are in most other photos, since they connect the block; equal ones in the order of a fixed shuffle, as
     neighbours in a list of names are often neighbours on the ground.
 
     Parameters
     ----------
     rays : ImageRays
     kept : array (number of points,) of bool
-        Points that are kept in any case: those that are known on the ground.
+        Points that are always kept: those that are known on the ground.
     enough : int
-        Points of a photo that are kept at least, if it has as many.
+        Least number of points kept in a photo, if it has as many.
     """
     per_photo = np.bincount(rays.photo, minlength=len(rays.photos))
     if len(per_photo) == 0 or np.median(per_photo) <= _MANY * enough:
@@ -52,7 +52,7 @@ def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
 
 
 def _first_of_each(group: IntArray, point: IntArray, worth: IntArray, most: int) -> IntArray:
-    """Return so many points of each group, those first that have the least place in `worth` (number of points,)."""
+    """Return at most `most` points of each group, those with the lowest rank in `worth` (number of points,) first."""
     order = np.lexsort((worth[point], group))
     ordered = group[order]
     first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])) if len(order) else order

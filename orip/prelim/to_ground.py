@@ -23,13 +23,13 @@ _TO_THE_END = 1e-9
 """Relative gain in the weighted square sum below which a block no longer changes its shape."""
 
 _DOUBTFUL = 20.0
-"""Times the a-priori error: rays that miss each other by no more place a control point where none can be spared."""
+"""Multiple of the a-priori error by which rays of control points may miss each other if none can be spared."""
 
 _LOOKING_UP = -0.5
 """Mean cosine of the angle between the photos' z axes and the vertical below which photos are said to look up."""
 
 _NAMED = 6
-"""Photos of a part of a block that are named one by one."""
+"""Number of photos of a part of a block that are named one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
         return Outcome(route, grown, True, None, "") if reading is None else _misread(route, grown, reading)
     first, *others = route.systems
     if not np.isfinite(measured.full_control()).any():
-        # no point will hold it on the ground, where its shape would go on to change
+        # no point holds its shape once it is on the ground, so it has to be final before
         first = measured.grower().refined(first, _TO_THE_END)
     outcome = _absolute(measured, route, first)
     if measured.is_free and not outcome.is_final:
@@ -115,10 +115,10 @@ def _misread(route: Route, grown: GrowingBlock, reading: ControlReading) -> Outc
 
 
 def _reading_from_below(measured: MeasuredBlock, grown: GrowingBlock) -> ControlReading | None:
-    """Return the other reading of control by which photos were resected that then look up from below it, if any.
+    """Return another reading of control where photos were resected that look up at it from below; else None.
 
-    Resections fit control that is a mirror image nearly as well as the right one where it is nearly plane; a block that
-    is made without control shows its relief.
+    Resections fit a mirror image of nearly plane control almost as well as the control itself; a block formed without
+    control shows its relief.
     """
     oriented = grown.oriented
     known = np.isfinite(measured.control.coordinates[:, 2])
@@ -148,7 +148,7 @@ def _joined_to_ground(measured: MeasuredBlock, grown: GrowingBlock) -> Joined | 
 
 
 def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBlock:
-    """Return the block with control points, too, whose rays miss each other by more than they should.
+    """Return the block with those control points, too, whose rays miss each other by more than they should.
 
     A camera that is not calibrated lets the two rays of a point miss each other.
     """
@@ -166,7 +166,7 @@ def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBl
 
 
 def _grown_further(measured: MeasuredBlock, outcome: Outcome, others: list[GrowingBlock]) -> Outcome:
-    """Add what has control of its own, and the photos that the control allows to orient."""
+    """Add the other parts that have control of their own, and the photos that can be oriented by control."""
     for other in others:
         outcome = _with_other(measured, outcome, other)
     grower = measured.grower(measured.fitting_control(outcome.absolute))

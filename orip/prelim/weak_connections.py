@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 _FEW = 5
-"""Points apart from those of the photo: a wrong one among them cannot be distinguished from a wrong scale."""
+"""Number of common points up to which a wrong one among them cannot be distinguished from a wrong scale."""
 
 _NAMED = 8
-"""Photos that are named one by one."""
+"""Number of photos that are named one by one."""
 
 
 def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
@@ -53,10 +53,7 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
 
 
 def _possible_joints(together: csr_array) -> IntArray:
-    """Return the photos from which others are reached first: the leaves of a spanning tree connect nothing.
-
-    In ascending order.
-    """
+    """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
     _, label = connected_components(together, directed=False)
@@ -67,7 +64,7 @@ def _possible_joints(together: csr_array) -> IntArray:
 
 
 def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:
-    """Return how many points photos share with those outside but the joint, and which points they see."""
+    """Return how many points photos share with those outside, the joint excepted, and which points they see."""
     photos = np.zeros(len(rays.photos), dtype=bool)
     photos[members] = True
     inside, outside = np.zeros((2, len(rays.points)), dtype=bool)

@@ -38,6 +38,10 @@ class IndexedPhotoPoints:
     error: FloatArray
     used: BoolArray
 
+    def of(self, rows: IntArray) -> IndexedPhotoPoints:
+        """Return some of the photo points; photos and points keep their indices."""
+        return IndexedPhotoPoints(self.photo[rows], self.point[rows], self.xy[rows], self.error[rows], self.used[rows])
+
 
 @dataclass(frozen=True, slots=True)
 class TheodoliteSet:

@@ -47,6 +47,7 @@ class DriveCode(IntEnum):
     OUTSIDE_STAGE = 311
     NOT_INVERTIBLE = 312
     PARALLEL_RAYS = 313
+    FORBIDDEN = 403
     INTERNAL = 900
 
 

@@ -43,7 +43,7 @@ class BundleDefinition:
     enp_stop : float
         Iterations end at this exponent of numerical precision.
     max_iterations, start_down_weight : int
-        Down-weighting starts at iteration `start_down_weight`; equal to `max_iterations` it is off.
+        The Danish method begins at iteration `start_down_weight` at the earliest; equal to `max_iterations` it is off.
     max_standard_residual : float
         Standard residual above which the Danish method reduces a weight.
     max_lost_digits : float
@@ -56,6 +56,9 @@ class BundleDefinition:
     models : tuple of StereoModel
     repeated_points : {"replace", "mean", "both"}
         A point measured in a photo again: the later measurement counts, the mean of all, or each as an observation.
+    early_weights : {"scaled", "full"}
+        Before the Danish method: exceptionally large residuals lose weight, and it waits until the block has settled;
+        or all weights are 1, and it begins at iteration `start_down_weight`, as in ORIPROGRAM.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -74,6 +77,12 @@ class BundleDefinition:
         Literal["replace", "mean", "both"],
         Field(heading="Repeated points", example='"mean"', key_after="datum_points", column_after="datum_points"),
     ] = "replace"
+    early_weights: Annotated[
+        Literal["scaled", "full"],
+        Field(
+            heading="Early weights", example='"full"', key_after="start_down_weight", column_after="start_down_weight"
+        ),
+    ] = "scaled"
 
 
 RECORD_TYPES: Mapping[str, type] = {

@@ -1,1 +1,1 @@
-"""The report: one HTML page that holds all it needs, from the solution of a bundle adjustment."""
+"""The report on a bundle adjustment: one HTML page that contains everything it needs."""

@@ -20,10 +20,10 @@ from orip.units import DEGREES_PER_RADIAN
 
 MOST_POINTS = 10_000
 _DEPTH = 0.25
-"""Height of a photo's pyramid in parts of its median distance from its points."""
+"""Height of a photo's pyramid, as a part of its median distance from its points."""
 
 _FAR_AWAY = 20.0
-"""Coordinates so many times larger than the block are reduced: browsers draw in single precision."""
+"""Multiple of the block's size from which coordinates are reduced: browsers draw in single precision."""
 
 
 def block_view(given: ReportInput) -> dict[str, Any]:
@@ -96,7 +96,7 @@ def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
 
 
 def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
-    """Return the height of a photo's pyramid: short, against the distance of the points that it has."""
+    """Return the height of a photo's pyramid: a small part of the distance of its points."""
     rows = seen if len(seen) else np.arange(len(solution.points.names))
     distance = np.linalg.norm(solution.points.values[rows] - solution.photos.values[photo, :3], axis=1)
     known = distance[np.isfinite(distance)]

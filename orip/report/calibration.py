@@ -1,4 +1,4 @@
-"""The cameras: parameters with their precision and significance, correlations, the distortion before and after."""
+"""The cameras: parameters with precision and significance, correlations, and the distortion before and after."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def camera_sheets(given: ReportInput) -> tuple[CameraSheet, ...]:
 
 
 def correlation_matrix(solution: Solution, camera: str) -> CorrelationMatrix | None:
-    """Return the correlations of a camera's unknowns; None where it has less than two."""
+    """Return the correlations of a camera's unknowns; None where it has fewer than two."""
     found = {
         (correlation.a, correlation.b): correlation.r
         for correlation in solution.correlations
@@ -134,7 +134,7 @@ def _ratio(kind: str, value: float, sd: float) -> str:
 
 
 def significance(kind: str, value: float, sd: float, limit: float) -> str:
-    """Return whether a parameter differs from zero: ``yes``, ``no``, or nothing where that is no question."""
+    """Return whether a parameter differs from zero: ``yes``, ``no``, or empty where that is not tested."""
     if not _is_tested(kind, sd) or math.isnan(limit):
         return ""
     return "yes" if abs(value) > limit * sd else "no"
@@ -162,7 +162,7 @@ def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adju
 
 
 def _reach(given: ReportInput, name: str, camera: Camera | None) -> float:
-    """Return how far (mm) the camera's photos reach from its principal point."""
+    """Return the largest distance (mm) of the camera's frame from its principal point."""
     corners = frame_corners(camera) if camera is not None else None
     if corners is None or camera is None:
         return measured_reach(given, name)

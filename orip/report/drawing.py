@@ -21,7 +21,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class ChartFrame:
-    """Size of a chart in pixels, and what stands at its axes; counts are whole numbers from zero upwards."""
+    """Size of a chart in pixels, and the labels of its axes; counts are whole numbers from zero upwards."""
 
     across: str
     up: str
@@ -33,7 +33,7 @@ class ChartFrame:
 
 
 Place = Callable[[float, float], tuple[float, float]]
-"""Pixels of values."""
+"""Pixels for the numbers at the axes."""
 
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 12.0, 12.0, 40.0
 

@@ -17,10 +17,10 @@ from orip.report.labels import Box, labels
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60
 _BEYOND = 0.25
-"""How far an ellipse may widen the drawing, in parts of the block's longer side."""
+"""How far an ellipse may widen the drawing, as a part of the block's longer side."""
 
 _POINT, _PHOTO = 0.02, 0.10
-"""Largest semi-axis of a typical point's and photo's ellipse in the drawing, in parts of its sides."""
+"""Largest semi-axis of the ellipses of a typical point and photo, as a part of the sides of the drawing."""
 
 _WIDTH, _TALLEST, _SHORTEST = 620.0, 560.0, 60.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64.0, 14.0, 12.0, 46.0
@@ -46,7 +46,7 @@ class EllipseView(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EllipseViews:
-    """Plan and elevations, enlarged alike, what is to be known of them, and the kinds of places that are drawn."""
+    """Plan and elevations, equally enlarged, a note on them, and the kinds of positions that are drawn."""
 
     views: tuple[EllipseView, ...]
     note: str
@@ -81,7 +81,7 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
 
 
 def drawn_points(solution: Solution, most: int) -> IntArray:
-    """Return the rows of the points to draw: all that are not tie points, and of tie points every so many."""
+    """Return the rows of the points to draw: all that are not tie points, and an even selection of tie points."""
     kinds = np.array(solution.point_kinds)
     ties = np.flatnonzero(kinds == "tie")
     others = np.flatnonzero(kinds != "tie")[:most]
@@ -231,7 +231,7 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
 
 
 def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray, points: FloatArray) -> list[str]:
-    """Return the names of photos, control and check points, where they are not too many and have room."""
+    """Return the names of photos, control and check points that find room, if they are not too many."""
     surveyed = [place for place, row in enumerate(rows.tolist()) if solution.point_kinds[row] != "tie"]
     groups = [
         (photos, solution.photos.names),
@@ -246,7 +246,7 @@ def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray
 
 
 def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
-    """Return the frame of a view, its raster of round coordinates, and what they are."""
+    """Return the frame of a view, its grid of round coordinates, and their labels."""
     right, base = _LEFT + plane.width, _TOP + plane.height
     high = plane.low + np.array([plane.width, plane.height]) / plane.scale
     parts = [element("rect", x=_LEFT, y=_TOP, width=plane.width, height=plane.height, class_="frame")]
@@ -273,7 +273,7 @@ def _tick(value: float) -> str:
 
 
 def _key(plane: _Plane, enlargement: float, unit: str) -> list[str]:
-    """Return a bar that shows how long a round standard deviation is drawn."""
+    """Return a scale bar for standard deviations, of a round length."""
     sd = round_step(0.12 * _WIDTH / plane.scale / enlargement, 1) / 2.0
     length = sd * plane.scale * enlargement
     x, y = _LEFT + plane.width - length - 8.0, _TOP + plane.height + 30.0

@@ -1,4 +1,4 @@
-"""The groups of observations, each held against all others."""
+"""The groups of observations, each compared with all others."""
 
 from __future__ import annotations
 

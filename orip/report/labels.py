@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _CHARACTER, _HEIGHT, _MARK = 5.6, 9.0, 4.0
-"""Pixels: width and height of a letter of a small name, and half the side of a mark."""
+"""Width and height of a letter of a small name, and half the side of a mark, pixels."""
 
 _SIDES = ((5.0, -4.0, "start"), (5.0, 10.0, "start"), (-5.0, -4.0, "end"), (-5.0, 10.0, "end"))
-"""Where a name may stand: shift of its base from the mark, and which of its ends is there."""
+"""Where a name may be: shift of its base from the mark, and which of its ends is there."""
 
 
 class Box(NamedTuple):
@@ -24,7 +24,7 @@ class Box(NamedTuple):
     bottom: float
 
     def meets(self, other: Box) -> bool:
-        """Tell whether the two have something in common."""
+        """Tell whether the two overlap."""
         apart = other.right <= self.left or self.right <= other.left
         return not (apart or other.bottom <= self.top or self.bottom <= other.top)
 

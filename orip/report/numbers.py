@@ -1,4 +1,4 @@
-"""Numbers as the page shows them, where it differs from listings: a dash, other words, few digits."""
+"""Numbers as the page shows them, where that differs from the listings: a dash, other words, fewer digits."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def deviation(value: float, decimals: int) -> str:
 
 
 def parameter(value: float, sd: float) -> tuple[str, str]:
-    """Return the value and the sd of a camera parameter, of which each has its own size."""
+    """Return the value and the sd of a camera parameter; each parameter has its own number of decimals."""
     if not (math.isfinite(sd) and sd > 0.0):
         return f"{value:.6g}", deviation(sd, 3)
     if sd >= COEFFICIENT_PRECISION:
@@ -67,7 +67,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def probability(p: float) -> str:
-    """Return a probability as it stands behind ``p``, with its sign."""
+    """Return what follows ``p``: the sign (=, <) and the probability."""
     if p < 1e-4:
         return "< 0.0001"
     return "> 0.999" if p > 0.999 else f"= {p:.3f}" if p < 0.01 else f"= {p:.2f}"

@@ -1,4 +1,4 @@
-"""The page: all sections put into the template, with everything that the browser needs inside."""
+"""The page: all sections put into the template, with everything that the browser needs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 MOST_BYTES = 6_000_000
-"""What a page may have; for 500 photos and 50 000 points that is kept by drawing and listing fewer."""
+"""Largest size of a page; for 500 photos and 50 000 points it is kept by drawing and listing fewer of them."""
 
 _COMPRESSION = 4
 
@@ -127,6 +127,6 @@ def _source() -> bytes:
 
 @cache
 def _plotly() -> Markup:
-    """Return plotly's script, compressed: the page unpacks it when the block is to be seen."""
+    """Return plotly's script, compressed: the page unpacks it when the block is to be shown."""
     packed = zlib.compress(_source(), _COMPRESSION)
     return Markup(base64.b64encode(packed).decode("ascii"))

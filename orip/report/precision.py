@@ -1,4 +1,4 @@
-"""How good: standard deviations of points and photos as tables."""
+"""Precision: standard deviations of points and photos as tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Spread:
 
 
 def spreads(solution: Solution) -> tuple[Spread, ...]:
-    """Return the precision of points, projection centres and rotations in one line each coordinate."""
+    """Return the precision of points, projection centres and rotations, one line for each coordinate."""
     unit = solution.ground_unit
     points = [_spread(solution.points, axis, f"Points, {name}", unit) for axis, name in enumerate("XYZ")]
     places = [
@@ -40,7 +40,7 @@ def spreads(solution: Solution) -> tuple[Spread, ...]:
 
 
 def point_table(solution: Solution) -> PageTable:
-    """Return the points with standard deviations; of very many the least precise."""
+    """Return the points with standard deviations; if they are very many, the least precise ones."""
     points, unit = solution.points, solution.ground_unit
     rows = _least_precise(points, MOST_POINTS)
     decimals = decimals_for(points.sd)
@@ -103,7 +103,7 @@ def _deviations(estimates: Estimates, rows: list[int], axis: int, label: tuple[s
 
 
 def _least_precise(estimates: Estimates, most: int) -> list[int]:
-    """Return all rows in their order if they are few enough, else those with the largest deviations of place."""
+    """Return all rows in their order if they are few enough, else those with the largest standard deviations."""
     if len(estimates.names) <= most:
         return list(range(len(estimates.names)))
     # np.inf, an unknown that nothing determines, comes first; a constant last

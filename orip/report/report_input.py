@@ -14,7 +14,7 @@ from orip.records.solution import Solution
 
 @dataclass(frozen=True, slots=True)
 class ReportInput:
-    """A solution with the definitions that it stands on.
+    """A solution with the definitions that it is based on.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Residual vectors of photo points, photo by photo, and their mean by camera: what is systematic shows there."""
+"""Residual vectors of photo points, photo by photo, and their means by camera, which show systematic errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CELLS = 6
 
 _FEWEST = 3
 _LENGTH = 0.10
-"""Length of a large residual in the drawing, in parts of the longer side of the frame."""
+"""Length of a large residual in the drawing, as a part of the longer side of the frame."""
 
 _PIXELS, _MEAN_PIXELS, _MARGIN = 216.0, 400.0, 10.0
 _ALPHA = 0.01
@@ -50,20 +50,20 @@ class PhotoVectors:
 
     @property
     def rms(self) -> float:
-        """Return the root mean square (mm) of the components of the sound ones, 0 where there are none."""
+        """Return the root mean square (mm) of the components of the sound points, 0 where there are none."""
         return float(np.sqrt(np.mean(self.residual[self.sound] ** 2))) if self.sound.any() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class CellMeans:
-    """Mean residuals of a camera's photo points in the cells of a raster over its frame.
+    """Mean residuals of a camera's photo points in the cells of a grid over its frame.
 
     Parameters
     ----------
     centre, mean : arrays (k, 2), mm
     count : array (k,)
     p : float
-        Probability that means are so large by chance if residuals are independent.
+        Probability of means so large, or larger, by chance if residuals are independent.
     """
 
     centre: FloatArray
@@ -84,8 +84,8 @@ class VectorSheet:
 
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
-    """Return the residual vectors of each photo that has photo points; x and y stand in successive rows."""
-    # arrays of objects: those of texts have a copy of each
+    """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
+    # arrays of objects: an array of texts would copy each of them
     kind, component = (np.array(labels, dtype=object) for labels in (residuals.kind, residuals.component))
     rows = np.flatnonzero((kind == "photo") & (component == "x"))
     pairs = np.stack([rows, rows + 1], axis=1)
@@ -187,7 +187,7 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
 
 
 def _large(vectors: Sequence[PhotoVectors]) -> float:
-    """Return a large residual (mm) of the sound ones: 95 of 100 are smaller."""
+    """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
     lengths = np.concatenate([np.hypot(*photo.residual[photo.sound].T) for photo in vectors])
     return float(np.quantile(lengths, 0.95)) if lengths.size else 0.0
 
@@ -212,7 +212,7 @@ class _Frame:
 
     @property
     def enlargement(self) -> float:
-        """Return by how much residuals are longer than the frame is, a round number."""
+        """Return how many times larger residuals are drawn than the frame, a round number."""
         if self.large <= 0.0:
             return 1.0
         return round_step(_LENGTH * self.pixels / self.scale / self.large, 1) / 2.0
@@ -238,7 +238,7 @@ class _Frame:
         return element("rect", x=_MARGIN, y=_MARGIN, width=width, height=height, class_="frame")
 
     def scale_bar(self, y: float) -> Iterator[str]:
-        """Return a bar that shows how long a residual of a round number of micrometres is."""
+        """Return a scale bar for residuals, of a round number of micrometres."""
         micrometres = round_step(0.25 * self.pixels / self.scale / self.enlargement * 1e3, 1) / 2.0
         length = micrometres * 1e-3 * self.scale * self.enlargement
         yield element("path", d=f"M{number(_MARGIN)} {number(y)}h{number(length)}", class_="bar")
@@ -276,7 +276,7 @@ def _mean_drawing(camera: str, means: CellMeans, low: FloatArray, high: FloatArr
         frame.border(),
         element("path", d=_dots(frame.place(means.centre)), class_="feet"),
         element("path", d=frame.vectors(means.centre, means.mean), class_="vector mean"),
-        # the number on the side that the vector does not go to
+        # the number is on the side opposite to the vector
         *(text(x, y + (14.0 if up >= 0.0 else -6.0), str(count), text_anchor="middle", class_="faint")
           for (x, y), up, count in zip(places, means.mean[:, 1].tolist(), means.count.tolist(), strict=True)),
         *frame.scale_bar(height + 2 * _MARGIN + 8.0),

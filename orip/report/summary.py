@@ -1,4 +1,4 @@
-"""What the report says, in a few lines: the reader's questions in the same order, for a terminal."""
+"""The report in a few lines for a terminal: the reader's questions in the same order."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from orip.report.trust import check_point_finding
 from orip.wording import agreeing
 
 MOST_LINES = 16
-"""With the names of the files that are written it makes twenty."""
+"""Most lines; with the names of the files that are written there are twenty."""
 
 USUAL_COLUMNS = 80
 LABEL_COLUMNS = 9
@@ -49,8 +49,8 @@ _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
     (1, 1, frozenset({"weak"})),
     (1, 1, frozenset({"weak", "points", "photos"})),
 )
-"""Entries of one kind, notes, and questions that only the report answers: until all fits. What became of the camera is
-the purpose of a calibration, and is always told."""
+"""Most entries of one kind, most notes, and questions that are left to the report: tried in this order until everything
+fits. The camera is the purpose of a calibration, and is always shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str)
     solution : Solution
     gates : sequence of GateResult
     error_listing : str
-        The file that lists what there is no room for.
+        The file that lists what finds no room.
     """
     lines: tuple[SummaryLine, ...] = ()
     for most, notes, left_out in _SHORTER:
@@ -98,7 +98,7 @@ Section = Callable[[int], Iterator[SummaryLine]]
 
 
 def _sections(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> dict[str, Section]:
-    """Return the questions; each is answered with so many entries at most."""
+    """Return the sections by their questions; each takes the most entries it may have."""
     usable = solution.status in {"converged", "doubtful"}
     sections: dict[str, Section] = {
         "status": lambda _most: _trust(solution, gates),
@@ -152,7 +152,7 @@ def _variance_components(solution: Solution) -> Iterator[SummaryLine]:
 
 
 def _kept(text: str) -> str:
-    """Return words that must stay on one line."""
+    """Return words with blanks at which no line is broken."""
     return text.replace(" ", _KEEP)
 
 
@@ -184,7 +184,7 @@ def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[Summ
 
 
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
-    # what comes first of all is not repeated
+    # what the headline says is not repeated
     told = group_findings(solution)[:1]
     found = [finding for finding in solution.diagnosis if finding not in told]
     for finding in found[:most]:

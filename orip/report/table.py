@@ -1,4 +1,4 @@
-"""A table of the page: text cells under headings that say which figure of result.json they show."""
+"""A table of the page: text cells under headings, which name the figure of result.json that they show."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class PageColumn:
     cells : sequence of str
         One a row.
     words : bool
-        The cells are names or words; else numbers, which stand to the right.
+        The cells are names or words; else numbers, which are aligned to the right.
     """
 
     heading: str
@@ -41,9 +41,9 @@ class PageTable:
     columns : sequence of PageColumn
         All with the same number of cells.
     note : str
-        Stands under it: what was left out, what the figures mean.
+        Printed below the table: what was left out, what the figures mean.
     emphasised : set of int
-        Rows to be looked at.
+        Rows that need attention.
     """
 
     records: str

@@ -18,13 +18,13 @@ from orip.wording import first_names
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
 _FAMILY_ALPHA = 0.05
-"""Probability that anything is listed as misfitting in a block in which all is right."""
+"""Probability that anything is listed as misfitting in a block without blunders."""
 
 _LARGEST_ALPHA = 0.001
 """Error probability of one normalised residual in a block of few observations."""
 
 UNCHECKED = 0.10
-"""Redundancy number below which an error hides: less than a tenth of it shows in its own residual."""
+"""Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
 _FAR_WORSE = 3.0
 _NAMED = 12
@@ -54,7 +54,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
 
 
 def suspect_table(solution: Solution) -> PageTable | None:
-    """Return what was down-weighted, and what fits badly though it was not: the worst first."""
+    """Return the observations that were down-weighted, or fit badly although they were not, the worst first."""
     residuals = solution.residuals
     rows = suspect_rows(solution)
     if not rows.size:

@@ -1,10 +1,11 @@
-"""Whether an adjustment ended where it should, and which of two ends of the same block is the better minimum."""
+"""Whether an adjustment ended where it should, and which of two adjustments of a block ended at the better minimum."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -12,10 +13,10 @@ from orip.records.block import Block
 from orip.wording import agreeing, counted, counted_names
 
 _ABSURD_SIGMA0 = 5.0
-"""A-priori errors are seldom guessed wrong by more."""
+"""sigma0 above which a wrong minimum is suspected: a-priori errors are seldom wrong by a larger factor."""
 
 _MANY_DOWN_WEIGHTED = 0.2
-"""Part of all photo points above which blunders are not the reason."""
+"""Part of all photo points above which blunders cannot be the reason."""
 
 _MOST_OF_A_PHOTO = 0.5
 """Part of its photo points that do not fit above which the photo is out of place, not its points."""
@@ -26,7 +27,7 @@ follows with their square."""
 
 
 def doubt_about(solved: SolvedBlock) -> str:
-    """Return what is suspicious about the end of an adjustment, as the end of a sentence that begins with it, else "".
+    """Return what is suspicious about the end of an adjustment, to complete "the adjustment ..."; "" if nothing is.
 
     An adjustment that was started far from its minimum does not converge, or leaves photos undetermined, points behind
     their cameras, residuals of many times the a-priori errors or a photo that fits few of its points.
@@ -62,17 +63,11 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
 
 
 def robust_cost(solved: SolvedBlock) -> float:
-    """Return what the Danish method makes least: the sum of the losses of all observations.
-
-    The loss is the integral of standard residual times weight: u² / 2 up to the limit c, and at most c² (1/2 + 2 / e),
-    which is that of an observation that cannot be computed.
-    """
-    equations, c = solved.equations, solved.block.definition.max_standard_residual
-    largest = (0.5 + 2.0 / np.e) * c**2
-    u = np.abs(np.where(equations.active, equations.residual, np.inf)[~equations.exact])
-    with np.errstate(invalid="ignore"):
-        above = largest - c * (u + c) * np.exp(-u / c)
-    return float(np.where(u <= c, 0.5 * u**2, np.where(np.isfinite(u), above, largest)).sum())
+    """Return what the Danish method makes least: the sum of the costs of all observations, with the a-priori errors."""
+    equations, limit = solved.equations, solved.block.definition.max_standard_residual
+    judged = equations.active & ~equations.exact
+    of_judged = danish_costs(np.abs(equations.residual[judged]), limit)
+    return float(of_judged.sum()) + int(np.count_nonzero(~equations.active)) * greatest_danish_cost(limit)
 
 
 def _soundness(solved: SolvedBlock) -> tuple[bool, int]:

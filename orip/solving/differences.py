@@ -25,8 +25,8 @@ class Tolerance:
         one of C, of any other figure one of its value, or its standard deviation if that is larger: none depends on
         where the origin of a system lies.
     sigma : float or None
-        If given, adjusted values may differ by so many standard deviations (of both, combined) instead, and what only
-        says how good they are is not compared.
+        If given, adjusted values may differ by so many standard deviations (of both, combined) instead, and figures of
+        precision and reliability are not compared.
     """
 
     absolute: float = 1e-9
@@ -42,7 +42,7 @@ class Difference:
     ----------
     name : str
     a, b : float, str or None
-        As they stand in the results.
+        Their values in the two results.
     size : float
         The difference without sign; infinite where one of them is no number.
     allowed : float
@@ -71,7 +71,7 @@ class Comparison:
     differences : tuple of Difference
         Largest first, measured by what is allowed.
     only_a, only_b : tuple of str
-        Names of figures, or of things with figures, that one of them has alone.
+        Names of figures, or of records with figures, that are in one result only.
     """
 
     compared: int

@@ -23,7 +23,7 @@ def gather_bundle(inputs: BlockInput) -> Block:
     Raises
     ------
     InputError
-        With everything that keeps it from being a block.
+        With everything that prevents an adjustment.
     """
     try:
         block = gather(inputs)

@@ -23,7 +23,7 @@ from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 
 PLAIN = Method()
-"""All observations, weights by the Danish method as the bundle's definition says."""
+"""All observations, with weights by the Danish method as defined for the bundle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,18 +33,18 @@ class SolveWatcher:
     Parameters
     ----------
     oriented : callable
-        Told the preliminary values, if some were missing and had to be found.
+        Called with the preliminary values, if some were missing and had to be found.
     doubted : callable
-        Told what is wrong with the adjustment from given values, before it is repeated from the chain's.
+        Called with what is wrong with the adjustment from given values, before it is repeated from the chain's.
     replaced : callable
-        Told the values of the chain if the adjustment from them was better.
+        Called with the values of the chain if the adjustment from them was better.
     started : callable
-        Told the block before the first iteration.
+        Called with the block before the first iteration.
     passed : callable
-        Told each pass.
+        Called after each iteration.
     stoppable : context manager
-        Is entered for the time of the iterations and gives a function: once that returns True, the current iteration
-        is the last one; the result is kept and marked as stopped.
+        Entered for the duration of the iterations. It gives a function: once that returns True, the current iteration
+        is the last one, and the result is kept and marked as stopped.
     """
 
     oriented: Callable[[PreliminaryValues], None]
@@ -124,7 +124,7 @@ class _Adjusted:
 
 @dataclass(slots=True)
 class _Adjuster:
-    """Adjusts a gathered block from one start or another; the chain is asked once, `values` is what it found."""
+    """Adjusts a gathered block from one start or another; the chain runs at most once, `values` is what it found."""
 
     gathered: Block
     method: Method
@@ -138,7 +138,7 @@ class _Adjuster:
 
     @property
     def is_misread(self) -> bool:
-        """Return whether the control fits in another reading only: nothing else has to be looked for."""
+        """Return whether the control fits only if read differently: no other cause need be sought."""
         return self.values is not None and self.values.reading is not None
 
     def from_given(self) -> _Adjusted:
@@ -179,7 +179,7 @@ class _Adjuster:
 def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:
     """Adjust from the given values and, if that ends suspiciously, from the chain's own.
 
-    If those were better: also what was probably mistaken in the given ones, and a sentence that they were taken.
+    If those were better, also what was probably mistaken in the given ones, and a warning that they were taken.
     """
     gathered = adjuster.gathered
     if not (gathered.preliminary or np.isfinite(gathered.photo_orientation).any()):

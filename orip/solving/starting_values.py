@@ -49,7 +49,7 @@ class StartedBlock:
 
 
 def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
-    """Return a gathered block as its adjustment starts: at given values, and at those of the chain where some miss.
+    """Return a gathered block as its adjustment starts: at given values, or the chain's where some are missing.
 
     Photos that can be oriented neither way are left out, with a warning for each.
 
@@ -57,7 +57,7 @@ def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> S
     ----------
     block : Block
     found : callable
-        Told what the chain found, if it had to be asked.
+        Called with what the chain found, if it had to run.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _started_at(
     if missing.all() or (missing.any() and not oriented_by_chain):
         raise NotSolvableError(not_oriented(values))
     reduced = without_photos(block, missing) if missing.any() else block
-    # control that is weighted starts where its rays meet: coordinates that are wrong would lead them astray
+    # weighted control starts where its rays meet: wrong coordinates would lead the iterations astray
     placed = {point.name for point in preliminary}
     points = [point for point in points_in_project(values.points, block.ground) if point.name not in placed]
     cameras = cameras_as_found(reduced.cameras, values.cameras)
@@ -138,7 +138,7 @@ def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) ->
 def not_oriented(values: PreliminaryValues) -> str:
     """Return why photos could not be oriented, a line each, then what else was found; "" if all could.
 
-    Where the control fits in another reading only, that is why, for all photos.
+    Where the control fits only if read differently, that is the reason for all photos.
     """
     reasons = [photo.how for photo in values.photos if photo.rotation is None]
     if not reasons:

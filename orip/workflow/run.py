@@ -21,7 +21,7 @@ from orip.workflow.records.reconcile import Prefer
 
 @dataclass(frozen=True, slots=True)
 class RunWatcher:
-    """What is informed of each step as it is done."""
+    """Functions that are called after each step."""
 
     initialised: Callable[[Initialised], None]
     measured: Callable[[Committed[MeasureOutcome]], None]
@@ -64,7 +64,7 @@ def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tupl
 
 
 def _make_table(state: ProjectState, bundle: str, watcher: RunWatcher) -> None:
-    """Make the drive table; an adjustment is worth no less for models that cannot be driven."""
+    """Make the drive table; models that cannot be driven do not make the adjustment fail."""
     try:
         given = BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle)
         outcome = commit(make_drive_table(given)).outcome

@@ -35,8 +35,8 @@ class SampleWritten:
 def write_sample(name: str, folder: Path) -> SampleWritten:
     """Write a sample project into a folder that is new or empty; stores and results are left to `orip run`.
 
-    Killed while it writes, it leaves no project: a new folder appears as a whole, and in an existing one orip.toml is
-    the last to be written. Repeated, it goes on from there.
+    If it is killed while it writes, there is no half project: a new folder appears as a whole, and in an existing one
+    orip.toml is written last. When repeated, it goes on from there.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def _samples() -> Path:
 
 
 def _is_given(name: str) -> bool:
-    """Tell what the sample is made of from what orip wrote there, where somebody ran it in its place."""
+    """Tell whether a file belongs to the sample; orip may have written others there, if it was run in that folder."""
     return Path(name).suffix in _SUFFIXES or name == _TRUTH
 
 
@@ -97,7 +97,7 @@ def _require_room(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def _was_left(path: Path, texts: Mapping[str, str]) -> bool:
-    """Tell whether a killed run has written this: one of the texts, but not orip.toml that ends them."""
+    """Tell whether a killed run has written this file: one of the texts, except orip.toml, which is written last."""
     if path.name == PROJECT_FILE or path.name not in texts:
         return False
     try:

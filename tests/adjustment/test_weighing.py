@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_systems import linear_problem
+from adjustment.factorisation.linear_systems import linear_problem
 
-from orip.adjustment.weighing import Weighing
+from orip.adjustment.weighing import Weighing, weighing_from
 
 BLUNDER, FAR = 100.0, 60.0
 
@@ -43,13 +43,13 @@ def test_weights_wait_for_a_settled_state():
 
 def test_a_state_that_never_settles_is_not_waited_for():
     weighing = Weighing(5.0, 2)
-    for iteration in range(1, 11):
+    for iteration in range(1, 8):
         weighing = weighing.after(iteration, 0.9)
-    assert weighing.settled_after == 10
+    assert weighing.settled_after == 7
 
 
 def test_what_sticks_out_of_the_others_loses_weight_from_the_first_iteration_on():
-    assert Weighing(5.0, 2).factors(equations([0.5] * 9 + [BLUNDER]), 1)[-1] == pytest.approx(0.0025)
+    assert Weighing(5.0, 2).factors(equations([0.5] * 9 + [BLUNDER]), 1)[-1] == pytest.approx((5.0 / BLUNDER) ** 2)
 
 
 def test_without_a_start_nothing_is_reduced():
@@ -62,3 +62,15 @@ def test_without_a_start_nothing_is_reduced():
 def test_what_must_be_met_exactly_keeps_its_weight():
     found = equations([0.5] * 9 + [BLUNDER], np.arange(10) == 9)
     assert (Weighing(5.0, 1).factors(found, 1) == 1.0).all()
+
+
+def test_without_early_weights_the_danish_method_begins_at_its_iteration():
+    """As in ORIPROGRAM: all weights 1 before, those of the method from then on, whatever the corrections are."""
+    weighing, found = weighing_from(5.0, 3, early=False), equations([0.5] * 9 + [BLUNDER])
+    for iteration in (1, 2):
+        assert (weighing.factors(found, iteration) == 1.0).all()
+        assert not weighing.is_final_in(iteration)
+        weighing = weighing.after(iteration, -2.0)
+    assert weighing.factors(found, 3)[-1] == pytest.approx(np.exp(-BLUNDER / 5.0))
+    assert weighing.is_final_in(3)
+    assert weighing_from(5.0, None, early=False) == Weighing(5.0, None)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.weights import danish_weights, scaled_weights
+from orip.adjustment.weights import (
+    danish_costs,
+    danish_weights,
+    greatest_danish_cost,
+    robust_scale,
+    wide_costs,
+    wide_weights,
+)
 
 
 def test_values_above_and_below_the_limit():
@@ -24,24 +31,39 @@ def test_a_gigantic_residual_keeps_a_trace_of_weight():
     assert danish_weights(np.array([1e9]), 5.0).tolist() == [1e-10]
 
 
-@pytest.mark.parametrize("weights", [danish_weights, scaled_weights])
+def steep(standard_residuals, limit):
+    return wide_weights(standard_residuals, limit, 3)
+
+
+@pytest.mark.parametrize("weights", [danish_weights, steep])
 def test_no_observations(weights):
     assert weights(np.zeros(0), 5.0).shape == (0,)
 
 
-def test_while_settling_the_limit_follows_what_most_residuals_are():
-    far_off = np.full(100, 67.45)
-    far_off[:2] = 499.0, 501.0
-    # the median of 67.45 is a hundred times that of normal residuals, 0.6745: the limit 5 becomes 500
-    found = scaled_weights(far_off, 5.0)
-    assert found[0] == 1.0
-    assert found[1] == pytest.approx((500.0 / 501.0) ** 2, rel=1e-3)
-    assert found[2:].tolist() == [1.0] * 98
+def test_wide_weights_fall_with_the_square_or_the_cube():
+    found = [wide_weights(np.array([4.9, 5.0, 10.0, 50.0, 1e6]), 5.0, exponent).tolist() for exponent in (2, 3)]
+    assert found[0] == pytest.approx([1.0, 1.0, 0.25, 1e-2, 1e-10])
+    assert found[1] == pytest.approx([1.0, 1.0, 0.125, 1e-3, 1e-10])
 
 
-def test_while_settling_nothing_comes_loose():
-    assert scaled_weights(np.array([0.1, 0.2, 0.3, 1e6]), 5.0)[3] == pytest.approx(25e-12)
+@pytest.mark.parametrize(("weights", "costs"), [(danish_weights, danish_costs), (steep, wide_costs)])
+def test_costs_are_the_integral_of_residual_times_weight(weights, costs):
+    # by the trapezoidal rule; its error is the jump of the Danish weights times half a step, 5 * 0.63 * 0.0005
+    u = np.arange(0.0, 60.0, 0.001)
+    influence = u * weights(u, 5.0)
+    integral = np.concatenate([[0.0], np.cumsum((influence[1:] + influence[:-1]) * 0.0005)])
+    assert costs(u, 5.0) == pytest.approx(integral, abs=2e-3)
 
 
-def test_small_residuals_do_not_lower_the_limit():
-    assert scaled_weights(np.array([1e-6, 1e-6, 1e-6, 4.9]), 5.0).tolist() == [1.0] * 4
+def test_no_residual_costs_more_than_the_greatest_cost():
+    assert danish_costs(np.array([1e9]), 5.0)[0] == pytest.approx(greatest_danish_cost(5.0))
+
+
+def test_the_scale_of_normal_residuals_is_their_standard_deviation():
+    random = np.random.default_rng(5)
+    sizes = np.abs(2.1 * random.normal(size=20000))
+    # the median of 20000 is known to 0.8 %; three times that
+    assert robust_scale(sizes) == pytest.approx(2.1, rel=0.025)
+    # with a fifth replaced by anything the median is what the quantile 0.625 of the normal ones was
+    sizes[:4000] = 1e9
+    assert robust_scale(sizes) == pytest.approx(2.1 * 0.8871 / 0.6745, rel=0.025)

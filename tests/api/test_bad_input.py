@@ -53,7 +53,7 @@ def camera(**changes: Any) -> dict[str, Any]:
 
 
 def complaints(**changes: Any) -> list[str]:
-    """Return what is said of a block that is sound but for some arguments."""
+    """Return the message for a block that is valid except for some arguments."""
     sound = {**camera(), **photos(), **photo_points(), **control()}
     try:
         orip.Block(**{**sound, **changes})

@@ -150,7 +150,7 @@ def assert_same_as_block(project: orip.Project) -> None:
     )
     found = block.adjust()
     assert found.points.names == wanted.points.names
-    # the same operations in the same order but for photo coordinates, which film measures in another system first
+    # the same operations in the same order except for photo coordinates, which film measures in another system first
     same = {"rtol": 1e-12, "atol": 1e-12}
     np.testing.assert_allclose(found.points.coordinates, wanted.points.coordinates, **same)
     np.testing.assert_allclose(found.points.deviations, wanted.points.deviations, rtol=1e-12)

@@ -50,7 +50,7 @@ def server():
 
 
 class Page:
-    """The page, as a user sees it and has it in hand."""
+    """The page, as a user sees and operates it."""
 
     def __init__(self, browser, url):
         self.browser = browser

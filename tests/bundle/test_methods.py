@@ -20,11 +20,11 @@ def test_a_search_that_is_stopped_says_so():
     passes = []
     complete, _ = adjust_block(blundered(), SNOOPING, passes.append, lambda: False)
     assert complete.status == "converged"
-    assert len({each.order for each in complete.blunders}) >= 2
-    first = next(each.iteration for each in passes if each.enp >= 4.0)
+    assert len({blunder.order for blunder in complete.blunders}) >= 2
+    first = next(iteration.iteration for iteration in passes if iteration.enp >= 4.0)
 
     seen = []
     stopped, _ = adjust_block(blundered(), SNOOPING, seen.append, lambda: len(seen) >= first)
-    assert len(seen) == first, "the iteration in hand was the last"
+    assert len(seen) == first, "the current iteration was the last"
     assert stopped.status == "stopped"
     assert stopped.blunders == ()

@@ -214,7 +214,7 @@ def test_normal_equations_with_eliminated_points(block):
     right = np.abs(wanted.right / scale).max()
     assert np.allclose(found.right / scale, wanted.right / scale, atol=RELATIVE * max(right, 1.0) * 10.0)
     assert np.array_equal(found.blocks.removed, wanted.blocks.removed)
-    # the order of the pivots may differ where diagonals are equal but for rounding: the inverses are compared
+    # the order of the pivots may differ where diagonals are equal up to rounding: the inverses are compared
     inverse, other = (np.swapaxes(each.blocks.half, 1, 2) @ each.blocks.half for each in (found, wanted))
     size = np.sqrt(np.einsum("bii->bi", other))
     unit = np.where(size > 0.0, size, 1.0)

@@ -19,7 +19,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.adjustment.joint_effects import joint_effects
 from orip.bundle.diagnosis import diagnose
-from orip.bundle.snooping.findings import findings_told, without_blunders
+from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
@@ -33,7 +33,7 @@ def snooped(block: Block, settings: SnoopingSettings = STRICT) -> Snooped:
 
 
 def told(found: Snooped) -> list[str]:
-    return [diagnosis.text for diagnosis in findings_told(found.solved, found.findings)]
+    return [diagnosis.text for diagnosis in snooping_diagnosis(found.solved, found.findings)]
 
 
 def freed(clean: Block, found: Snooped) -> list[str]:

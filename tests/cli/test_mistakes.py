@@ -204,7 +204,7 @@ def test_a_store_of_another_program(project: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO", "FIRST.TEM"])
-def test_a_lost_or_emptied_store_is_noticed_and_made_anew(project: Path, name: str) -> None:
+def test_a_lost_or_emptied_store_is_noticed_and_rebuilt(project: Path, name: str) -> None:
     orip(project, "run")
     after = {each: orip(project, "dump", each).out for each in ("CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO")}
     for lose in (Path.unlink, lambda path: path.write_bytes(b"")):

@@ -276,3 +276,16 @@ def test_rows_counted_downwards_do_not_put_the_block_below_the_ground(tmp_path: 
     said = orip(folder, "run", "--no-report")
     assert said.code == 4
     assert "the photos are mirrored" in said.err
+
+
+def test_two_photos_whose_given_orientations_are_exchanged_are_told(tmp_path: Path) -> None:
+    project = strips_project(NOISE_MM)
+    given(project, {})
+    exchanged = project.orientations["P3"], project.orientations["P2"]
+    project.orientations["P2"], project.orientations["P3"] = exchanged
+    said = orip(project.write(tmp_path / "strips"), "run", "--json", "--no-report")
+    assert said.code == 0
+    assert warnings_of(said.err)[0].startswith("photos P2 and P3 are exchanged")
+    (found, sd), expected = elements(said.document, "P2"), project.true_orientations["P2"]
+    # errors of measurement: five standard deviations of six elements
+    assert np.abs((found - expected) / sd).max() < 5.0

@@ -134,7 +134,7 @@ def test_a_folder_in_the_way_is_an_error_without_leftovers(tmp_path: Path) -> No
     assert names_in(tmp_path) == ["a"]
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="when a process began is told by /proc alone")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="only /proc says when a process began")
 def test_leftovers_of_gone_processes_are_removed_and_no_others(tmp_path: Path) -> None:
     mine = temporary_beside(tmp_path / "a").name
     _dot, host, process, began, _random = mine.split("-")

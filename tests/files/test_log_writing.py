@@ -137,7 +137,7 @@ def test_killed_at_any_moment_nothing_is_lost(tmp_path):
         there = names(path)
         assert there[0] == ("1", ("A",))
         written = "".join(there[1][1]) if len(there) > 1 else ""
-        # the measurement in hand may be there already
+        # the current measurement may be there already
         assert written in ("BCD"[:done], "BCD"[: done + 1])
 
 

@@ -64,7 +64,7 @@ def test_elements_of_arrays_and_inline_tables() -> None:
     assert line_of("camera", 0, "fiducials", 1, "x") == 12
 
 
-def test_tables_within_tables_count_anew() -> None:
+def test_nested_tables_are_counted_within_their_table() -> None:
     assert line_of("bundle", 0, "model", 0, "row") == 24
     assert line_of("bundle", 0, "model", 1, "row") == 26
     assert line_of("bundle", 1, "model", 1, "row") == 28

@@ -76,7 +76,7 @@ def test_four_fiducials_with_one_reading_off_leave_a_quarter_of_it_in_each_affin
     measured[0, 0] += 0.040
     fit = fit_plane_transformation("A", measured, SQUARE)
     residuals = fit.apply(measured) - SQUARE
-    # exact but for the scale 1 - 0.0008 that the error brings along
+    # exact except for the scale 1 - 0.0008 that the error brings along
     assert np.allclose(residuals[:, 0], [0.010, -0.010, 0.010, -0.010], rtol=2e-3)
 
 

@@ -136,7 +136,8 @@ def _film(folder: Path) -> None:
 def _half_digitised(folder: Path) -> None:
     new_cliff(folder.with_suffix(".sample")).rename(folder)
     (folder / "first.txt").write_text("POINTS MAIN 101\nCP1\n1103\n1104\nPOINTS MAIN 103\n1103\n1104\n")
-    (folder / "panel.txt").write_text("FOOT RIGHT\nMOVE 3 0\n" * 4)
+    square = ("0.3 0", "0 0.3", "-0.3 0", "0 -0.3")
+    (folder / "panel.txt").write_text("".join(f"FOOT RIGHT\nMOVE {side}\n" for side in square))
 
 
 def _done(folder: Path, *words: str) -> None:

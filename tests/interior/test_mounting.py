@@ -90,7 +90,7 @@ def test_points_measured_before_the_first_photo_record_belong_to_its_mounting():
     same(photo_coordinates(found, "P3"), POINTS)
 
 
-def test_earlier_marks_come_along_without_influence_and_marks_measured_anew_replace_them():
+def test_earlier_marks_come_along_without_influence_and_marks_measured_again_replace_them():
     five = {**FIDUCIALS, "5": (0.0, 18.0)}
     log = photo("P3", FIRST, marks=five, ends={"5": "= 0.003 18"}) + points("P3", FIRST)
     found = measured(log + photo("P3", AGAIN, marks={name: FIDUCIALS[name] for name in "123"}))

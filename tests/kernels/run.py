@@ -3,7 +3,7 @@
     PYTHONPATH=tests python tests/kernels/run.py                   what `make test-kernels` does
     PYTHONPATH=tests python tests/kernels/run.py SkylakeX Zen      under other values of OPENBLAS_CORETYPE
 
-A computation is the same on all processors but for rounding. Tests whose tolerances allow for one kernel alone fail
+A computation is the same on all processors up to rounding. Tests whose tolerances allow for one kernel alone fail
 here, and so do the samples if their results are not the same to a billionth of their standard deviations.
 """
 

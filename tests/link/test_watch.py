@@ -179,9 +179,9 @@ def test_only_this_machine_with_the_token_is_served(server):
     before = json.loads(command_reply(server, {"plan": [15.0, 3.0]}))["state"]
     json_type = {"Content_Type": "application/json"}
     tries = {
-        "no token": (404, ("GET", "/"), {}),
-        "wrong token": (404, ("GET", f"/{server.token[:-1]}!/"), {}),
-        "token without a slash": (404, ("GET", page[:-1]), {}),
+        "no token": (403, ("GET", "/"), {}),
+        "wrong token": (403, ("GET", f"/{server.token[:-1]}!/"), {}),
+        "token without a slash": (403, ("GET", page[:-1]), {}),
         "another name of this machine": (403, ("GET", page), {"host": f"evil.example:{server.port}"}),
         "another port": (403, ("GET", page), {"host": "127.0.0.1:1"}),
         "another page": (403, ("POST", page + "drive", body), {"Origin": "http://evil.example", **json_type}),

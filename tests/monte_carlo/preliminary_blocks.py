@@ -1,7 +1,7 @@
 """Blocks for the study of preliminary values: scenes of four families, their records and blunders.
 
-Everything that is random is seeded with the family and the number of the run. A block that does not hang together, or
-whose adjustment from the truth leaves unknowns without a good determination, is drawn anew; how often is counted.
+Everything that is random is seeded with the family and the number of the run. A block that is not connected, or
+whose adjustment from the truth leaves unknowns without a good determination, is drawn again; how often is counted.
 """
 
 from __future__ import annotations

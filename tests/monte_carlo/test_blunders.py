@@ -69,6 +69,14 @@ def test_snooping_names_blunders_and_little_else(scene):
     assert all(each.converged for each in found)
 
 
+@pytest.mark.parametrize("run", [20, 21])
+def test_what_other_blunders_hid_is_named_in_the_end(run):
+    # in these blocks a right ray is left out first, and the wrong one does not fail besides it while others are wrong
+    found = snooping_run(("strip", run))
+    assert found.unfounded == 0
+    assert found.among_alternatives == found.wrong
+
+
 @pytest.mark.parametrize("scene", STRONG)
 def test_danish_method_ends_the_same_from_two_starts(scene):
     agree, found = danish_figures(scene, 6, 1, 3)

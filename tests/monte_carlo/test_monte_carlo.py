@@ -107,7 +107,7 @@ def columns_of(found: SolvedBlock) -> np.ndarray:
 def errors_of(found: SolvedBlock, made: SyntheticBlock) -> np.ndarray:
     """Return adjusted minus true of the same unknowns, rotations about the ground axes.
 
-    A free network is first laid upon the truth, by its datum points: its own datum is that of the starting values.
+    A free network is first fitted to the truth, by its datum points: its own datum is that of the starting values.
     """
     unknowns, state = found.problem.unknowns, found.state
     if found.problem.datum is not None:

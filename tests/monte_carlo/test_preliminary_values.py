@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from monte_carlo.outlier_blocks import outlier_records
 from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
 from monte_carlo.preliminary_records import gathered, true_minimum
 from monte_carlo.preliminary_study import (
@@ -104,3 +105,10 @@ def test_600_weakly_joined_blocks_reach_the_true_minimum_from_nothing():
     for family in WEAK_FAMILIES:
         LOG.info("%s: %.2f %%", family, 100.0 * success([each for each in found if each["family"] == family]))
     assert success(found) >= 0.995
+
+
+@pytest.mark.parametrize("run", [7, 8], ids=["near the epipolar line", "gross"])
+def test_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_nothing(run):
+    records = outlier_records(run, largest=16, part=0.05)
+    assert records.blunders > 0.03
+    assert outcome_of(records).end in SUCCESS

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
+from orip.bundle.part_of_block import without_photos
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_project, points_in_project
@@ -234,3 +235,16 @@ def test_in_a_crs_preliminary_values_are_those_of_the_project(in_crs: AerialBloc
     places = {point.name: point.coordinates for point in points_in_project(values.points, block.ground)}
     for name, true in zip(in_crs.point_names, in_crs.points, strict=True):
         assert places[name] == pytest.approx(true, abs=0.01)
+
+
+@pytest.mark.parametrize("off", [3.0, 8.0])
+def test_a_single_photo_of_an_unknown_camera_is_oriented_by_control_in_space(off: float) -> None:
+    made = synthetic_block("convergent", "single photo", unknown=("C", "DX", "DY"), noise_mm=0.005, control="constant")
+    camera, points = made.block.cameras[0], made.block.photo_points
+    given = replace(camera, parameters=(off * camera.parameters[0], *camera.parameters[1:]))
+    block = without_photos(from_nothing(made.block), np.arange(len(made.block.photos)) > 0)
+    values = preliminary_values(replace(block, cameras=(given,)))
+    assert oriented(values) == ["P1"]
+    assert len(points.photo) > len(block.photo_points.photo)
+    # the adjustment expects corrections of a few per cent and pulls C by ten; without the transformation it is 135, 381
+    assert values.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=0.15)

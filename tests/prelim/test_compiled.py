@@ -63,7 +63,7 @@ def test_resection(without_loops, count: int) -> None:
 @pytest.mark.parametrize("held", [False, True])
 def test_refinement(without_loops, monkeypatch: pytest.MonkeyPatch, held: bool, cameras: int) -> None:
     rays, rotations, centres, points = scene()
-    # of two cameras one is unknown but for its principal point
+    # of two cameras one is unknown except for its principal point
     of_photo = np.arange(len(centres)) % 3 - 1 if cameras == 2 else np.zeros(len(centres), dtype=int)
     unknown = np.array([[True, True, True, True], [True, False, False, True]])[:cameras]
     rays = replace(rays, cameras=UnknownCameras(of_photo, unknown) if cameras else ALL_KNOWN)
@@ -85,7 +85,7 @@ def test_refinement(without_loops, monkeypatch: pytest.MonkeyPatch, held: bool, 
 
 
 def same_solution(mine: PairSolution, theirs: PairSolution) -> None:
-    """Assert that two solutions are one but for what ends their iterations: corrections of 1e-9 deviations."""
+    """Assert that two solutions agree within what ends their iterations: corrections of 1e-9 deviations."""
     assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-9)
     assert mine.photos.rotation == pytest.approx(theirs.photos.rotation, abs=1e-9)
     assert mine.angles == pytest.approx(theirs.angles, abs=1e-9)

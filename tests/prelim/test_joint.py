@@ -53,7 +53,7 @@ def test_vertical_photos_of_flat_ground_are_placed_where_they_were_taken() -> No
     placed = place_parts(vertical_photos(), control())
     assert placed is not None
     for part, centre, azimuth in zip(placed, CENTRES, AZIMUTHS, strict=True):
-        # linear equations, but for the 1e-10 that keep them regular: a millionth of the flying height
+        # linear equations, except for the 1e-10 that keep them regular: a millionth of the flying height
         np.testing.assert_allclose(part.centres[0], centre, atol=1e-3)
         np.testing.assert_allclose(part.rotations[0], about_up(azimuth), atol=1e-6)
         np.testing.assert_allclose(part.coordinates, GROUND[part.points], atol=1e-3)

@@ -47,7 +47,7 @@ def half_digit(number: float, digits: int) -> float:
 
 
 def records(path: Path) -> Iterator[list[str]]:
-    """Yield the fields of the lines of a text table, parted by commas or blanks; ``#`` starts a comment line."""
+    """Yield the fields of the lines of a text table, separated by commas or blanks; ``#`` starts a comment line."""
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.strip() and not line.startswith("#"):
             yield line.replace(",", " ").split()

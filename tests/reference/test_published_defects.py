@@ -127,7 +127,7 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     said = orip(block.write(tmp_path / "block"), "run")
     assert said.code == 0
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
-    # control point 1003 lies 2.6 mm beside where the photos see it, which is told too
+    # control point 1003 lies 2.6 mm from where the photos see it, which is reported too
     named = {each["where"]: each["text"] for each in result["warnings"] if each["code"] != "contradicting-control"}
     assert named == {f"{where} {name}": "is not measured in any photo" for name in unseen}
     assert all(f"{where} {name}: is not measured" in said.err for name in unseen)

@@ -144,7 +144,7 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
     )
     lines = summary_of(wrong, *(gate(number, False) for number in range(5)))
     assert height(tuple(line for line in lines if line.label != "camera")) <= MOST_LINES
-    # what became of the camera is told, however much else there is to tell
+    # the results of the camera are reported, however much else there is to report
     assert under(lines, "camera").startswith("CAMERA0 C 35.361")
     assert not {line.label for line in lines} & {"weak", "points", "photos"}
     assert lines[0].text == "doubtful: converged, but 1 unknown could not be determined"

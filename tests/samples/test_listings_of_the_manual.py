@@ -478,7 +478,7 @@ def test_absolute_orientation(block: Adjusted) -> None:
     for row in points.rows:
         given, residual = numbers(row, "X", "Y", "Z"), numbers(row, "sX", "sY", "sZ")
         assert given == pytest.approx(control[row["Point"]], abs=half(row["X"]))
-        # points are intersected anew when the block is on the ground: that moves them by less than 20 micrometres
+        # points are intersected again when the block is on the ground: that moves them by less than 20 micrometres
         # at the scale of the photos, 1 : 2400
         assert given + residual == pytest.approx(on_ground[row["Point"]], abs=0.05)
 

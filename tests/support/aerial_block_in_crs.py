@@ -165,7 +165,7 @@ class AerialBlock:
 
 
 def aerial_block() -> AerialBlock:
-    """Return the block: strips to the east, vertical but for some degrees, hilly ground."""
+    """Return the block: strips to the east, vertical within some degrees, hilly ground."""
     random = np.random.default_rng(5)
     axis = np.linspace(-0.5, 0.5, POINTS_IN_A_ROW) * SIDE
     y, x = np.meshgrid(axis, axis, indexing="ij")

@@ -27,7 +27,7 @@ def leave_temporary(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="when a process began is told by /proc alone")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="only /proc says when a process began")
 @pytest.mark.parametrize("words", ["init", "camera edit C35 c=35.1", "control points edit 1 X=1012.5", "report"])
 def test_the_next_command_that_writes_removes_temporary_files(adjusted: Path, words: str) -> None:
     left = leave_temporary(adjusted)

@@ -11,11 +11,11 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from orip.arrays import FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
-"""Below, a full matrix is as fast."""
+"""Number of unknowns below which a full matrix is as fast."""
 _LARGEST_SHARE = 0.4
-"""Of all unknowns, in the width of a band that pays."""
+"""Largest width of a band that pays, as a part of all unknowns."""
 _BORDER_SHARE = 0.25
-"""Of all groups of unknowns; one that is coupled with more goes to the border."""
+"""Part of all groups of unknowns; a group that is coupled with more of them goes to the border."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class BandMatrix:
         """Multiply rows and columns by factors (m,)."""
         banded, width = self.arrangement.banded, self.arrangement.width
         ordered = factors[self.arrangement.columns]
-        # what stands beyond the last row is no part of the matrix
+        # elements of the band beyond the last row are not part of the matrix
         padded = np.append(ordered[:banded], np.zeros(width))
         self.band[:] *= np.lib.stride_tricks.sliding_window_view(padded, width + 1)
         self.band[:] *= ordered[:banded, None]

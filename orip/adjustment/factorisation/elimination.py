@@ -31,7 +31,7 @@ class BlockFactors:
     half : array (b, 3, 3)
         H with H^T H = inverse of the block; rows of removed coordinates are zero.
     pivots : array (b, 3)
-        What was left of each coordinate's diagonal element at its turn, as part of its full diagonal; 1 for fixed ones.
+        What remained of each coordinate's diagonal element at its turn, as a part of its full diagonal; 1 if fixed.
     removed : array (b, 3) of bool
     """
 
@@ -104,9 +104,9 @@ def factorise_blocks(
     Parameters
     ----------
     blocks : array (b, 3, 3)
-        Blocks of the normal equations; rows and columns of fixed coordinates are not looked at.
+        Blocks of the normal equations; rows and columns of fixed coordinates are ignored.
     full_diagonal : array (b, 3)
-        Of each coordinate the squares of all partials by the block, summed over the observations that depend on it.
+        For each coordinate the squares of all partials by the block, summed over the observations that depend on it.
     fixed : array (b, 3) of bool
         Coordinates that are no unknowns.
     max_lost_digits : float

@@ -29,7 +29,7 @@ class ExactConstraints:
     inverse : array (k, k)
         Pseudo-inverse of C S.
     leverage : array (k,)
-        What each constraint takes of the unknowns: 1, less where constraints repeat each other.
+        Unknowns that each constraint determines: 1, less where constraints repeat each other.
     """
 
     spread: FloatArray
@@ -41,7 +41,7 @@ class ExactConstraints:
         return np.asarray(vectors - self.spread @ (self.inverse @ (self.spread.T @ right)))
 
     def bind(self, cofactor: Symmetric) -> None:
-        """Take what the constraints determine off the cofactors of the reduced unknowns (m, m)."""
+        """Subtract what the constraints determine from the cofactors of the reduced unknowns (m, m), in place."""
         spread = self.spread[: len(cofactor)]
         if isinstance(cofactor, BandMatrix):
             cofactor.subtract_product(spread @ self.inverse, spread)

@@ -15,7 +15,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 
 SHIFT = 1e-13
-"""Put on the diagonal of a matrix that has no factor; far below any limit, and above the rounding of its elements."""
+"""Added to the diagonal of a matrix that has no factor; far below any limit, and above the rounding of its elements."""
 
 _FIRST_GUESSES = 2
 _MORE_GUESSES = 8
@@ -23,10 +23,11 @@ _STEPS = 4
 """A step magnifies a movement against another one by the ratio of their stiffnesses: mostly by more than 10^5."""
 
 _UNLIKELY_PART = 1e-4
-"""Of the mean part that a movement has in a random one; two random ones have less with a probability of 10^-8."""
+"""Size of a movement's part in a random vector, where 1 is its standard deviation. In both of two random vectors it is
+smaller with a probability of 10^-8."""
 
 _LARGE_ENOUGH = 0.2
-"""Of the largest part that an unknown has in a movement; of those that have more, the last unknown is removed."""
+"""Part of the largest component of a movement; of the unknowns whose component is larger, the last one is removed."""
 
 _ROUNDING = float(np.finfo(np.float64).eps)
 
@@ -57,7 +58,7 @@ def soft_movements(
     Parameters
     ----------
     product, solution : callable
-        Return N x and N^-1 x (or that of N with a small shift) for x (size, k) that is zero but for `unknowns`.
+        Return N x and N^-1 x (or that of N with a small shift) for x (size, k) that is zero outside `unknowns`.
     unknowns : array (k,) of int
         Places that take part.
     size : int
@@ -100,7 +101,7 @@ def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
     """Return one unknown for each movement: without them no combination of the movements is possible.
 
     Of the unknowns that have a large part in what is still possible the last one is taken, so that the same unknowns
-    are named whatever the order of elimination is, and by iteration after iteration. The digits lost by an unknown are
+    are named whatever the order of elimination is, and in every iteration. The digits lost by an unknown are
     -log10 of the stiffness of the movement in which it takes part and no other removed one does.
     """
     rest, chosen = found.movements.copy(), []
@@ -113,5 +114,5 @@ def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
     columns = np.array(chosen, dtype=np.int64)
     parts = np.linalg.solve(found.movements[columns], np.eye(len(columns)))
     stiffness = (parts**2 * found.stiffness[:, None]).sum(axis=0) / (parts**2).sum(axis=0)
-    # of what rounding leaves no more digits can be lost than there are
+    # a stiffness that is nothing but rounding cannot have lost more digits than a number has
     return RemovedUnknowns(columns, -np.log10(np.maximum(stiffness, _ROUNDING)))

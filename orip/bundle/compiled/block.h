@@ -1,4 +1,4 @@
-/* The photo points of a block, and how they are taken up for computing with several at once. */
+/* The photo points of a block, and how they are loaded so that several are computed at once. */
 
 #ifndef ORIP_BLOCK_H
 #define ORIP_BLOCK_H
@@ -12,11 +12,11 @@
 #define IDEAL 0
 #define MEASURED 1
 
-/* What orip/bundle/compiled/photo_loop.py gives; it says what the arrays hold. */
+/* What orip/bundle/compiled/photo_loop.py passes; the arrays are described there. */
 typedef struct {
     /* the state */
     const double *cameras, *additional, *centres, *rotations, *bases, *ground;
-    /* cameras: numbers of a kind are linearised together; each with a set is a kind of its own */
+    /* cameras: those of the same kind are linearised together; each camera with a set is a kind of its own */
     const int32_t *kind, *products;
     const uint8_t *at_measured;
     const double *polynomials, *factors;
@@ -29,9 +29,9 @@ typedef struct {
 
 /* How the photo points of eliminated points go into the normal equations. */
 typedef struct {
-    /* groups of points that the same photos show; photo points of the point in place p: order[start[p]] ... */
+    /* groups of points measured in the same photos; photo points of the p-th point: order[start[p]] ... */
     const int32_t *order, *start, *block, *group_start, *runs_start, *runs;
-    /* unknowns of cameras: how many, which partials, which places in the reduced system; -1: a constant of a photo */
+    /* unknowns of cameras: how many, which partials, which places in the reduced system; photo_places: -1 is a constant */
     const int32_t *camera_unknowns, *camera_elements, *camera_places, *photo_places;
     int64_t groups, blocks, longest;
 } Pattern;
@@ -39,11 +39,11 @@ typedef struct {
 /* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
 static const int photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
 
-/* Unknowns as each photo point has them: those of the photo, padded to whole lanes, and those of the camera. */
+/* Length of a photo point's row of partials: by the unknowns of the photo, padded to whole lanes, then of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
 #define ROW (PHOTO_ROW + PADDED(MOST_CAMERA_UNKNOWNS))
 
-/* Take what stands in the rows of each lane. */
+/* Load photo, ground point and measured coordinates of the photo point in each lane. */
 INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
 {
     const double *centre[LANES], *rotation[LANES], *basis[LANES], *ground[LANES], *xy[LANES];
@@ -93,8 +93,8 @@ INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int l
     }
 }
 
-/* Linearise the photo points in rows, one for each lane. The ray keeps what it has of cameras from one call to the next;
- * `cameras` says of which, -1 of none. */
+/* Linearise the photo points in `rows`, one in each lane. The ray keeps its cameras from one call to the next; `cameras`
+ * has their numbers, -1 if none is loaded. */
 INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray, int32_t *cameras, Linearised *found)
 {
     int same = 1, kept = 1;
@@ -121,7 +121,7 @@ INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray,
     }
 }
 
-/* Photo points linearised ahead of those that ask for them, and their rows by the unknowns that they touch. */
+/* Photo points that were linearised before they are needed, as many as there are lanes, and their rows of partials. */
 typedef struct {
     int64_t begin, end;
     Ray ray;
@@ -138,7 +138,7 @@ INLINE void begin_ahead(Ahead *a)
         a->cameras[lane] = -1;
 }
 
-/* Go ahead from photo point k of the pattern; its rows are multiplied by `factor` (2 n). */
+/* Linearise the photo points from the k-th of the pattern on; their rows are multiplied by `factor` (2 n). */
 static void go_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
 {
     const int64_t rest = p->start[p->blocks] - k;
@@ -173,7 +173,7 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
     }
 }
 
-/* Return the lane of photo point k. */
+/* Return the lane of the k-th photo point, which is linearised if it has not been. */
 INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
 {
     if (k >= a->end)
@@ -181,7 +181,7 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
     return (int)(k - a->begin);
 }
 
-/* The unknowns that the points of a group are coupled with: those of cameras, and then six of each photo. */
+/* The unknowns that the points of a group are coupled with: those of its cameras, then six of each photo. */
 typedef struct {
     int64_t size;
     const int32_t *runs;
@@ -210,7 +210,7 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
     local->photo_runs = count - local->camera_runs;
 }
 
-/* First local unknown of a run; photos, and cameras too, are asked for in about the order that they have. */
+/* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */
 INLINE int32_t first_of_run(const Local *local, int32_t run, int is_camera, int32_t *last)
 {
     const int32_t from = is_camera ? 0 : local->camera_runs;
@@ -220,7 +220,7 @@ INLINE int32_t first_of_run(const Local *local, int32_t run, int is_camera, int3
     return local->first[from + *last];
 }
 
-/* Where a photo point stands in its group: first local unknowns of photo and camera, and the camera's number of them. */
+/* A photo point's first local unknowns of photo and camera, and the number of unknowns of the camera. */
 typedef struct {
     int32_t photo, camera, camera_unknowns;
 } Places;

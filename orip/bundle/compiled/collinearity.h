@@ -1,7 +1,7 @@
 /* Collinearity of photo points, one in each lane: residuals in mm and partials.
  *
- * The formulas and their sources stand in orip/geometry/perspective.py, orip/interior/image_coordinates.py and what
- * that uses; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
+ * For the formulas and their sources see orip/geometry/perspective.py and orip/interior/image_coordinates.py with what it
+ * imports; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
  */
 
 #ifndef ORIP_COLLINEARITY_H
@@ -15,11 +15,11 @@
 #define MOST_ADDITIONAL 44
 #define POLYNOMIALS 5
 
-/* Numbers of the partials. */
+/* Where the partials by each group of unknowns begin. */
 enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 11, ROTATION = 14, POINT = 17, ADDITIONAL = 20, ELEMENTS = 64 };
 
-/* A set of additional parameters: its polynomials in powers of a coordinate, and in dx and dy the product of two of them
- * (number of B_i(y) times POLYNOMIALS, plus that of A_j(x)) and its factor for each parameter. */
+/* A set of additional parameters. `polynomials` has the coefficients by powers of a coordinate. In dx and in dy each
+ * parameter has a product of two polynomials (i times POLYNOMIALS plus j for B_i(y) A_j(x)) with a factor. */
 typedef struct {
     int64_t count;
     const double *values, *polynomials, *factors;
@@ -66,7 +66,7 @@ INLINE void distortion(const Lanes *k, Lanes x, Lanes y, Distorted *d)
     d->by_coefficients[1][6] = d->by_coefficients[1][7] = none;
 }
 
-/* Corrected coordinates of measured ones, for a polynomial at "measured" coordinates. */
+/* Measured coordinates free of distortion, for a polynomial that is given at measured coordinates. */
 INLINE void correction(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 {
     const Lanes b1 = k[6], b2 = k[7], none = ALL(0.0);
@@ -96,8 +96,8 @@ INLINE void polynomials(const double *coefficients, Lanes t, Lanes *value, Lanes
     }
 }
 
-/* Add the deformation of a set at a place in the fiducial system to the residuals, and its partials; by_place: partials
- * of the deformation by the place. */
+/* Add the deformation by a set at (x, y) in the fiducial system to the residuals, and its partials by the parameters;
+ * by_place: partials of the deformation by x and y. */
 INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*by_place)[2])
 {
     Lanes of_x[POLYNOMIALS], by_x[POLYNOMIALS], of_y[POLYNOMIALS], by_y[POLYNOMIALS];
@@ -118,7 +118,7 @@ INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*
     }
 }
 
-/* Linearise photo points. Lanes that are not in front of the camera hold no numbers of use.
+/* Linearise photo points. The numbers in lanes whose point is not in front of the camera are meaningless.
  *
  * rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about the ground axes, used
  * with `turned`; set: NULL for a camera without one; partials are found if `linear`.
@@ -131,7 +131,7 @@ INLINE void collinearity(const Ray *ray, int at_measured, const Set *set, int tu
     for (int axis = 0; axis < 3; axis++)
         u[axis] = rotation[axis] * v[0] + rotation[3 + axis] * v[1] + rotation[6 + axis] * v[2];
     for (int lane = 0; lane < LANES; lane++) {
-        /* depth < -1e-6 |u| without the root */
+        /* depth < -1e-6 |u|, squared to save the root */
         const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
         found->in_front[lane] = depth < 0.0 && depth * depth > 1e-12 * (a * a + b * b + depth * depth);
     }

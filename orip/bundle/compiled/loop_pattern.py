@@ -53,18 +53,19 @@ class Cameras:
 class Pattern:
     """How the photo points of eliminated points go into the normal equations, group by group.
 
-    A group is the points that the same photos show; a run is a camera, or, c added to its number, a photo.
+    A group consists of the points that are measured in the same photos. A run is the unknowns of a camera, given by its
+    number, or of a photo, given by its number plus c.
 
     Parameters
     ----------
     order, start : arrays (k,), (b + 1,)
-        Rows of the photo points of point after point, and where each point's begin.
+        Rows of the photo points, one point after the other, and where those of each point begin.
     block : array (b,)
         Number of each of these points among the eliminated ones.
     group_start : array (g + 1,)
         Where each group's points begin.
     runs_start, runs : arrays (g + 1,), (l,)
-        Runs that the points of a group are coupled with.
+        Where each group's runs begin, and the runs that its points are coupled with.
     """
 
     order: IntArray
@@ -130,7 +131,7 @@ def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Camer
         kind[camera] = 2 + camera
         table = PARAMETER_SETS[name].factors
         degree, parameters = table.shape[-1], table.shape[1]
-        # each parameter has one product at most in dx, and in dy
+        # each parameter has at most one product in dx and one in dy
         products_of_set = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
         products[camera, :, :parameters] = products_of_set // degree * _POLYNOMIALS + products_of_set % degree
         factors[camera, :, :parameters] = table.sum(axis=(2, 3))

@@ -1,4 +1,4 @@
-/* The loops for processors with AVX2; orip/bundle/compiled/module.c asks for it. */
+/* The loops for processors with AVX2; orip/bundle/compiled/module.c tests for it. */
 
 #if defined(__x86_64__) && defined(__GNUC__)
 #if defined(__clang__)

@@ -10,8 +10,8 @@
 
 #define AS_LARGE 1e-9
 
-/* Lower triangle of a symmetric matrix of `size` unknowns in their places. Of the first `banded` of them element (i, j)
- * stands at band[j * stride + i]; a full matrix has stride = size. Those that follow have full rows in `border`.
+/* Lower triangle of a symmetric matrix of `size` unknowns in the order of their places. Element (i, j) of the first
+ * `banded` rows is band[j * stride + i]; a full matrix has stride = size. The rows after them are full, in `border`.
  */
 typedef struct {
     double *band, *border;
@@ -27,7 +27,7 @@ INLINE double *element_at(const Reduced *m, int64_t one, int64_t other)
 typedef struct {
     const double *factor, *misclosure;
     const uint8_t *fixed;
-    /* on_diagonal: factor of the diagonals of the blocks */
+    /* on_diagonal: the diagonals of the blocks are multiplied by it */
     double least_pivot, on_diagonal;
     const double *blocks;
     double *block_right, *diagonal, *right;
@@ -39,7 +39,7 @@ typedef struct {
 #define WELL_DETERMINED 1e-3
 #define WELL_SEEN 1e-4
 
-/* Factor a symmetric 3 x 3 block in the order of its coordinates; return whether that is as good as any other order.
+/* Factor a symmetric 3 x 3 block in the order of its coordinates; return whether no other order would be better.
  * half: H with H^T H = inverse of the block. */
 INLINE int factorise_in_order(
     const double *block, const double *full, const uint8_t *fixed, double least_pivot, double *half, double *pivots)
@@ -94,7 +94,7 @@ static void factorise_by_size(
                 place = i, largest = rest[i][i];
         if (place < 0)
             break;
-        /* of pivots that are as large but for rounding the first is taken */
+        /* of pivots that are equal within rounding the first is taken */
         const double as_large = largest - AS_LARGE * fabs(largest);
         for (int i = 2; i >= 0; i--)
             if (open[i] && rest[i][i] >= as_large)
@@ -134,7 +134,7 @@ typedef struct {
     double *matrix, *right, *diagonal, *coupling;
 } Sums;
 
-/* Numbers that the sums of a group of so many unknowns take; columns are added to by whole lanes. */
+/* Length of a column of the sums of a group; it is padded, as additions are by whole lanes. */
 static int64_t stride_of(int64_t size)
 {
     return PADDED(size) + 2 * LANES;
@@ -177,7 +177,7 @@ INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, con
     }
 }
 
-/* Add a photo point without regard to what is eliminated; width: of the camera's unknowns, in whole lanes. */
+/* Add what a photo point contributes before its ground point is eliminated; width: the camera's unknowns, padded. */
 INLINE void add_direct(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, int64_t width)
 {
     const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
@@ -207,7 +207,7 @@ INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)
         add_direct(s, at, row, y, at->camera_unknowns);
 }
 
-/* Take a point out: subtract what its three unknowns explain; coupling becomes H times itself. */
+/* Eliminate a point: subtract what its three unknowns explain; the coupling is replaced by H times the coupling. */
 INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const double *g)
 {
     double *w0 = s->coupling, *w1 = w0 + s->stride, *w2 = w1 + s->stride;
@@ -226,7 +226,7 @@ INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const 
     }
 }
 
-/* Find for each local unknown how many from it on have places that follow one another. */
+/* Find how many unknowns, from each local unknown on, have consecutive places. */
 INLINE void find_stretches(const Local *local, int32_t *stretch)
 {
     for (int64_t i = local->size - 1; i >= 0; i--) {
@@ -235,8 +235,8 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
-/* Put a group's sums where they belong, stretch by stretch. Cameras with the same lens have common places: two unknowns
- * of the group that are one meet on the diagonal, where both triangles of the sums count. */
+/* Add a group's sums to the reduced system, one stretch of consecutive places after the other. Cameras with the same lens
+ * have common places: where two unknowns of the group are one, both triangles of the sums go to the diagonal. */
 INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
 {
     const Reduced *m = &n->reduced;
@@ -263,7 +263,7 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
     }
 }
 
-/* Give a full matrix its other triangle. */
+/* Copy the lower triangle of a full matrix to the upper one. */
 INLINE void mirror(const Reduced *m)
 {
     for (int64_t i = 0; i < m->size; i++)

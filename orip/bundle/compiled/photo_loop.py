@@ -1,7 +1,7 @@
 """The compiled loop over all photo points of a block: one pass gives the normal equations, and no matrix is stored.
 
-Points are eliminated one after the other, those that the same photos show together. Where the extension could not be
-built the stored matrix of `orip.adjustment.sparse_rows` does the same, slower.
+Points are eliminated one after the other, those measured in the same photos in one go. Where the extension could not be
+built, the stored matrix of `orip.adjustment.sparse_rows` does the same more slowly.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class PhotoPointLoop:
     ----------
     points : PhotoPointObservations
     photo, point : arrays (n,) of int
-        Those of `points`, in half the room.
+        Those of `points` as 32-bit integers, which take half the memory.
     cameras : Cameras
     camera_of_photo : array (p,) of int
     photo_columns : array (p, 6) of int
-        X0, Y0, Z0, KAPPA, OMEGA, PHI, as the columns follow one another; `CONSTANT` where there is no unknown.
+        X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns; `CONSTANT` where there is no unknown.
     pattern : Pattern
     eliminated : array (n,) of bool
-        Photo points of points that are eliminated; the others are for somebody else to add.
+        Photo points of points that are eliminated; the caller adds the others.
     """
 
     points: PhotoPointObservations
@@ -80,7 +80,7 @@ class PhotoPointLoop:
     eliminated: BoolArray
 
     def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
-        """Return residuals (2 n,) divided by their a-priori errors, and which can be computed (2 n,)."""
+        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
         residual = np.empty(self.points.xy.size)
         in_front = np.empty(len(self.points.xy), dtype=np.uint8)
         compiled.residuals(*self._observations(state), residual, in_front)
@@ -114,7 +114,7 @@ class PhotoPointLoop:
         root_weights, misclosure : arrays (2 n,)
             Root of the weight factors, and weighted residuals with opposite sign; see `DesignMatrix.eliminated`.
         others : Contributions
-            Its right-hand side of the blocks is used up.
+            Its `block_right` is overwritten.
         layout : Layout
         max_lost_digits, damping : float
         """
@@ -193,7 +193,7 @@ class PhotoPointLoop:
 
     def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
         p = self.pattern
-        # a column that is constant, the last one of these, has no place
+        # CONSTANT is -1, the last index: a constant has no place
         places = np.append(arrangement.places, CONSTANT).astype(np.int32)
         return (
             p.order, p.start, p.block, p.group_start, p.runs_start, p.runs, self.cameras.unknowns,
@@ -247,7 +247,7 @@ def _stored(matrix: Symmetric) -> tuple[FloatArray, FloatArray]:
 
 
 def _measures(matrix: Symmetric) -> tuple[int, int, int]:
-    """Return the distance of columns in memory, and the numbers of banded places and of all."""
+    """Return the stride of columns in memory, the number of banded places and the number of all."""
     size = len(matrix)
     if isinstance(matrix, BandMatrix):
         return matrix.arrangement.width, matrix.arrangement.banded, size

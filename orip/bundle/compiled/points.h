@@ -7,7 +7,7 @@
 
 typedef struct {
     const double *factor, *misclosure;
-    /* 9, 3 and 1 for each block; sums are added to what stands there */
+    /* 9, 3 and 1 numbers for each block; the sums are added to what the arrays contain */
     double *blocks, *right, *squares;
 } PointNormals;
 

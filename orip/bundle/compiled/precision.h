@@ -13,7 +13,7 @@ typedef struct {
 } Precision;
 
 /* The part of the inverse Q that a group needs: whole columns, each `stride` long; B: coupling of a point with the
- * group's unknowns, three rows; QB: the same times Q. */
+ * group's unknowns, three rows; product: B times Q. */
 typedef struct {
     int64_t stride;
     double *inverse, *coupling, *product;
@@ -40,7 +40,7 @@ INLINE void take_part(const Reduced *inverse, const Local *local, double *room, 
         }
 }
 
-/* Multiply B by H, and by Q; inner: I + B Q B^T. */
+/* Multiply B by H from the left; then product = B Q, and inner = I + B Q B^T. */
 INLINE void with_inverse(const Part *part, int64_t size, const double *H, double *inner)
 {
     double *b[3], *q[3];
@@ -87,7 +87,7 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
     return sum;
 }
 
-/* Return a Q a^T for a row of a photo point. */
+/* Return a Q a^T for a row a of a photo point. */
 INLINE double of_unknowns(const Part *part, const Places *at, const double *row)
 {
     const double *of_camera = row + PHOTO_ROW;

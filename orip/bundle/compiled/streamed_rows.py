@@ -45,7 +45,7 @@ class StreamedRows:
         return self.complete(self.state)
 
     def some(self, chosen: IntArray) -> csr_array:
-        """Return some rows of the design matrix; without photo points they need not be computed."""
+        """Return some rows of the design matrix; it is computed only if photo points are among them."""
         stored = np.isin(chosen, self.other_rows).all()
         return self.others.some(np.searchsorted(self.other_rows, chosen)) if stored else self.matrix()[chosen]
 

@@ -1,4 +1,4 @@
-/* What couples eliminated points with the reduced unknowns, H N_pr, times vectors: solving forwards and backwards. */
+/* Forward and backward substitution: the coupling of eliminated points with reduced unknowns, H N_pr, times vectors. */
 
 #ifndef ORIP_SUBSTITUTION_H
 #define ORIP_SUBSTITUTION_H
@@ -7,7 +7,7 @@
 
 typedef struct {
     const double *factor, *half;
-    /* reduced: by places (m,); points: 3 for each block */
+    /* reduced: (m,), in the order of places; points: 3 numbers for each block */
     double *reduced, *points;
 } Coupling;
 

@@ -33,13 +33,13 @@ from orip.records.observation_kinds import PHOTO_POINT
 TestName = Literal["mean", "scatter", "point", "down-weighted"]
 
 _MOST_EXACT = 150
-"""Residuals of a group whose square sum is tested with their covariances; that of more is nearly chi-square."""
+"""Most residuals of a group whose square sum is tested with their covariances; of more it is nearly chi-square."""
 
 _MOST_CHECKS = 150
-"""Check coordinates that are tested together and help to tell groups apart; of more a part is taken."""
+"""Most check coordinates that are tested together and used to tell groups apart; of more an even selection is taken."""
 
 TESTABLE = 1e-4
-"""Variance of a sum of residuals, as part of that of as many independent ones, below which an error does not show."""
+"""Variance of a sum of residuals, as a part of that of as many independent ones, below which it shows no error."""
 
 _SHARE = 0.05
 """Part of the observations that may be down-weighted; more make an adjustment doubtful."""
@@ -97,7 +97,7 @@ class GroupFigures:
 def photo_test(group: ObservationGroup, figures: GroupFigures) -> JudgedGroup:
     """Return figures and tests of photo points.
 
-    Their residuals vary no more than independent ones with their redundancy, which bounds both tests from above.
+    Their residuals vary no more than independent ones of the same redundancy, so that both tests are on the safe side.
     """
     rows = group.rows
     v, weight, error = figures.residual[rows], figures.weight[rows], figures.error[rows]
@@ -204,7 +204,7 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
 
 
 def is_testable(most: FloatArray, variance: FloatArray) -> BoolArray:
-    """Return of which sums (j,) of residuals an error would show: not of those that the unknowns absorb.
+    """Return which sums (j,) of residuals would show an error: not those that the unknowns absorb.
 
     `most` are the variances of as many independent residuals.
     """
@@ -233,7 +233,7 @@ def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures:
 def _check_scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
     """Return check coordinates with the tests of all their differences together, and of the largest of them.
 
-    A difference is held against its own standard deviation, and against what those of the others predict of it.
+    Each difference is compared with its own standard deviation, and with what the differences of the others predict.
     """
     mine = ground.places[place]
     chosen = np.flatnonzero(ground.checks[mine])
@@ -284,7 +284,7 @@ def _tested(
 
 
 def _thinned(rows: IntArray, most: int) -> IntArray:
-    """Return so many rows at most, spread evenly."""
+    """Return at most `most` of the rows, evenly spread."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(np.int64))] if len(rows) > most else rows
 
 

@@ -101,7 +101,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
 
 
 def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
-    """Return the tests that a group fails by more than what is immaterial."""
+    """Return the tests that a group fails by more than an immaterial amount."""
     test = group.test
     failed = [name for name, log_p in group.log_p.items() if log_p < limit]
     if test.kind != "photo":
@@ -112,9 +112,9 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
 
 
 def _shifts(sums: ResidualSums, limit: float) -> Iterator[_Candidate]:
-    """Yield the errors common to a group, each after those before it have been allowed for.
+    """Yield the errors common to a group, the gravest first, each after those before it have been allowed for.
 
-    That one takes the part of all other sums that is correlated with it, as if it were another unknown.
+    An error found takes the part of all other sums that is correlated with it, as if it were another unknown.
     """
     values, covariance = sums.values.copy(), sums.covariance()
     most = np.sum(sums.factors**2, axis=0)

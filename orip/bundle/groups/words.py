@@ -1,4 +1,4 @@
-"""What is said of groups of observations: their names, what contradicts the others, and what to do."""
+"""The wording for groups of observations: their names, what contradicts the others, and what to do."""
 
 from __future__ import annotations
 

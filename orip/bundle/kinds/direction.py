@@ -30,8 +30,8 @@ class DirectionObservations(Observations):
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (degrees, wrapped) and partials by zero direction, station (3) and target (3).
 
-        Directions refer to the project's axes at the station. That these turn a little when the station moves, by the
-        shift over the earth's radius, is left out of the partials.
+        Directions refer to the project's axes at the station. These turn slightly when the station moves, by the shift
+        over the earth's radius; the partials neglect this.
         """
         station, target = state.points[self.station], state.points[self.target]
         axes = self.ground.axes_at(self.ground.to_project(station))

@@ -27,7 +27,7 @@ from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 _LEAST_COSINE_OF_PHI = 0.02
-"""Nearer to phi = ±90 degrees omega and kappa turn about the same axis, and neither can be observed alone."""
+"""Nearer than this to phi = ±90 degrees omega and kappa turn about the same axis: neither can be observed alone."""
 
 
 class _Place(NamedTuple):
@@ -51,14 +51,14 @@ class ElementObservations(Observations):
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials by up to three unknowns.
 
-        An angle depends on all rotations of its photo, a coordinate of the project on all of its place. That the
-        project's axes turn a little when a projection centre moves, by the shift over the earth's radius, is left out
-        of the partials.
+        An angle depends on all rotation unknowns of its photo, a coordinate of the project on all local coordinates of
+        its position. The project's axes turn slightly when a projection centre moves, by the shift over the earth's
+        radius; the partials neglect this.
 
         Raises
         ------
         InputError
-            If an observed rotation comes too near to phi = ±90 degrees.
+            If phi of a photo with an observed angle is too close to ±90 degrees.
         """
         value, partials = np.full(len(self.row), np.nan), np.zeros((len(self.row), 3))
         for quantity, evaluate in _EVALUATION.items():

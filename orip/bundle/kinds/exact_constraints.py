@@ -16,11 +16,11 @@ from orip.bundle.state import BlockState
 from orip.records.block import Block
 
 _PART_OF_PHOTO_ERROR = 0.01
-"""Error of a constant in its equation, as a part of the effect of a photo error on it."""
+"""Error that the equation of a constant has, as a part of what a photo error changes of it."""
 
 
 class ExactObservations(Observations):
-    """Exact constraints; a base class that precedes the kind of observation they are like."""
+    """Exact constraints: the first base class, before the kind of observation whose equations they have."""
 
     exact: ClassVar[bool] = True
 

@@ -27,7 +27,7 @@ def coordinates_with_partials(ground: GroundSystem, local: FloatArray, axis: Int
     ----------
     ground : GroundSystem
     local : array (n, 3)
-        The places.
+        The positions in the local frame.
     axis : array (n,) of int
         0, 1, 2: X, Y, Z.
 
@@ -44,5 +44,5 @@ def coordinates_with_partials(ground: GroundSystem, local: FloatArray, axis: Int
 
 
 def columns_of_coordinates(ground: GroundSystem, columns: IntArray, axis: IntArray) -> IntArray:
-    """Return the unknowns (n, 3) that coordinates depend on, of those (n, 3) of their places."""
+    """Return the unknowns (n, 3) that coordinates depend on, out of those (n, 3) of their positions."""
     return np.where(ground.dependence[axis], columns, CONSTANT)

@@ -20,7 +20,7 @@ from orip.bundle.unknowns import CONSTANT, set_names
 from orip.units import DEGREES_PER_RADIAN
 
 _AT_ONCE = 60
-"""Columns of the inverse that are in memory together: each has as many elements as there are unknowns."""
+"""Columns of the inverse computed together: limits memory, as each has as many elements as there are unknowns."""
 
 
 class Figures(NamedTuple):
@@ -115,9 +115,9 @@ def cofactor_columns(solved: SolvedBlock, columns: IntArray) -> FloatArray:
 
 def _joined(figures: Sequence[Figures]) -> Figures:
     return Figures(
-        np.concatenate([each.columns for each in figures]),
-        block_diag(*(each.partials for each in figures)),
-        np.concatenate([each.undetermined for each in figures]),
+        np.concatenate([part.columns for part in figures]),
+        block_diag(*(part.partials for part in figures)),
+        np.concatenate([part.undetermined for part in figures]),
     )
 
 

@@ -15,13 +15,13 @@ from orip.records.solution import Solution
 def figure(solution: Solution, name: str) -> float:
     """Return a figure of a solution; see `orip.records.gate.GATE_FIGURES` for what the names mean.
 
-    NaN where the solution has no such figure, as there is no largest of none; infinite where the standard deviations
-    in question include that of an unknown that nothing determines.
+    NaN where the solution has no such figure, for instance no check points; infinite where the standard deviations
+    concerned include that of an unknown that nothing determines.
 
     Raises
     ------
     KeyError
-        If no figure is called so.
+        If there is no figure of this name.
     """
     return float(_FIGURES[name](solution))
 

@@ -19,7 +19,7 @@ UNDETERMINED = np.inf
 """Standard deviation of what depends on an unknown that was removed."""
 
 _LEVEL_PHI = 0.001
-"""Below this cosine of phi the deviations of omega and kappa say nothing; those about the ground axes are given."""
+"""Below this cosine of phi the deviations of omega and kappa mean nothing; those about the ground axes are given."""
 
 
 class PhotoResults(NamedTuple):

@@ -30,7 +30,7 @@ def lost_rays(solved: SolvedBlock) -> BoolArray:
 
 
 def lost_control(solved: SolvedBlock) -> tuple[str, ...]:
-    """Return the control points none of whose used rays has an influence; none if these are not most of them."""
+    """Return the control points none of whose used rays has an influence; empty unless they are the majority."""
     block, lost = solved.block, lost_rays(solved)
     points = block.photo_points
     used = points.used.any(axis=1)
@@ -43,7 +43,7 @@ def lost_control(solved: SolvedBlock) -> tuple[str, ...]:
 
 
 def lost_photos(solved: SolvedBlock) -> tuple[str, ...]:
-    """Return the photos that most of their points lie behind."""
+    """Return the photos behind which most of their points lie."""
     block, lost = solved.block, lost_rays(solved)
     points = block.photo_points
     used = np.bincount(points.photo[points.used.any(axis=1)], minlength=len(block.photos))

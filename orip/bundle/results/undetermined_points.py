@@ -1,8 +1,8 @@
 """Points that their rays do not determine, as a whole or in some coordinates.
 
-A coordinate that is removed, as the depth of a point with one ray, is a guess; so are the others, which follow from it
-along the ray. And where rays meet at an angle that is not significantly different from zero, a distance from the photos
-has been computed, but it and its standard deviation mean nothing: by the same observations it may be any other.
+A coordinate that is removed, such as the depth of a point with one ray, is a guess; so are the others, which follow
+from it along the ray. And where rays meet at an angle that is not significantly different from zero, a distance from
+the photos is computed, but it means nothing, nor does its standard deviation: any other one fits the same observations.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 
 _ALONG = 1e-6
-"""Part of a ray's direction from which a coordinate depends on the distance along the ray."""
+"""Component of a ray's unit vector above which a coordinate depends on the distance along the ray."""
 
 _LEAST_SIGNIFICANCE = 2.0
-"""The distance of a point from a photo in its standard deviations; below, it is not significant at the 5 % level."""
+"""Distance of a point from a photo, in standard deviations, below which it is not significant at the 5 % level."""
 
 
 def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> BoolArray:
@@ -60,7 +60,7 @@ def _directions(solved: SolvedBlock, rays: IntArray) -> FloatArray:
 
 
 def _doubtful(solved: SolvedBlock, cofactors: FloatArray, point: IntArray, distance: FloatArray) -> BoolArray:
-    """Return the points that may be too near to a photo for their precision: no more than a bound."""
+    """Return the points that may be too near to a photo for their precision, by a bound that is quick to compute."""
     nearest = np.full(len(solved.block.point_names), np.inf)
     np.minimum.at(nearest, point, distance)
     size = solved.deviation_scale * np.sqrt(np.maximum(np.einsum("nii->n", cofactors), 0.0))

@@ -26,10 +26,10 @@ from orip.records.solution import Blunder, Diagnosis
 from orip.wording import first_names
 
 _NAMED = 6
-"""Alternatives and unknowns that a sentence names."""
+"""Most alternatives, or unknowns, that a sentence names."""
 
 _SIZES = 6
-"""Sizes that a sentence has: the largest ones of a theodolite set."""
+"""Most sizes of errors in a sentence: of a theodolite set the largest ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Finding:
     alternatives : tuple of tuples of int
         Rows of other hypotheses that explain the same misfit nearly as well.
     undetermined : tuple of str
-        What nothing determines without them.
+        Names of what nothing determines without them.
     kept : bool
         They were not left out, since more than their own points would be undetermined.
     """
@@ -110,7 +110,7 @@ def blunders_of(solved: SolvedBlock, findings: Sequence[Finding]) -> tuple[Blund
     )
 
 
-def findings_told(solved: SolvedBlock, findings: Sequence[Finding]) -> Iterator[Diagnosis]:
+def snooping_diagnosis(solved: SolvedBlock, findings: Sequence[Finding]) -> Iterator[Diagnosis]:
     """Return a diagnosis for each finding, in the order they were found."""
     listed = _listed(solved)
     for finding in findings:
@@ -197,7 +197,7 @@ def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:
         return "an amount that nothing determines"
     largest = sorted(blunders, key=lambda blunder: -abs(blunder.size) / blunder.sd)[:_SIZES]
     by_unit: dict[str, list[str]] = {}
-    for blunder in (each for each in blunders if each in largest):
+    for blunder in (blunder for blunder in blunders if blunder in largest):
         unit = unit_of_observation(blunder.kind, blunder.component, ground_unit)
         by_unit.setdefault(unit, []).append(f"{blunder.component} {blunder.size:+.4g} ± {blunder.sd:.2g}")
     return ", ".join(f"{', '.join(sizes)} {unit}".rstrip() for unit, sizes in by_unit.items())

@@ -32,7 +32,7 @@ from orip.records.block import Block
 from orip.records.solution import Blunder
 
 FAMILY_ALPHA = 0.05
-"""Error probability of all tests of a block together, where that of one is not given."""
+"""Error probability of all tests of a block together, where that of one test is not given."""
 
 LARGEST_ALPHA = 0.001
 """Error probability of one test in a block of few observations."""
@@ -42,7 +42,11 @@ _NEAR_THE_WORST = 0.1
 linearisation."""
 
 _MOST_AT_ONCE = 300
-"""Hypotheses that are judged together, the worst ones; their cofactors make a full matrix."""
+"""Most hypotheses that are judged together, the worst ones; their cofactors are a full matrix."""
+
+_FEW_RAYS = 6
+"""Rays of a point up to which an error in one of them may look like an error in another one: with more, no two of them
+have residuals that are correlated by much more than a quarter."""
 
 _REVIEWED_AT_ONCE = 20
 """Photo points whose neighbours are judged together: those of other points hardly depend on each other."""
@@ -57,8 +61,8 @@ class SnoopingSettings:
     sigma0 : {"apriori", "posteriori"}
         Known to be 1, or estimated from the same adjustment.
     alpha : float or None
-        Error probability of one test. None: it follows the number of tests, so that of all that is right in a block
-        nothing is left out with a probability of 0.95; at most 0.001.
+        Error probability of one test. None: it follows from the number of tests, so that with a probability of 0.95 no
+        correct observation of a block is left out; at most 0.001.
     """
 
     sigma0: Literal["apriori", "posteriori"] = "apriori"
@@ -67,7 +71,7 @@ class SnoopingSettings:
 
 @dataclass(frozen=True, slots=True)
 class Snooped:
-    """The adjustment without its blunders, and what was found, in the order in which it was."""
+    """The adjustment without its blunders, and the findings in the order in which they were made."""
 
     solved: SolvedBlock
     findings: tuple[Finding, ...]
@@ -212,13 +216,20 @@ class _Search:
 
     def review(self) -> bool:
         """Judge each photo point left out again, among the rays of its point; return whether another one is wrong."""
-        left_out = [index for index in self.found if index in self.out and self.hypotheses.by_component[index]]
-        left_out = [index for index in left_out if index not in self.reviewed][:_MOST_AT_ONCE]
+        left_out = [index for index in self.found if index in self.out and index not in self.reviewed]
+        left_out = [index for index in left_out if self._has_few_rays(index)][:_MOST_AT_ONCE]
         self.reviewed.update(left_out)
         exchanged = False
         for first in range(0, len(left_out), _REVIEWED_AT_ONCE):
             exchanged |= self._review(left_out[first : first + _REVIEWED_AT_ONCE])
         return exchanged
+
+    def _has_few_rays(self, index: int) -> bool:
+        """Return whether a hypothesis is a photo point that few others of its ground point check."""
+        if not self.hypotheses.by_component[index]:
+            return False
+        point = self.solved.block.photo_points.point
+        return bool(np.count_nonzero(point == point[self.hypotheses.rows[index][0] // 2]) <= _FEW_RAYS)
 
     def _review(self, left_out: Sequence[int]) -> bool:
         photo_points = self.solved.block.photo_points.point

@@ -18,7 +18,7 @@ from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _SEPARABLE = 2.0 * log(100.0)
-"""Two hypotheses are told apart if one is a hundred times likelier than the other: the difference of square sums."""
+"""Difference of square sums from which two hypotheses are told apart: one is a hundred times likelier."""
 
 
 _ROUNDING = 1e-6

@@ -142,14 +142,14 @@ def coordinates_document(found: ModelCoordinates) -> dict[str, Any]:
 
 
 def without_absolute(hows: Sequence[str]) -> str:
-    """Return why a block is on the ground without an absolute orientation, from what was done for its photos."""
+    """Return why a block is on the ground without an absolute orientation, from how its photos were oriented."""
     if "given" in hows:
         return "the block was oriented absolutely by the photos whose orientation is given"
     return "the photos were oriented absolutely in one step, by resection from control"
 
 
 def _by_way(photos: Sequence[PhotoStart]) -> list[tuple[str, str]]:
-    """Return each way in which photos were oriented, and their names."""
+    """Return each way in which photos were oriented, and the names of these photos."""
     ways: dict[str, list[str]] = {}
     for photo in photos:
         ways.setdefault(photo.how, []).append(photo.name)

@@ -27,7 +27,7 @@ _STYLES: dict[Level, Style | None] = {"good": None, "caution": "yellow", "bad": 
 
 _HEADING = "         iteration      ENP  down-weighted  singular       sigma0"
 _NARROW_HEADING = "pass    ENP   down  sing      sigma0"
-"""Of pass lines on a terminal that has no room for the other."""
+"""Heading of pass lines on a terminal that is too narrow for the other one."""
 
 
 AllPhotos = Annotated[
@@ -36,7 +36,7 @@ AllPhotos = Annotated[
 
 
 def solve_watcher(terminal: Terminal) -> SolveWatcher:
-    """Return who tells the terminal of an adjustment and lets Ctrl-C stop it."""
+    """Return what shows the progress of an adjustment on the terminal and lets Ctrl-C stop it."""
     from orip.solving.solve import SolveWatcher
 
     return SolveWatcher(
@@ -70,7 +70,7 @@ def stopping(terminal: Terminal) -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def limited_threads(terminal: Terminal) -> Iterator[None]:
-    """Limit the threads of the linear algebra: small systems are slower with more, and one repeats to the last bit."""
+    """Limit the threads of linear algebra: small systems are slower with more; one gives reproducible last bits."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=terminal.threads):

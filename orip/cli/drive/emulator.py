@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from orip.cli.options import Invocation, command
-from orip.errors import UsageError
+from orip.errors import ProjectWarning, UsageError
 
 DEFAULT_ADDRESS = "127.0.0.1:4788"
 PLATE_UPDATES_HZ = 50.0
@@ -27,7 +27,15 @@ StagesOption = Annotated[
         "--stages", metavar="LIMITS", help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table: as that says."
     ),
 ]
-AllowRemote = Annotated[bool, typer.Option("--allow-remote", help="Listen for other machines too.")]
+AllowRemote = Annotated[
+    bool, typer.Option("--allow-remote", help="Listen for other machines too; they need the token that is printed.")
+]
+
+_REMOTE = ProjectWarning(
+    "remote",
+    "--allow-remote",
+    "whoever can reach this machine and has the token can drive the stages; the line is not encrypted",
+)
 
 
 def register(drive: typer.Typer) -> None:
@@ -60,13 +68,16 @@ def emulate_command(
     pace = None if speed is None else Pace(speed, rate or PLATE_UPDATES_HZ)
     terminal = invocation.terminal
 
-    def listening(address: str) -> None:
+    def listening(address: str, token: str | None) -> None:
+        link = f"tcp://{address}" if token is None else f"tcp://{token}@{address}"
         if terminal.json:
-            terminal.document({"command": "drive emulate", "listening": address})
+            terminal.document({"command": "drive emulate", "listening": address, "link": link})
         else:
-            terminal.data(f"listening on {address}")
+            terminal.data(f"listening on {address}" if token is None else f"listening on {address}; link {link}")
         terminal.flush()
 
+    if allow_remote:
+        terminal.warn([_REMOTE])
     ended = emulate(
         EmulatorSettings(listen, state, pace, allow_remote, stages_of_words(stages)), listening, terminal.error
     )

@@ -31,7 +31,7 @@ def tell_list(terminal: Terminal, found: ObservationList, *, with_partners: bool
 
 
 def list_document(found: ObservationList) -> dict[str, Any]:
-    """Return the list for programs."""
+    """Return the list as a document for programs."""
     return {
         "command": "observations list",
         "bundle": found.bundle,
@@ -90,7 +90,7 @@ def tell_todo(terminal: Terminal, todo: Todo) -> None:
 
 
 def todo_document(todo: Todo) -> dict[str, Any]:
-    """Return what to measure for programs."""
+    """Return what to measure as a document for programs."""
     return {
         "command": "observations todo",
         "bundle": todo.bundle,

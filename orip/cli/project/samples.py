@@ -1,4 +1,4 @@
-"""What `orip init` says of projects that it has made, samples or new ones."""
+"""What `orip init` prints about projects that it has made, samples or new ones."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ ReferentsOption = Annotated[
 ]
 
 _SHOWN_DELETIONS = 5
-"""In the question whether to delete them."""
+"""Most records that are named in the question whether to delete them."""
 
 _ABOUT: dict[RecordKind, tuple[str, str]] = {
     "camera": ("Cameras: principal distance and point, distortion, fiducial marks.", "edit OLYMPUS c=8.6 unknown=C,A3"),
@@ -159,7 +159,7 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
 
         edit = partial(delete_record, record=_record(kind, name, options.bundle), with_referents=with_referents)
         if not options.dry_run:
-            planned = edit(read_records(invocation.folder)).outcome  # what is wrong is said before anything is asked
+            planned = edit(read_records(invocation.folder)).outcome  # errors are reported before the user is asked
             require_confirmation(f"Delete {_deleted_text(planned)}?", yes)
         tell(invocation.terminal, f"{kind} delete", _edited(invocation, edit, dry=options.dry_run))
 

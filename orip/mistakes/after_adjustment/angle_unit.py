@@ -12,13 +12,13 @@ from orip.records.solution import Solution
 from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 
 ANGLE_UNITS = {DEGREES_PER_GON: "gon", DEGREES_PER_RADIAN: "radians"}
-"""Units by their size in degrees."""
+"""Names of units by their size in degrees."""
 
 _CLEARLY = 0.5
 """The right unit leaves less than this part of the rotations between preliminary and adjusted photos."""
 
 _FEWEST = 4
-"""Photos that a unit has to bring nearer, and as many more for each one that it takes farther away."""
+"""Number of photos that a unit has to bring nearer, and as many more for each photo that it takes farther away."""
 
 
 def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -49,7 +49,7 @@ def angle_unit_text(factor: float) -> str:
 
 
 def is_nearer(given: FloatArray, factor: float, adjusted: FloatArray) -> bool:
-    """Tell whether angles (n, 3), NaN where not given, are near rotations (n, 3, 3) if multiplied by a factor."""
+    """Tell whether angles (n, 3), NaN where not given, are near rotations (n, 3, 3) when multiplied by a factor."""
     known = np.isfinite(given).all(axis=1)
     as_given, scaled = (
         angles_between(rotation_from_angles(given[known] * unit), adjusted[known]) for unit in (1.0, factor)

@@ -1,4 +1,4 @@
-"""Check points that contradict the adjustment: all in the same way, two exchanged, or single ones written wrong."""
+"""Check points that contradict the adjustment: all in the same way, two exchanged, or single ones with a misprint."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _DOUBTED = 5.0
 """Standard deviations from which check points contradict the adjustment together."""
 
 _TOGETHER = 0.1
-"""Largest standard deviation of differences that are the same, as part of their mean."""
+"""Largest standard deviation of differences that count as the same, as a part of their mean."""
 
 _FEWEST = 2
-"""Check points that may agree by chance; more are needed."""
+"""Number of check points that may agree by chance; more are needed."""
 
 _FAR_OFF = 8.0
-"""Standard deviations, and times the usual difference of the others, from which a single check point is wrong: how well
-it was surveyed is not known."""
+"""Standard deviations, and multiples of the usual difference of the others, from which a single check point is wrong:
+how well it was surveyed is not known."""
 
 _SWAPPED = 0.1
 """Two points are exchanged if exchanging them removes all but this part of both differences."""

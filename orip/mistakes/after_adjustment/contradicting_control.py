@@ -1,4 +1,4 @@
-"""Control points whose coordinates contradict the photos, and the slip of the pen that explains them.
+"""Control points whose coordinates contradict the photos, and the slip in writing that explains them.
 
 Where the coordinates that the photos see differ from those given by a sign, two digits or a decimal point, or are those
 of another control point, that is what happened.
@@ -43,7 +43,7 @@ def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarni
     block : Block
         As gathered.
     solution : Solution
-        With down-weighting; the control points are looked at that it doubts themselves or in some photos.
+        With down-weighting; only control points that it doubts, themselves or in some photos, are examined.
     """
     points, place = block.photo_points, block.point_index()
     doubted = doubted_control(solution)
@@ -123,7 +123,7 @@ def _exchange_text(name: str, other: str) -> str:
 
 
 def _slips_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, small: float) -> str:
-    """Return which slips of the pen explain a point; "" where none does. A 0 that is off by little was meant."""
+    """Return which slips in writing explain a point; "" where none does. A 0 that is nearly right was meant."""
     if _axes_exchanged(point, seen, sd):
         return "the photos see it where it would be with X and Y exchanged; exchange them in the control file"
     slips = [
@@ -149,7 +149,7 @@ def _contradiction_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, g
 
 
 def _shown(point: ControlPoint, seen: FloatArray) -> str:
-    """Return where the photos see the coordinates of a point that are given."""
+    """Return the coordinates that the photos see, of those that are given for a point."""
     shown = [
         f"{kind} = {value:.3f}"
         for kind, value, given in zip("XYZ", seen, point.coordinates, strict=True)
@@ -171,7 +171,7 @@ def _axes_exchanged(point: ControlPoint, seen: FloatArray, sd: FloatArray) -> bo
 
 
 def _exchanged(points: Mapping[str, ControlPoint], seen: SeenCoordinates) -> Iterator[tuple[str, str]]:
-    """Yield points, and those that they were probably exchanged with."""
+    """Yield pairs of points that were probably exchanged."""
     for name, point in points.items():
         for other, another in points.items():
             if other != name and _is_nearly_at(point, seen, other) and _is_nearly_at(another, seen, name):
@@ -179,7 +179,7 @@ def _exchanged(points: Mapping[str, ControlPoint], seen: SeenCoordinates) -> Ite
 
 
 def _is_nearly_at(point: ControlPoint, seen: SeenCoordinates, other: str) -> bool:
-    """Tell whether a point is given nearly where another one is seen: two wrong points may bend the block a little."""
+    """Tell whether a point is given nearly where another one is seen: two wrong points may bend the block slightly."""
     given = np.array(point.coordinates, dtype=np.float64)
     own, swapped = (float(np.linalg.norm(given - seen[name][0])) for name in (point.name, other))
     return swapped < _SWAPPED * own

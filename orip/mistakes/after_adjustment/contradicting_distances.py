@@ -1,4 +1,4 @@
-"""Distances that contradict the block: all in another unit, a slip of the pen, or one to another point."""
+"""Distances that contradict the block: all in another unit, one with a slip in writing, or one to another point."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MATCHES = 4.0
 """Standard errors within which a distance is the one to another point."""
 
 _BY_CHANCE = 0.2
-"""Expected number of points that match by chance; with more of them a match proves nothing."""
+"""Largest expected number of points that match by chance; with more of them a match proves nothing."""
 
 
 def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -86,9 +86,9 @@ def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning
 
 
 def _other_ends(solution: Solution, distance: ControlDistance, tolerance: float) -> list[tuple[str, str]]:
-    """Return the pairs of points, one of them an end of a distance, that are as far apart as it says.
+    """Return the pairs of points, one of them an end of a distance, that are as far apart as given.
 
-    None where chance would find some, and for components of a distance, which many points share.
+    Empty where chance would find some, and for components of a distance, which many points share.
     """
     if distance.code != "XYZ":
         return []

@@ -16,13 +16,13 @@ from orip.records.block import Block
 from orip.records.solution import Solution
 
 _TOO_GOOD = 0.2
-"""Standard error of unit weight below which the cause is not caution: nobody assumes errors five times too large."""
+"""Standard error of unit weight below which caution is not the cause: nobody assumes errors five times too large."""
 
 _UNLIKELY = 1e-6
 """Probability of residuals so small by chance."""
 
 _FEWEST = 3.0
-"""Redundancy from which a kind of observation is judged."""
+"""Least redundancy with which a kind of observation is judged."""
 
 _NEAR = 4.0
 """Factor up to which errors in the right unit may still differ from the residuals."""

@@ -1,7 +1,7 @@
 """A plane object seen from its other side: what a mirrored picture of it looks like.
 
 A mirrored picture of points in a plane is what a camera behind the plane would see. The adjustment fits, with the
-cameras on the wrong side; only the positions that were given for them tell.
+cameras on the wrong side; only their given positions show that.
 """
 
 from __future__ import annotations

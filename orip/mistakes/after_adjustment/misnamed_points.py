@@ -20,16 +20,16 @@ from orip.records.solution import Solution
 from orip.wording import counted_names
 
 _MOST = 0.05
-"""Part of the photo points that may be doubted; with more it is not single points that are wrong."""
+"""Largest part of the photo points that may be doubted; with more, it is not single points that are wrong."""
 
 _LEAST_RAYS, _MOST_RAYS = 4, 12
-"""Rays of a point that are divided into those of two: fewer meet by chance, more are tedious."""
+"""Least and most rays of a point that are divided into those of two: fewer meet by chance, more take too long."""
 
 _MOST_ALONE = 5
-"""Points with one ray among which one that another ray meets is looked for: more are met by chance."""
+"""Most points with one ray among which one is sought that another ray meets: of more, some are met by chance."""
 
 _BY_CHANCE = 0.01
-"""Expected number of points that lie near a photo point by chance; with more of them a match proves nothing."""
+"""Largest expected number of points near a photo point by chance; with more of them a match proves nothing."""
 
 
 def misnamed_points(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -56,7 +56,7 @@ class _DoubtedPhotoPoints:
         self.rays = AdjustedRays(block, solution)
         self.place = {name: row for row, name in enumerate(solution.points.names)}
         # Photo points that lost weight because all residuals are larger than they should be are no blunders. Without
-        # its own ray a point is no better known than by the ray: hence the factor.
+        # its own ray the position of a point is no better known than that ray: hence the factor.
         self.rows = [row for row in rows if not self._distance(row) <= np.sqrt(2.0) * self.rays.limit(row)]
         self.measured: dict[int, set[int]] = {}
         for photo, point in zip(block.photo_points.photo.tolist(), block.photo_points.point.tolist(), strict=True):
@@ -108,7 +108,7 @@ class _DoubtedPhotoPoints:
         return self._rays_of(int(self.block.photo_points.point[row]))
 
     def _exchanged(self) -> list[tuple[int, int]]:
-        """Return the pairs of photo points of one photo each of which is where the other one should be."""
+        """Return the pairs of photo points of one photo that are each where the other one should be."""
         photo = self.block.photo_points.photo
         return [
             (one, other)

@@ -1,4 +1,4 @@
-"""Photos that an adjustment found far from where they were given, though it fits: two exchanged, or one given wrong."""
+"""Photos found far from where they were given by an adjustment that fits: two exchanged, or one given wrong."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orip.records.block import Block
 
 
 def moved_photos(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
-    """Return a warning for each photo that was given far from where the adjustment has it; none where it fits badly.
+    """Return a warning for each photo given far from where the adjustment puts it; none if the adjustment fits badly.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _TOGETHER = 4.0
 """Standard deviations of their difference within which two points are in one place."""
 
 _BY_CHANCE = 0.01
-"""Expected number of points that lie so near each other by chance; with more of them a match proves nothing."""
+"""Largest expected number of points so near each other by chance; with more of them a match proves nothing."""
 
 _MOST_POINTS = 5_000
 """In larger blocks points lie near each other by chance."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 _NARROW = 0.2
-"""Largest tolerance, as part of the error of a value: with a larger one some slip explains every value."""
+"""Largest tolerance, as a part of the error of a value: with a larger one, some slip explains any value."""
 
 
 def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
-    """Return which slip of the pen turns the value that the photos see into the one that was written.
+    """Return which slip in writing turns the value that the photos see into the one that was written.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
     Returns
     -------
     str or None
-        What follows "X = 12.3 ..." in a sentence; None where no slip explains the value.
+        The words that complete "X = 12.3 ..."; None where no slip explains the value.
     """
     if value == 0.0:
         return "was probably written because the value is not known: write - for it and for its error then"
@@ -36,7 +36,7 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
 
 
 def _slips(value: float) -> Iterator[tuple[float, str]]:
-    """Yield what may have been meant, and how it came to be written otherwise; the likeliest first."""
+    """Yield what may have been meant, and the slip by which it was written otherwise; the likeliest first."""
     yield -value, "its sign is wrong"
     text = f"{value:.10g}"
     for meant in _with_two_digits_exchanged(text):

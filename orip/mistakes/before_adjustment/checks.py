@@ -50,6 +50,6 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     ----------
     block : Block
     control : Control
-        All of the project, also what the block does not use.
+        All control of the project, even what the block does not use.
     """
     return (*photos_under_two_names(block), *name_warnings(block, control, block.preliminary))

@@ -17,17 +17,17 @@ from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
-"""Units by the number of them in a millimetre."""
+"""Names of units by their number in a millimetre."""
 
 _OUTSIDE, _TINY = 2.0, 0.03
-"""Part of half the longer side of the frame that the farthest coordinate does not exceed, and that it reaches, in
-millimetres."""
+"""Parts of half the longer side of the frame: in millimetres the farthest coordinate does not exceed the first, and
+reaches the second."""
 
 _FILLED = 0.3
 """Part of half the longer side that the coordinates reach in the right unit."""
 
 _WIDEST, _NARROWEST = 3.0, 0.02
-"""The same of the farthest coordinate over the principal distance, where no frame is given."""
+"""The same limits for the farthest coordinate over the principal distance, where no frame is given."""
 
 _USUAL = (0.15, 1.5)
 """Farthest coordinate over the principal distance in the right unit, where no frame is given."""
@@ -36,7 +36,7 @@ _LARGEST_FRAME = 300.0
 """mm."""
 
 _FEWEST = 4
-"""Photo points of a camera that are judged."""
+"""Least number of photo points with which a camera is judged."""
 
 
 def coordinates_in_other_units(definitions: Definitions, observations: PhotoObservations) -> Iterator[ProjectWarning]:
@@ -95,5 +95,5 @@ def _meant(camera: Camera, xy: FloatArray) -> str:
 
 
 def _are_pixels(xy: FloatArray) -> bool:
-    """Tell whether coordinates count from a corner and are more than a frame has of millimetres."""
+    """Tell whether coordinates count from a corner and exceed the millimetres of any frame."""
     return bool(xy.min() >= 0.0 and xy.max() > _LARGEST_FRAME)

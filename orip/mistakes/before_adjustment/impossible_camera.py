@@ -12,10 +12,10 @@ from orip.mistakes.length_units import millimetres_per_unit
 from orip.records.camera import Camera
 
 _LONGEST = 20.0
-"""Ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""
+"""Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""
 
 _SHORTEST = 0.1
-"""The same ratio: the angle of view is 157°; no perspective lens has it."""
+"""Smallest such ratio: the angle of view is 157°, which no perspective lens has."""
 
 _SQUARE = 1.05
 """Largest ratio of the sides of a pixel; sensor sizes in data sheets are rounded to a hundredth."""
@@ -50,7 +50,7 @@ def _is_possible(c: float, diagonal: float) -> bool:
 
 
 def _meant(camera: Camera, diagonal: float) -> str:
-    """Return what C would be in the other units that it is written in by mistake, where that is possible."""
+    """Return what C would be if it was written in another unit by mistake, for those units that are possible."""
     c = camera.parameters[0]
     listed = ", ".join(
         f"if it is in {unit}: C = {c * size:.4g} mm"

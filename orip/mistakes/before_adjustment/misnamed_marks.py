@@ -1,4 +1,4 @@
-"""Marks under each other's names: film that lay rotated or upside down, with its marks named by where they lay.
+"""Marks with exchanged names: film that lay rotated or upside down, with its marks named by their places.
 
 Marks named by their position in the scan fit nearly as well as under their own names, because the four corners of a
 frame are nearly symmetrical. But no camera and no template is perfectly symmetrical: the given coordinates fit best
@@ -20,22 +20,22 @@ from orip.records.interior import MarkAdjustment
 from orip.wording import counted_names
 
 _UNLIKELY = 1e-6
-"""Probability of residuals so large by chance; there is one test for each film."""
+"""Probability of such large residuals by chance below which names are doubted; there is one test for each film."""
 
 _LIKELY = 1e-3
-"""Probability of residuals above which marks fit under these names."""
+"""Probability of the residuals above which marks fit under these names."""
 
 _STRETCHED = 1.2
-"""Ratio of the scales in x and y that no film or enlargement reaches: a longer than wide frame was stretched into one
-wider than long."""
+"""Ratio of the scales in x and y that no film or enlargement reaches: an upright frame was stretched into a landscape
+one."""
 
 _LISTED = 4
-"""Marks that a message lists."""
+"""Most marks that a message lists."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """For each mark the one that it would be, and whether the film has to be turned over for that."""
+    """Which mark each one would be, and whether the film would have to be turned over."""
 
     marks: IntArray
     turned_over: bool
@@ -56,7 +56,7 @@ class _Film:
 
 
 def misnamed_marks(adjustments: Sequence[MarkAdjustment]) -> list[ProjectWarning]:
-    """Return warnings for templates and photos whose marks fit under each other's names, and not under their own.
+    """Return warnings for templates and photos whose marks fit with exchanged names, and not with their own.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from orip.records.names import look_alikes
 from orip.wording import agreeing, joined
 
 MOST_WARNINGS = 50
-"""Of a kind, that are told one by one."""
+"""Most warnings of a kind that are printed one by one."""
 
 _NAMES = {
     "unused-control": "control observations",
@@ -61,7 +61,7 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:
-    """Yield the first warnings of each code, and how many there are more: control may cover a whole country."""
+    """Yield the first warnings of each code, and the number of the others: control may cover a whole country."""
     counts: Counter[str] = Counter()
     for warning in warnings:
         counts[warning.code] += 1

@@ -22,7 +22,7 @@ from orip.records.photo import Photo
 from orip.wording import counted_names
 
 _BEYOND_MARKS = 0.25
-"""Margin on each side, as part of the extent of the fiducial marks: the image may extend beyond them."""
+"""Margin on each side, as a part of the extent of the fiducial marks: the image may extend beyond them."""
 
 _MOST = 0.5
 """Part of a photo's points outside the marks from which the photo is wrong, and not single points."""

@@ -9,14 +9,14 @@ from orip.errors import ProjectWarning
 from orip.records.block import Block
 
 _FEWEST = 5
-"""Common points; fewer may have the same coordinates by chance, as in photos taken one behind the other."""
+"""Least number of common points; fewer may have the same coordinates by chance, as in photos taken in one line."""
 
 _ERRORS = 4.0
 """Standard errors of the difference of two measurements within which they are the same."""
 
 _SAME = 1e-3
-"""Largest difference, as part of the extent of all photo points: a camera that moves by a thousandth of the distance to
-its points shifts them by more."""
+"""Largest difference, as a part of the extent of all photo points: a camera that moves by a thousandth of the distance
+to its points shifts them by more."""
 
 
 def photos_under_two_names(block: Block) -> list[ProjectWarning]:

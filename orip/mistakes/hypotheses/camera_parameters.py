@@ -1,4 +1,4 @@
-"""Camera parameters: the distortion or the principal point with the opposite sign, and a distortion not in the record.
+"""Camera parameters: distortion or principal point with the opposite sign, and distortion that is not in the record.
 
 Every function yields hypotheses for one camera, given by its index in the block.
 """

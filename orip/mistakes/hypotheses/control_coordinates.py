@@ -36,7 +36,7 @@ def control_axes(block: Block) -> Iterator[Hypothesis]:
 
 
 def control_units(block: Block) -> Iterator[Hypothesis]:
-    """Yield control in feet among metres and the other way round: all coordinates, then Z alone."""
+    """Yield control in feet instead of metres and vice versa: all coordinates, then Z alone."""
     for factor in FEET_AND_METRES:
         unit, other = LENGTH_UNITS[factor]
         yield from _control(block, _UNIT, np.eye(3) * factor, control_unit_text(factor))
@@ -54,7 +54,7 @@ def mirrored_control(block: Block) -> Iterator[Hypothesis]:
 
 
 def _reflection(solved: SolvedBlock) -> list[ProjectWarning]:
-    """Return which reflection it is: with Z reversed the cameras would be below the ground, looking up."""
+    """Return a warning of which reflection it is: with Z reversed the cameras are below the ground, looking up."""
     text = "the control fits the photos as a mirror image: "
     if camera_side(solved.state.rotations) < 0.0:
         text += "Z of the control seems to have the opposite sign (depths in place of heights); reverse the sign of Z"

@@ -1,4 +1,4 @@
-"""Control against the block that the photos give without it: other axes, another unit of Z, exchanged or wrong points.
+"""Control compared with the block without it: other axes, another unit of Z, exchanged or wrong points.
 
 The photos are adjusted as a free network. Where that fits, what does not fit is the control; its points and those of
 the network differ by a spatial similarity, which shows what is wrong.
@@ -29,16 +29,16 @@ from orip.records.ground import PlainGround
 from orip.records.preliminary import ControlReading, PartialBlock
 
 _FEWEST = 4
-"""Control points of which a wrong one shows."""
+"""Least number of control points among which a wrong one shows."""
 
 _MOST = 14
-"""Control points whose pairs are exchanged for a trial."""
+"""Most control points of which pairs are exchanged for a trial."""
 
 _SINGLE = 3
-"""Control points that are left out for a trial, those whose absence helps most."""
+"""Most control points that are left out for a trial, those whose absence helps most first."""
 
 _BETTER = 0.5
-"""Part of the misfit of the control that remains where one mistake explains it."""
+"""Largest part of the misfit of the control that remains where one mistake explains it."""
 
 _EXCHANGED = np.eye(3)[[1, 0, 2]]
 
@@ -58,7 +58,7 @@ class _Common:
         except ValueError:
             return np.inf
         offset = fitted.apply(self.source[rows]) - target[rows]
-        # the similarity takes 7 of the 3n coordinates
+        # the similarity has 7 unknowns for 3n coordinates
         return float(np.sqrt((offset**2).sum() / max(3 * len(offset) - 7, 1)))
 
 
@@ -136,7 +136,7 @@ class _Names:
 
 
 def _matrix(reading: ControlReading | None) -> FloatArray | None:
-    """Return what takes control to the reading; None where that is not one of its axes."""
+    """Return the matrix that takes control to the reading; None where the reading does not concern its axes."""
     if reading is None:
         return None
     if reading.reading == "mirror image":

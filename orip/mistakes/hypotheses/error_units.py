@@ -15,10 +15,10 @@ from orip.records.control import ControlPoint
 _MILLI = 1e-3
 
 _IMPOSSIBLE = 2e-6
-"""Part of the extent of photos that nobody measures: half a micrometre on an aerial photo."""
+"""Part of the extent of photos that is finer than any measurement: half a micrometre on an aerial photo."""
 
 _USELESS = 0.01
-"""Part of the extent of photos or control: a larger error leaves a position undetermined."""
+"""Part of the extent of photos or control above which an error leaves a position undetermined."""
 
 
 def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:

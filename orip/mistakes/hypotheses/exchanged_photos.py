@@ -1,4 +1,4 @@
-"""Two photos under each other's name."""
+"""Two photos with exchanged names."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 
 _WORST_PHOTOS = 12
-"""Photos among which an exchanged pair is looked for."""
+"""Most photos among which an exchanged pair is sought."""
 
 _PAIRS = 3
-"""Pairs that are tried: preliminary orientations are rough."""
+"""Most pairs that are tried: preliminary orientations are rough."""
 
 
 def exchanged_photos(block: Block) -> Iterator[Hypothesis]:
@@ -64,7 +64,7 @@ class _Directions:
 
     def __init__(self, block: Block) -> None:
         given = given_coordinates(block)
-        # coordinates that are given in part are no position in the frame
+        # coordinates that are known only in part are no position in the frame
         given[np.isnan(given).any(axis=1)] = np.nan
         self._points = np.where(np.isnan(block.point_start), block.ground.to_local(given), block.point_start)
         vectors = image_vectors(block)

@@ -1,4 +1,4 @@
-"""What a hypothesis is: a block with one mistake undone, whether its adjustment makes sense, and what to say then."""
+"""What a hypothesis is: a block with one mistake corrected, whether its adjustment makes sense, and its warnings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orip.errors import ProjectWarning
 from orip.records.block import Block
 
 _NEAR = 0.5
-"""Part of the distance to their points by which most photos may move and still be said to be where they were given."""
+"""Part of the distance to their points by which most photos may move and still count as being where they were given."""
 
 
 def _always(_: SolvedBlock) -> bool:
@@ -30,9 +30,9 @@ class Hypothesis:
     ----------
     block : Block
     findings : callable
-        From the adjustment of that block: what is probably wrong and what to do; empty if nothing is to be said.
+        From the adjustment of that block: what is probably wrong and what to do; empty if there is nothing to report.
     holds : callable
-        From the same: whether it is an adjustment that the hypothesis foresees. Whether it fits is not tested here; see
+        From the same: whether the adjustment agrees with the hypothesis. Whether it fits is not tested here; see
         `orip.mistakes.fit_comparison`.
     concerns_start : bool
         The mistake is, or may be, in the preliminary values alone: it is no objection that the data as given fit, too,
@@ -46,7 +46,7 @@ class Hypothesis:
 
 
 def finding(code: str, where: str, text: str) -> Findings:
-    """Return what gives the same warning for every adjustment.
+    """Return a function that gives the same warning for every adjustment.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def finding(code: str, where: str, text: str) -> Findings:
 def photos_stay_near(solved: SolvedBlock) -> bool:
     """Tell whether most photos are near the position where they were given, compared with the distance to their points.
 
-    A block adjusts itself to control of any scale; the positions of its photos tell which scale is right.
+    A block fits control of any scale; the positions of its photos show which scale is right.
     """
     state, points = solved.state, solved.block.photo_points
     moved = np.linalg.norm(state.centres - solved.block.photo_orientation[:, :3], axis=1)

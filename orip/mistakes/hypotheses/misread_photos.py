@@ -1,4 +1,4 @@
-"""Single photos that the others contradict: left out one by one, and read otherwise where the others fit then."""
+"""Single photos that the others contradict: left out one by one, and read differently where the others then fit."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 
 _FEWEST = 3
-"""Photos of a block of which one may be said to contradict the others."""
+"""Least number of photos of a block of which one can contradict the others."""
 
 _DETERMINED = 0.02
-"""Standard deviation of a point over the extent of all, up to which it is known."""
+"""Standard deviation of a point, as a part of the extent of all, up to which it counts as known."""
 
 
 def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hypothesis]:
@@ -53,9 +53,9 @@ def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hy
                 "and its measurements, or leave it out"
             )
             found_out = finding("contradicting-photo", f"photo {name}", text)
-            # the photo itself can start nowhere
+            # the photo itself has no starting value
             left_out.append(Hypothesis(without, found_out, concerns_start=True))
-    # without these the others are not connected
+    # without these photos the others are not connected
     for name in alone:
         yield from _directly_mirrored(block, rows[name])
     yield from left_out
@@ -89,7 +89,7 @@ def _known(block: Block, rest: SolvedBlock) -> np.ndarray:
 
 
 def _read_otherwise(block: Block, photo: int, rest: SolvedBlock, found: FittingReading) -> Hypothesis:
-    """Return a block with a photo read otherwise, all photos where the others have been adjusted to."""
+    """Return a block with a photo read differently; the other photos start where they were adjusted."""
     adjusted = np.hstack([rest.state.centres, angles_from_rotation(rest.state.rotations)])
     orientation = np.insert(adjusted, photo, found.orientation, axis=0)
     held = np.array([bool(record.constant) for record in block.photos])

@@ -1,4 +1,4 @@
-"""Which hypotheses are tried, in the order of their likelihood: it decides between two that explain a block equally."""
+"""Which hypotheses are tried, the most likely first: the order decides between two that explain a block equally."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from orip.records.solution import Solution
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2
-"""Part of the directions, and of the control coordinates, that loses weight where more than single ones are wrong."""
+"""Part of the directions, and of the control coordinates, that loses weight where not only single ones are wrong."""
 
 _PHOTOS, _CONTROL_POINTS = 2, 3
-"""Photos and control points that are tried one by one, those that fit worst."""
+"""Most photos and control points that are tried one by one, those that fit worst first."""
 
 _LEFT_OUT = 8
-"""Photos that are left out one by one."""
+"""Most photos that are left out one by one."""
 
 
 def hypotheses_of_misfit(
@@ -52,11 +52,11 @@ def hypotheses_of_misfit(
     given : Fit
         How its observations fit.
     started : Block
-        As its adjustment started.
+        The block with its starting values.
     readjuster : Readjuster
     """
     block = readjuster.block
-    # cameras and directions hardly influence the preliminary orientations: those found before serve again
+    # cameras and directions hardly influence the preliminary orientations: those found before are used again
     oriented = replace(block, photo_orientation=started.photo_orientation)
     fits = is_good(given)
     if not fits:

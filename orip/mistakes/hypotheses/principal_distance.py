@@ -1,7 +1,7 @@
 """The principal distance of another lens, or in another unit: it is tried as an unknown.
 
-The adjustment starts from the value that points with given coordinates tell where the photos' orientations are roughly
-known.
+Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
+given coordinates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NEAR_AXIS = 0.02
 _DIAGONAL_OF_35_MM_FILM = float(np.hypot(36.0, 24.0))
 
 _ALIKE = 0.15
-"""Logarithm of the ratio of two principal distances that are taken as the same: the accuracy of an uncalibrated one."""
+"""Logarithm of the ratio up to which two principal distances count as the same: the accuracy of an uncalibrated one."""
 
 
 def other_principal_distance(block: Block, row: int) -> Iterator[Hypothesis]:

@@ -13,7 +13,7 @@ from orip.records.block import Block
 _FACTORS = (2.0, 4.0, 8.0)
 
 _FEWEST = 10
-"""Photo points of a camera that all lie in one corner by chance with a probability of a millionth."""
+"""Number of photo points that all lie in one corner by chance with a probability of one in a million."""
 
 _EDGE = 1.01
 """Tolerance at the edge of the reduced picture."""

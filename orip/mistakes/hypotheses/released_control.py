@@ -1,4 +1,4 @@
-"""Single control points whose coordinates are wrong: the block without them tells where they are."""
+"""Single control points whose coordinates are wrong: the block without them shows where they are."""
 
 from __future__ import annotations
 

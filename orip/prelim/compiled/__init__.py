@@ -1,4 +1,4 @@
-"""The compiled inner loops of preliminary values: C beside the NumPy that does the same where there is no compiler."""
+"""The compiled inner loops of preliminary values; NumPy does the same where there is no compiler."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdint.h>
 
-/* Unlike fmax and fmin, which look for what is no number, these need no call. */
+/* Unlike fmax and fmin, which have to treat NaN, these need no call. */
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
 
@@ -17,7 +17,7 @@ static inline void cross3(const double *a, const double *b, double *c)
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* Solve A x = b by elimination with pivots; both are used up, x is in b. */
+/* Solve A x = b by elimination with pivoting; both are overwritten, x is in b. */
 static inline void solve6(double A[6][6], double b[6])
 {
     for (int k = 0; k < 6; k++) {
@@ -129,7 +129,7 @@ static inline void eigen3(double A[3][3], double values[3], double V[3][3])
             }
 }
 
-/* Put the k-th smallest of n numbers where sorting would put it, the smaller ones before it (Hoare 1961). */
+/* Move the k-th smallest of n numbers to where sorting would put it, and the smaller ones before it (Hoare 1961). */
 static inline double select_smallest(double *a, int64_t n, int64_t k)
 {
     int64_t low = 0, high = n - 1;
@@ -157,7 +157,7 @@ static inline double select_smallest(double *a, int64_t n, int64_t k)
     return a[k];
 }
 
-/* The quantile of n numbers, which change their places, on a line between those to both sides of it. */
+/* The quantile of n numbers, which are reordered, by linear interpolation between its neighbours. */
 static inline double quantile_of(double *a, int64_t n, double share)
 {
     const double place = share * (double)(n - 1);
@@ -171,7 +171,7 @@ static inline double quantile_of(double *a, int64_t n, double share)
     return lower + (place - (double)k) * (upper - lower);
 }
 
-/* The median of n numbers, which change their places. */
+/* The median of n numbers, which are reordered. */
 static inline double median_of(double *a, int64_t n)
 {
     const double upper = select_smallest(a, n, n / 2);

@@ -65,7 +65,7 @@ static double residual_at(const Rays *rays, int64_t row, const double *point)
     return along > 0.0 ? across / along / rays->error[row] : along * 0.0 + INFINITY;
 }
 
-/* Meet with the weights of the angles at a position, times factors. */
+/* Intersect with the weights that the angles have at a position, times factors. */
 static void meet_again(const Rays *rays, const double *factors, const double *at, double *point, double *inverse,
                        double *scratch)
 {
@@ -194,7 +194,7 @@ typedef struct {
     int64_t count, points;
 } AllRays;
 
-/* Those of oriented photos, from a base in their middle: where each comes from, and where each point's begin. */
+/* The rays of oriented photos, from an origin in their middle: the row of each ray, and where those of a point begin. */
 typedef struct {
     double base[3], *origins, *directions, *error, *residual, *scratch;
     int64_t *row, *start;
@@ -245,11 +245,11 @@ typedef struct {
     Robust robust;
 } Intersecting;
 
-/* The robust scale of the residuals: a quantile, freed of the part that the points take up; at least 1. */
+/* The robust scale of the residuals: a quantile, corrected for the redundancy; at least 1. */
 static double scale_of(const Bundle *b, int64_t points, const Intersecting *how)
 {
     int64_t rays = 0, places = 0;
-    /* points with two rays hide what is wrong with them */
+    /* errors of points with two rays show in their residuals only in part: they are used only if there are no others */
     for (int64_t fewest = 3; fewest > 0 && rays <= 10; fewest -= 2) {
         rays = places = 0;
         for (int64_t point = 0; point < points; point++) {

@@ -1,4 +1,4 @@
-"""Positions of points from rays some of which are wrong, all points side by side."""
+"""Positions of points from rays, some of which are wrong; all points side by side."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.least_squares import GaussNewton, group_sums, least_squares
 
 SMALLEST_ANGLE = np.radians(0.5)
-"""Rays that meet at less leave a depth that is wrong by some hundred times the error across the rays."""
+"""Angle below which the depth of an intersection is wrong by some hundred times the error across the rays."""
 
 MANY = 8
-"""With so many rays least absolute residuals find a wrong one as surely as leaving out one after the other."""
+"""From this number of rays, least absolute residuals find a wrong one as surely as leaving out one after the other."""
 
 KEPT = 0.5
 """Least weight factor with which a ray counts for the angle and for lying in front."""
@@ -26,8 +26,8 @@ DANISH_ITERATIONS = 4
 
 QUANTILE = 0.4
 LENGTH_AT_QUANTILE = np.sqrt(-2.0 * np.log(1.0 - QUANTILE))
-"""Of a residual with two normal components of standard deviation 1; below the median, since a wrong ray also enlarges
-the residuals of the others of its point."""
+"""Quantile of the length of a residual with two normal components of standard deviation 1; below the median, since a
+wrong ray also enlarges the residuals of the other rays of its point."""
 
 
 class OrientedRays(NamedTuple):
@@ -223,7 +223,7 @@ def _judged(
 
 
 def _largest_angles(rays: OrientedRays, kept: BoolArray) -> FloatArray:
-    """Return the angle (q,) between the kept ray farthest from their mean and the one farthest from that."""
+    """Return the angle (q,) between the kept ray farthest from their mean direction and the one farthest from it."""
     rows = np.flatnonzero(kept)
     point, directions = rays.point[rows], rays.directions[rows]
     mean = group_sums(point, directions, rays.points)

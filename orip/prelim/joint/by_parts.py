@@ -1,4 +1,4 @@
-"""The route by parts: what pairs of photos connect is placed on the ground together, by control and all common points.
+"""The route by parts: parts made of pairs of photos are placed on the ground together, by control and common points.
 
 For blocks whose parts share too few points to be joined one after the other, or see too little control each.
 """
@@ -20,10 +20,10 @@ from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
 from orip.records.preliminary import PartialBlock, RelativeOrientation
 
 _POINTS = 3
-"""Of a part."""
+"""Points that a part needs."""
 
 _EQUATIONS = 6
-"""Of a photo, with as many unknowns."""
+"""Equations that a photo needs, which has as many unknowns."""
 
 
 def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int) -> Route:
@@ -73,7 +73,7 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
 
 
 def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
-    """Return a part with the points that one of its photos shows, at the usual depth of that photo's other points."""
+    """Return a part with the points that are in one of its photos, at the median depth of that photo's other points."""
     rays = grower.rays
     points, coordinates, deviations = [part.points], [part.coordinates], [part.deviations]
     place = np.full(len(rays.points), -1)

@@ -23,13 +23,13 @@ _AGREEING = 0.5
 """Length of the mean of the photos' axes below which they do not say where up is."""
 
 _ALIKE = 0.03
-"""Weight of the expectation that parts with a common photo have the same scale and azimuth; 1: that of a point."""
+"""Weight of the condition that parts with a common photo have the same scale and azimuth; 1 is that of a point."""
 
 _LEVEL = 0.1
-"""Weight of the expectation that a part is level, at the distance of its points; 1: that of a point."""
+"""Weight of the condition that a part is level, at the distance of its points; 1 is that of a point."""
 
 _ROUNDS = 3
-"""Of plan and height."""
+"""Number of adjustments of plan and height."""
 
 _SMALLEST_SCALE = 0.2
 """Of the median scale: parts that shrink more are not determined, and get the median."""
@@ -50,7 +50,7 @@ class _Ties:
     parts : int
     part : array (n,) of int
     place : array (n,) of int
-        Of a point, or of the projection centre of a photo, on the ground.
+        Index of a ground position: that of a point, or of the projection centre of a photo.
     known : array (number of places, 3)
         Ground coordinates; NaN where not known.
     """
@@ -92,7 +92,7 @@ def levelled(part: PartialBlock, axis: int) -> PartialBlock | None:
     ----------
     part : PartialBlock
     axis : int
-        Of the photos, that points up: 2 where they look down, 1 where they stand upright.
+        Axis of the photos that points up: 2 where they look down, 1 where they stand upright.
     """
     mean = part.rotations[:, :, axis].mean(axis=0)
     length = float(np.linalg.norm(mean))
@@ -248,7 +248,7 @@ def _in_plan(ties: _Ties, coordinates: FloatArray, alike: Sequence[tuple[int, in
 
 
 def _in_height(ties: _Ties, coordinates: FloatArray) -> FloatArray:
-    """Return slopes in X and Y, and height, of the middle of each part (parts, 3), from which coordinates are taken."""
+    """Return slopes in X and Y, and height, at the middle of each part (parts, 3), to which coordinates refer."""
     parts = ties.parts
     free: BoolArray = np.asarray(~np.isfinite(ties.known[:, 2]))
     column = 3 * parts + np.cumsum(free) - 1

@@ -22,7 +22,7 @@ _DENSE = 0.1
 """Part of the couplings between photos and points above which a product of full matrices is faster."""
 
 _FLOOR = 1e-12
-"""Part of the largest diagonal element that makes normal equations without observations regular."""
+"""Part of the largest diagonal element that is added to make normal equations without observations regular."""
 
 
 class _Rows(NamedTuple):

@@ -35,7 +35,7 @@ def corrected(rays: ImageRays, corrections: FloatArray) -> ImageRays:
     """
     if not corrections.any():
         return rays
-    # the last row is that of known cameras
+    # the last row, index -1, is that of known cameras
     scale, right, up, radial = np.vstack([corrections, np.zeros(CAMERA_CORRECTIONS)])[camera_of(rays)].T
     x, y, z = rays.vectors.T
     factor = 1.0 + radial * (x * x + y * y) / (z * z)
@@ -65,8 +65,8 @@ def camera_of(rays: ImageRays) -> IntArray:
 def by_corrections(rays: ImageRays) -> FloatArray:
     """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of residuals, computed minus measured, by corrections.
 
-    Those by the first are the computed coordinates themselves, for which a factor of 1 stands here. 0 for what is
-    known; an empty array where all cameras are known.
+    Those by the first are the computed coordinates themselves; the factor 1 is returned for them. 0 for corrections
+    that are known; an empty array where all cameras are known.
     """
     camera = camera_of(rays)
     partials = np.zeros((len(camera), 2, CAMERA_CORRECTIONS))

@@ -44,7 +44,7 @@ class CompiledSolver:
         return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
 
     def _arrays(self, state: RefinementState) -> tuple[NDArray[np.generic], ...]:
-        # asked for twice: for the residuals of a state, and for the step from there
+        # needed twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
             rays = corrected(self._problem.rays, state.corrections)
             arrays = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points

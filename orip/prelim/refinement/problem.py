@@ -1,4 +1,4 @@
-"""Photos and points that are refined together: which are unknown, where they stand, and what residuals they leave."""
+"""Photos and points that are refined together: which are unknown, their state, and their residuals."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class RefinementState:
 
 
 class RayResiduals(NamedTuple):
-    """Of m rays: residuals (m, 2) over their a-priori errors, and whether the point is in front (m,).
+    """Residuals (m, 2) of m rays over their a-priori errors, and whether the point is in front of the photo (m,).
 
-    And of the state that they belong to what its cameras' corrections add to the square sum.
+    `of_cameras` is what the corrections of the cameras add to the square sum.
     """
 
     residual: FloatArray
@@ -76,7 +76,7 @@ class RefinementProblem:
 
     @property
     def redundancy(self) -> int:
-        """Return twice the number of rays minus that of the unknowns."""
+        """Return twice the number of rays minus the number of unknowns."""
         return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
 
     def scale(self, length: FloatArray) -> float:
@@ -93,7 +93,7 @@ class BandOrder:
     order : array (f,)
         Free photos.
     place : array (p,)
-        Of each photo in this order, -1 of one that is held.
+        Place of each photo in this order; -1 for a photo that is held.
     """
 
     def __init__(self, problem: RefinementProblem) -> None:

@@ -16,7 +16,7 @@ class ReducedEquations(NamedTuple):
     Attributes
     ----------
     band : array (width, n)
-        Diagonals of the lower half of the photos' matrix; used up if its columns are contiguous.
+        Diagonals of the lower half of the photos' matrix; overwritten if its columns are contiguous.
     right : array (n,)
     border : array (n, c)
     own : array (c, c)

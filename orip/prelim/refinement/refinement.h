@@ -1,4 +1,4 @@
-/* Reduced normal equations of a block's photos and points; compiled_steps.py says what the arrays hold. */
+/* Reduced normal equations of a block's photos and points; the arrays are described in compiled_steps.py. */
 
 #include "../compiled/linear.h"
 #include <stdlib.h>
@@ -32,7 +32,7 @@ static void block_residuals(const RefinementProblem *n, double *residual, uint8_
         }
 }
 
-/* Enlarge the diagonal; what has no equations at all becomes regular. */
+/* Enlarge the diagonal, so that even unknowns without any equation are regular. */
 static void damp(double *normals, int size, double damping)
 {
     double largest = 0.0;
@@ -61,7 +61,7 @@ static void subtract(RefinementProblem *n, int64_t high, int64_t low, const doub
     }
 }
 
-/* What a ray says of its camera; `p` and `q` are the partials of its coordinates by the photo. */
+/* Add what a ray contributes to its camera; `p` and `q` are the partials of its coordinates by the photo. */
 static void add_camera(RefinementProblem *n, int64_t point, int64_t row, double weight, const double residual[2],
                        const double *p, const double *q)
 {
@@ -123,7 +123,7 @@ static void add_ray(RefinementProblem *n, int64_t point, int64_t row, double V[9
     }
 }
 
-/* Note the unknown cameras that a point is seen by. */
+/* Note the unknown cameras whose photos show a point. */
 static void see_cameras(RefinementProblem *n, int64_t point)
 {
     n->seen_count = 0;

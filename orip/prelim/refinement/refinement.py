@@ -30,12 +30,12 @@ _ENOUGH = 0.5
 standard deviation: photos connected with the others by few points hardly affect the whole sum."""
 
 _UPHILL, _UPHILL_STEPS = 10.0, 2
-"""Times the weighted square sum up to which steps uphill are taken, and how many of them one after the other."""
+"""Multiple of the weighted square sum up to which uphill steps are taken, and how many of them in succession."""
 
 _NEVER_AGAIN = -1
 
 _SQUARE_BEHIND = 1e6
-"""Squared standard residual that a ray behind its photo counts as."""
+"""Squared standard residual that a ray has whose point lies behind the photo."""
 
 _MOST_STEPS = 30
 
@@ -187,7 +187,7 @@ class _RobustRefinement:
     def reweighted(self, here: _Estimate) -> _Estimate:
         length = here.residuals.length
         s0 = self._problem.scale(length)
-        with np.errstate(invalid="ignore"):  # coordinates in another unit may miss each other by any number
+        with np.errstate(invalid="ignore"):  # with coordinates in another unit residuals may overflow
             weights = danish_weights(length / max(s0, 1.0), LIMIT_OF_TWO_COMPONENTS)
         return here._replace(s0=s0, weights=weights)
 
@@ -201,7 +201,7 @@ class _RobustRefinement:
         return np.array([weights @ squares + at.of_cameras])
 
     def converged(self, before: _Estimate, after: _Estimate) -> bool:
-        """Return whether the gain is small: that with the weights before, and what the new ones leave of it."""
+        """Return whether the gain is small, both with the weights before the step and with the new ones."""
         cost, improved, reweighted = (
             float(self.costs(at, weights)[0])
             for at, weights in ((before, before.weights), (after, before.weights), (after, after.weights))
@@ -213,8 +213,8 @@ class _RobustRefinement:
 class _UphillSteps:
     """Marquardt's damping that allows for steps uphill.
 
-    Along a bent valley a whole step often leads uphill and the next one far down: two are taken on trust. If they did
-    not help, the iterations go back to the best estimate, with more damping, and uphill no more.
+    Along a curved valley a full step often leads uphill and the next one far down: two such steps are taken. If they do
+    not help, the iterations go back to the best estimate with more damping, and no further uphill steps are taken.
     """
 
     exhausted = False
@@ -225,7 +225,7 @@ class _UphillSteps:
         self._steps_left, self._refused = _UPHILL_STEPS, False
 
     def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
-        """Return whether the square sum is no larger; otherwise decide whether to go on from there all the same."""
+        """Return whether the square sum is no larger; otherwise decide whether to go on from there nevertheless."""
         before, after = problem.costs(best, best.weights)[0], problem.costs(tried, best.weights)[0]
         was_on_trust, self.on_trust = self.on_trust, False
         if after <= before:

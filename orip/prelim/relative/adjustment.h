@@ -1,5 +1,5 @@
-/* Adjustment of relative orientations with Danish weights; orip/prelim/relative/adjustment.py does the same, and says
- * where it comes from.
+/* Adjustment of relative orientations with Danish weights; orip/prelim/relative/adjustment.py does the same and names
+ * the sources.
  */
 
 #include "parallax.h"
@@ -9,7 +9,7 @@ typedef struct {
     double limit, floor, converged, longest, regular, held;
 } RelativeDanish;
 
-/* Two directions across a base: what Householder's reflection makes of the second and third axis. */
+/* Two directions across a base: the images of the second and third axis in Householder's reflection. */
 static void across_of(const double *base, double across[2][3])
 {
     double v[3] = {base[0], base[1], base[2]};
@@ -45,7 +45,7 @@ static inline void add_equation(const double design[5], double weight, double N[
             N[i][j] += weight * design[i] * design[j];
 }
 
-/* Copy normal equations to below their diagonal, and keep them solvable. */
+/* Copy the upper triangle of the normal equations to the lower one, and keep them solvable. */
 static void complete(const RelativeDanish *d, double N[5][5])
 {
     double trace = 0.0;
@@ -94,7 +94,7 @@ static double relative_step(const Pairs *p, const RelativeDanish *d, double scal
     return square;
 }
 
-/* Adjust orientations side by side, until none of them moves; returns the number of iterations. */
+/* Adjust orientations side by side until all have converged; returns the number of iterations. */
 static int64_t adjust_relative(const Pairs *p, const RelativeDanish *d, const double *scales, int64_t number,
                                int64_t most, double *bases, double *rotations, double *weights)
 {

@@ -20,7 +20,7 @@ from orip.prelim.relative.parallax import Pairs, Parallaxes, parallaxes_with_par
 MAX_STANDARD_RESIDUAL = 5.0
 
 _CONVERGED = 1e-9
-"""Correction in standard deviations of the unknowns; rounding leaves some 1e-11."""
+"""Correction, in standard deviations of the unknowns, at which iterations end; rounding leaves some 1e-11."""
 
 _WEIGHTS_HELD = 12
 """Iteration after which weights are held: one that alternates at the limit would never converge."""
@@ -28,13 +28,13 @@ _WEIGHTS_HELD = 12
 _REWEIGHTINGS = _WEIGHTS_HELD - 1
 
 _LONGEST_STEP = 0.3
-"""Radians; from a poor start the linear step may lead anywhere."""
+"""Largest rotation of one step, radians: from a poor start the linear step may lead anywhere."""
 
 _REGULAR = 1e-13
-"""Part of the trace that keeps the normal equations solvable where five points determine nothing."""
+"""Part of the trace added to the diagonal, so that the equations can be solved where five points determine nothing."""
 
 DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
-"""As the compiled loop takes them: `RelativeDanish` in adjustment.h."""
+"""The constants as the compiled loop takes them: `RelativeDanish` in adjustment.h."""
 
 
 class AdjustedPairs(NamedTuple):

@@ -1,7 +1,7 @@
-/* The essential matrices of five points; orip/geometry/essential.py has the equations and says why.
+/* The essential matrices of five points; orip/geometry/essential.py has the equations and their source.
  *
- * Of the ten cubic equations those of x²z, x², y²z, y², xyz and xy are kept, which give three equations in x, y and 1
- * whose coefficients are polynomials in z; their determinant has the degree ten (Nistér 2004).
+ * Of the ten cubic equations those with the leading terms x²z, x², y²z, y², xyz and xy are kept. They give three
+ * equations in x, y and 1 whose coefficients are polynomials in z; their determinant has degree ten (Nistér 2004).
  */
 
 #ifndef ORIP_PRELIM_FIVE_POINTS_H
@@ -50,7 +50,7 @@ static inline Complex over(Complex a, Complex b)
 
 static inline double square_of(Complex a) { return a.re * a.re + a.im * a.im; }
 
-/* Four matrices whose sums are all E with left^T E right = 0: what Householder's reflections leave. */
+/* Four matrices that span all E with left^T E right = 0, by Householder's reflections. */
 static void null_space(const double left[5][3], const double right[5][3], double basis[4][9])
 {
     double columns[5][9], factors[5];
@@ -139,7 +139,7 @@ static void cubic_equations(double basis[4][9], double equations[10][20])
                 add_cubic(squares[i][k], e[3 * k + j], equations[1 + 3 * i + j]);
 }
 
-/* Reduce the leading ten columns to the identity, in the last six rows; 0 where that cannot be. */
+/* Reduce the leading ten columns to the identity, in the last six rows; 0 where that is impossible. */
 static int reduce(double a[10][20])
 {
     for (int k = 0; k < 10; k++) {
@@ -169,7 +169,7 @@ static int reduce(double a[10][20])
     return 1;
 }
 
-/* Coefficients, lowest power first, of what multiplies x, y and 1 in row - z lower. */
+/* Coefficients, lowest power first, of the polynomials that multiply x, y and 1 in row - z lower. */
 static void polynomials(const double *row, const double *lower, double of[3][5])
 {
     for (int v = 0; v < 2; v++) {
@@ -249,7 +249,7 @@ static Complex laguerre(const double *a, int degree, Complex z)
     return z;
 }
 
-/* Newton steps on the polynomial itself: what others that were divided off have left is inexact. */
+/* Newton steps on the polynomial itself: after division by other roots a root is inexact. */
 static Complex polished(const double *a, int degree, Complex z)
 {
     for (int step = 0; step < 2; step++) {
@@ -265,7 +265,7 @@ static Complex polished(const double *a, int degree, Complex z)
     return z;
 }
 
-/* All roots of a real polynomial, of pairs the one above the real axis; returns how many. */
+/* All roots of a real polynomial, of conjugate pairs the one above the real axis; returns how many. */
 static int roots_of(const double *coefficients, Complex *roots)
 {
     double a[DEGREE + 1];
@@ -308,7 +308,7 @@ static Complex value_at(const double *a, Complex z)
     return p;
 }
 
-/* x and y from the two equations that are the least alike; whether they are finite. */
+/* x and y from the two equations that are least parallel; returns whether they are finite. */
 static int others_of(double b[3][3][5], Complex z, Complex *x, Complex *y)
 {
     Complex rows[3][3], best[3] = {{0.0, 0.0}};

@@ -17,17 +17,17 @@ from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientat
 from orip.wording import counted
 
 _NO_BASE = 3.0
-"""Parallaxes left by a rotation alone, in standard deviations: below this limit measuring errors explain them, half of
-which are below 1.2."""
+"""Median of the parallaxes left by a rotation alone, in standard deviations, below which measuring errors explain them:
+half of these are below 1.2."""
 
 _NO_MODEL = 0.01
 """Standard deviation of parallaxes, as part of the principal distance, that no uncalibrated camera causes."""
 
 _FITS = 3.0
-"""Standard deviations within which a point fits that is measured under another number."""
+"""Standard deviations within which a point fits if it is taken to be measured under another number."""
 
 _LARGEST_SCALE = 20.0
-"""Of the errors that an uncalibrated camera causes; above it points are confused, and their parallaxes mean nothing."""
+"""Scale of the residuals that an uncalibrated camera may cause; above it points are confused."""
 
 
 def orient_pair(
@@ -55,7 +55,7 @@ def orient_pair(
         Its name.
     row, column : int or None
     index : PhotoIndex, optional
-        Of the rays, where many pairs of them are oriented.
+        The index of the rays, given where many pairs are oriented.
 
     Returns
     -------
@@ -66,11 +66,11 @@ def orient_pair(
     The residual parallax is y left - y right in the normal case; in general see `orip.prelim.relative.parallax`. Its
     a-priori error is the root of the squares of both photos' errors of a coordinate.
 
-    The base is as long as brings the mean of the points' 1 / depth to 1 / C: in the normal case bx is then the mean
-    x parallax. Its largest component fixes the scale and has no standard deviation.
+    The base has the length for which the mean of the points' 1 / depth is 1 / C: in the normal case bx is then the
+    mean x parallax. Its largest component fixes the scale and has no standard deviation.
 
     Standard deviations are those of the a-priori errors times `seuw` (without redundancy, times 1). Those of model
-    coordinates are of the intersection of the two rays alone, times `seuw` where that is above 1.
+    coordinates are those of the intersection of two rays with fixed orientation, times `seuw` where it is above 1.
     """
     rows = (index or photo_index(rays)).common_points(left, right)
     names = rays.photos[left], rays.photos[right]

@@ -1,5 +1,5 @@
-/* Two photos: how far the rays of a point miss each other, and where they meet; orip/prelim/relative/parallax.py does the same,
- * and says where it comes from.
+/* Two photos: by how much the rays of a point miss each other, and where they meet; orip/prelim/relative/parallax.py does
+ * the same and names the sources.
  */
 
 #ifndef ORIP_PRELIM_PARALLAX_H
@@ -103,8 +103,8 @@ static inline void along_rays(const double *base, const double *R, const double 
     along[1] = parallel ? 0.0 : bl * lt - bt * ll;
 }
 
-/* Where two rays come nearest to each other, halfway between them, in units of the base, and how many image vectors it
- * is to there; not finite where they are parallel.
+/* Where two rays come nearest to each other, halfway between them, in units of the base, and its distance along each as a
+ * multiple of the image vector; not finite where they are parallel.
  */
 static inline void meeting_of(const double *base, const double *R, const double *left, const double *right,
                               double *coordinates, double along[2])

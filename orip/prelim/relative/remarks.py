@@ -11,7 +11,7 @@ from orip.arrays import FloatArray
 from orip.wording import first_names
 
 _NAMED = 6
-"""Points that are named one by one."""
+"""Number of points that are named one by one."""
 
 _MANY = 0.2
 

@@ -1,5 +1,4 @@
-/* Relative orientation of one pair of photos; orip/prelim/relative/solution.py does the same, and says where it comes
- * from.
+/* Relative orientation of one pair of photos; orip/prelim/relative/solution.py does the same and names the sources.
  */
 
 #include "adjustment.h"
@@ -34,7 +33,7 @@ static int64_t relative_space(const RelativeRules *rules, int64_t count)
     return judgement_space(&rules->sampling, count) + 12 * kept + starts * (13 + count) + 9 * count;
 }
 
-/* The rotation that takes directions to others with the least squares; M is the sum of their dyads. */
+/* The least squares rotation that takes directions to others; M is the sum of their dyads. */
 static void rotation_from(const double *M, double *R)
 {
     double u[3][3], v[3][3];
@@ -44,8 +43,8 @@ static void rotation_from(const double *M, double *R)
             R[3 * i + j] = u[0][i] * v[0][j] + u[1][i] * v[1][j] + u[2][i] * v[2][j];
 }
 
-/* The median of what a rotation alone leaves between two photos, in standard deviations, or the first one above
- * `plain`. `space` has room for 9 numbers a point.
+/* The median residual of a pure rotation between two photos, in standard deviations; the iterations end at the first one
+ * above `plain`. `space` has room for 9 numbers for each point.
  */
 static double left_by_rotation(const Pairs *p, double plain, int64_t steps, double *space)
 {
@@ -114,7 +113,7 @@ static int64_t choose_orientation(const Choice *c, int64_t number, const double 
     return chosen;
 }
 
-/* Adjust starts and choose the best of them, which is left in `found`; returns its place. */
+/* Adjust starts and choose the best one, which is written to `found`; returns its place. */
 static int64_t try_starts(const Judgement *j, const RelativeRules *rules, int64_t number, double *bases,
                           double *rotations, double *space, RelativeFound *found)
 {
@@ -189,8 +188,8 @@ static void deviations_of(double inverse[5][5], RelativeFound *f)
     }
 }
 
-/* Standard deviations of the intersection of both rays of a point from the orientation that is held; `error` is that of
- * a photo coordinate.
+/* Standard deviations of the intersection of both rays of a point for a fixed orientation; `error` is that of a photo
+ * coordinate.
  */
 static void intersection_deviations(const double *base, const double *R, const double *left, const double *right,
                                     double error, const double *X, double *deviations)

@@ -35,19 +35,20 @@ _EQUALLY_GOOD = 4.0
 """Difference of square sums, two standard deviations, below which the points do not tell two orientations apart."""
 
 _SAME = 0.02
-"""Radians between orientations that are the same one, iterated to different ends."""
+"""Radians between orientations that count as the same: their iterations ended at slightly different places."""
 
 _SURE = 3.0
-"""Logarithm of how many times better than by chance points agree; fewer than three redundant ones do not suffice."""
+"""Logarithm of the factor by which points have to agree better than by chance; with fewer redundant points, their
+number."""
 
 _PLAIN_BASE = 1000.0
-"""Standard deviations that a pure rotation does not leave, whatever the blunders."""
+"""Median residual of a pure rotation, over the scale, that shows a base whatever the blunders; iterations end there."""
 
 _ROTATION_STEPS = 8
 
 _CHOICE = (_ITERATIONS_TO_COMPARE, _MAX_ITERATIONS, _EQUALLY_GOOD, _SAME, _SURE, _PLAIN_BASE, _ROTATION_STEPS)
 _RULES = np.array([*SAMPLING, *DANISH, *_CHOICE])
-"""As the compiled loop takes them: `RelativeRules` in solution.h."""
+"""The constants as the compiled loop takes them: `RelativeRules` in solution.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +67,14 @@ class PairSolution:
         mm.
     weight_factor, redundancy_number : arrays (n,)
     coordinates, deviations : arrays (n, 3)
-        Where the rays meet, and how accurately for a held orientation, in units of the base; NaN for the deviations of
-        points that are not usable.
+        Where the rays meet, and its standard deviations for a fixed orientation, in units of the base; NaN for the
+        deviations of points that are not usable.
     in_front : array (n,) of bool
         The point is in front of both photos.
     usable : array (n,) of bool
-        It is, has full weight, and its rays are not parallel.
+        The point is in front of both photos, has full weight, and its rays are not parallel.
     length : float
-        Of the base, in metres, that brings the mean of the usable points' 1 / depth to 1 / C.
+        Length of the base, in metres, for which the mean of the usable points' 1 / depth is 1 / C.
     iterations : int
     scale : float
         Of the residuals of the points that agree, at least 1.
@@ -83,7 +84,7 @@ class PairSolution:
         Median residual of a pure rotation between the two photos, in standard deviations of a parallax, or some number
         above 1000 times the scale.
     by_chance : bool
-        So many points would agree so well if they were placed at random.
+        As many points would agree as well if they were placed at random.
     ambiguous : bool
         Another orientation fits as well.
     """
@@ -250,7 +251,7 @@ def _angle_deviations(angles: FloatArray, cofactor: FloatArray) -> FloatArray:
 
 
 def _intersection_deviations(photos: TwoPhotos, coordinates: FloatArray, usable: BoolArray, pairs: Pairs) -> FloatArray:
-    """Return a-priori standard deviations (n, 3) of the intersections of both rays, held orientation."""
+    """Return a-priori standard deviations (n, 3) of the intersections of two rays for a fixed orientation."""
     seen, points = pairs.of(usable), coordinates[usable]
     normals = np.zeros((len(points), 3, 3))
     for centre, rotation, vectors in (

@@ -1,5 +1,5 @@
 /* Starting values of a relative orientation: samples of five points, judged by all the others;
- * orip/prelim/relative/start.py does the same, and says where it comes from.
+ * orip/prelim/relative/start.py does the same and names the sources.
  */
 
 #include "five_points.h"
@@ -87,7 +87,7 @@ static void squares_at(const Judgement *j, const double *E, double *square)
     }
 }
 
-/* Sort upwards: halves about a pivot (Hoare 1961), a few numbers one by one. */
+/* Sort in ascending order: by halves about a pivot (Hoare 1961), a few numbers by insertion. */
 static void sort(double *a, int64_t n)
 {
     while (n > 16) {
@@ -104,7 +104,7 @@ static void sort(double *a, int64_t n)
     }
 }
 
-/* How many points agree, against chance. */
+/* How many points agree, compared with chance. */
 static Agreement consensus(const Judgement *j, const double *squares)
 {
     const int64_t count = j->pairs->count;
@@ -131,8 +131,8 @@ static Agreement consensus(const Judgement *j, const double *squares)
     return agreed;
 }
 
-/* For each number of points, 6 and more, the square that the largest must not exceed if so many, or fewer, are to
- * agree better than chance has let others agree so far.
+/* For each number of points from 6, the bar: the square that the largest of so many must not exceed if they, or fewer, are
+ * to be less explained by chance than the best agreement so far.
  */
 static void raise_bars(const Judgement *j, double log_chance)
 {
@@ -146,7 +146,7 @@ static void raise_bars(const Judgement *j, double log_chance)
     }
 }
 
-/* Whether points can agree better than chance has let others agree so far: as many as the bar for so many asks for. */
+/* Whether the agreement of points can be less explained by chance than the best one so far: whether a bar is met. */
 static int may_agree(const Judgement *j, const double *squares)
 {
     for (int64_t agreeing = j->pairs->count; agreeing > 5;) {
@@ -161,7 +161,7 @@ static int may_agree(const Judgement *j, const double *squares)
     return 0;
 }
 
-/* Of several adjustments the agreement that chance explains least. */
+/* The agreement, of several adjustments, that chance explains least. */
 static Agreement best_agreement(const Judgement *j, int64_t number)
 {
     const int64_t count = j->pairs->count;
@@ -179,7 +179,7 @@ static Agreement best_agreement(const Judgement *j, int64_t number)
     return best;
 }
 
-/* Move the best matrices that are not alike to the front, the best first; returns how many. Costs are used up. */
+/* Move the best matrices that are not alike to the front, the best first; returns how many. Costs are overwritten. */
 static int64_t best_unlike(const Judgement *j, int64_t number)
 {
     int64_t found = 0;
@@ -277,14 +277,14 @@ static void photos_of(const double *E, double bases[4][3], double rotations[4][9
     }
 }
 
-/* Of an essential matrix the orientation with the most points in front, and what it costs. */
+/* The orientation of an essential matrix with the most points in front; returns its cost. */
 static double front_of(const Judgement *j, const double *E, double largest, double *base, double *R)
 {
     double bases[4][3], rotations[4][9], *squares = j->sorted, least = INFINITY;
     squares_at(j, E, squares);
     photos_of(E, bases, rotations);
     for (int k = 0; k < 4; k += 2) {
-        /* with the base the other way round both distances change their sign */
+        /* with the base reversed both distances change their signs */
         double costs[2] = {0.0, 0.0};
         for (int64_t row = 0; row < j->pairs->count; row++) {
             double along[2];

@@ -24,14 +24,14 @@ POINTS_NEEDED = 5
 _SEED = 5
 _SAMPLES = 500
 _SAMPLES_AT_ONCE = 12
-"""As many as points without blunders need; the share that agrees in the best sample then decides on more."""
+"""As many samples as points without blunders need; the share that agrees in the best one then decides on more."""
 
 _MISSED = 1e-3
 """Probability that all samples have a blunder, at which sampling ends."""
 
 _ORDINARY_SCALE = 3.0
 _SAMPLES_OF_LARGE_SCALE = 160
-"""Larger residuals may mean that no good sample has been drawn yet; 160 samples suffice for half of blunders."""
+"""Least samples where residuals are large, as no good one may have been drawn; 160 suffice for 50 % of blunders."""
 
 _NO_BETTER = 2.0
 """Residual in units of the a-priori error below which smaller ones are no better."""
@@ -40,17 +40,17 @@ _LIMIT = 3.0
 """Multiple of the scale above which a point does not fit."""
 
 _KEPT, _STARTS = 16, 8
-"""Matrices that are kept from one lot of samples to the next, and orientations that are tried in the adjustment, those
-of them that have the points in front."""
+"""Matrices that are kept from one lot of samples to the next, and orientations tried in the adjustment: of the kept
+matrices, those with the points in front."""
 
 _ALIKE = 0.999
-"""Product of two matrices of norm 1, some 2.5 degrees apart, that count as one: a plane has a second solution that
-fits as well, and its samples must not crowd out those of the first."""
+"""Product of two matrices of norm 1 above which they count as one, some 2.5 degrees apart: a plane has a second
+solution that fits as well, and its samples must not crowd out those of the first."""
 
 SAMPLING = (
     _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, _LIMIT, _ALIKE, _KEPT, _STARTS,
 )  # fmt: skip
-"""As the compiled loop takes them: `Sampling` in start.h."""
+"""The constants as the compiled loop takes them: `Sampling` in start.h."""
 
 
 def starting_orientations(pairs: Pairs) -> TwoPhotos:
@@ -79,7 +79,7 @@ def starting_orientations(pairs: Pairs) -> TwoPhotos:
 @lru_cache(maxsize=256)
 def samples_of(count: int) -> IntArray:
     """Return samples of five of `count` points."""
-    # all subsets come in order, and the first of them share their points
+    # if all subsets are taken they come in order, and the first of them have points in common
     return np.random.default_rng(_SEED).permutation(subsets(count, POINTS_NEEDED, _SAMPLES, _SEED))
 
 
@@ -142,8 +142,8 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     Notes
     -----
     A-contrario (Moisan and Stival 2004): m of n points have residuals up to e by chance in (n - 5) C(n, m) C(m, 5)
-    p^(m - 5) sets, with the probability p = 2 e / extent of the points; m is the one of the smallest number. Neither
-    the scale nor the share of blunders has to be known.
+    p^(m - 5) sets, with the probability p = 2 e / extent of the points; the m for which this number is smallest is
+    taken. Neither the scale nor the share of blunders has to be known.
     """
     rows, n = residuals.shape
     if n <= POINTS_NEEDED:

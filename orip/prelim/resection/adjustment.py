@@ -23,17 +23,17 @@ from orip.prelim.least_squares import (
 from orip.prelim.resection.known_points import KnownPoints, Orientations
 
 IMPROVEMENTS = 3
-"""Steps of trimmed least squares: enough to tell good starts from bad ones."""
+"""Steps of least trimmed squares: enough to tell good starts from bad ones."""
 
 ITERATIONS = 30
 STEADY = 1e-6
-"""Last correction, radians and parts of the points' spread: what follows it is of the order of its square."""
+"""Last correction, in radians and parts of the points' spread: the next one would be of the order of its square."""
 
 SAME_SCALE = 1.04
-"""Ratio of two estimates of the variance that give the same limit for blunders."""
+"""Ratio of two estimates of the variance up to which they give the same limit for blunders."""
 
 _FLOOR = 1e-13
-"""Part of the largest diagonal element of the normal equations that keeps undetermined unknowns where they are."""
+"""Part of the largest diagonal element that is added to all, so that undetermined unknowns keep their values."""
 
 
 class ResectionEquations(NamedTuple):
@@ -111,7 +111,7 @@ class AdjustedResection(NamedTuple):
 
 
 class _Resection:
-    """The adjustment of k orientations; what they have in common however the points are weighted."""
+    """The adjustment of k orientations, whatever the weights of the points."""
 
     def __init__(self, known: KnownPoints) -> None:
         self._known = known
@@ -161,7 +161,7 @@ class _TrimmedResection(_Resection):
 
 
 class _RobustResection(_Resection):
-    """Weights of the Danish method, one a point, in units of a variance."""
+    """Weights of the Danish method, one for each point, for a given variance of unit weight."""
 
     def __init__(self, known: KnownPoints, variance: float) -> None:
         super().__init__(known)
@@ -199,7 +199,7 @@ def improve_orientations(known: KnownPoints, start: Orientations) -> tuple[Orien
 
 
 def adjust_resection(known: KnownPoints, start: Orientations, variance: float) -> AdjustedResection:
-    """Adjust one orientation with the weights of the Danish method, one a point.
+    """Adjust one orientation with the weights of the Danish method, one for each point.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def adjust_resection(known: KnownPoints, start: Orientations, variance: float) -
     start : Orientations
         One.
     variance : float
-        Of unit weight: the limit for blunders depends on it. It is estimated again from the points that are none.
+        Variance of unit weight, on which the limit for blunders depends; estimated again from the points that fit.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The orientations of a photo, among several, that fit its known points best, adjusted: usually a single one."""
+"""Of several orientations of a photo those that fit its known points best, adjusted: usually a single one."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from orip.prelim.resection.adjustment import (
 from orip.prelim.resection.known_points import KnownPoints, Orientations
 
 _ALIKE = 3.0
-"""Excess of squared residuals, over those expected, up to which a second orientation is another possibility."""
+"""Excess of squared residuals, over the expected ones, up to which a second orientation is also possible."""
 
 _SAME = 0.02
-"""Radians, and parts of the distance: orientations nearer to each other are the same one, not fully iterated."""
+"""Radians, and parts of the distance: orientations nearer to each other are the same one, not iterated to the end."""
 
 _NUMBERS_OF_A_POINT = 36
-"""Room of the compiled loops for two linearisations: residuals, partials, variance, square, weight, a place to sort."""
+"""Numbers a point that the compiled loops need for two linearisations: residuals, partials, variance, square, weight,
+and space to sort."""
 
 
 def best_orientations(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:

@@ -12,8 +12,8 @@ SMALLEST_AREA = 0.05
 """Part of the image that the known points should span (the test of the on-line triangulation system OLTRIS)."""
 
 _ONE_LINE = 1e-3
-"""Width over length below which points lie on one line: as for marks of a plane transformation, across 230 mm some
-0.2 mm, which carries no perspective that could be measured."""
+"""Width over length below which points count as lying on one line, as for the marks of a plane transformation: some
+0.2 mm over 230 mm, too little for a perspective that could be measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Configuration:
     Parameters
     ----------
     area_share : float
-        Area of their convex hull over that of the image, or a part of it that is more than is wanted.
+        Area of their convex hull over that of the image; or of a part of the hull, if that is enough already.
     on_one_line : bool
     """
 
@@ -61,7 +61,7 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
     """
     width, height = frame if frame is not None else np.ptp(measured, axis=0)
     image = float(width * height)
-    # the hull is no smaller than the polygon of its extreme points, which is mostly large enough
+    # the polygon of the extreme points, no larger than the hull, is mostly large enough and quicker to compute
     area = _area(xy[[xy[:, 0].argmin(), xy[:, 1].argmin(), xy[:, 0].argmax(), xy[:, 1].argmax()]])
     if area <= SMALLEST_AREA * image:
         area = hull_area(xy)

@@ -66,7 +66,8 @@ class KnownPoints:
     def variance_of_least(self) -> float:
         """Return the variance of unit weight over the sum of the smallest squared residuals that have to fit.
 
-        The mean of the smaller part q of exponentially distributed squares is 1 + (1 - q) ln(1 - q) / q of that of all.
+        The mean of the smallest part q of exponentially distributed squares is 1 + (1 - q) ln(1 - q) / q times that of
+        all of them.
         """
         count, least = len(self), self.least
         left_out = 1.0 - least / count

@@ -88,7 +88,7 @@ static double trimmed(const Known *k, Equations *e, double *largest)
     return sum;
 }
 
-/* Squared residuals of an orientation; their quantile that blunders leave alone. */
+/* Squared residuals of an orientation; returns their quantile that blunders do not affect. */
 static double quantile_at(const Known *k, const double *R, const double *centre, double *sorted)
 {
     for (int64_t row = 0; row < k->count; row++) {
@@ -140,7 +140,7 @@ static void rank_triples(const Known *k, const int64_t *triples, int64_t number,
     }
 }
 
-/* Least trimmed squares of one orientation, some steps; its squared residuals. */
+/* Some steps of least trimmed squares for one orientation, and its squared residuals. */
 static void improve_one(const Known *k, int64_t steps, double largest_turn, double *R, double *centre,
                         double *squares, double *space)
 {
@@ -173,8 +173,8 @@ typedef struct {
     int64_t iterations;
 } Danish;
 
-/* Adjust one orientation with Danish weights, whose limit follows the variance of the points that keep theirs.
- * The equations in the space given are those of the adjusted orientation. */
+/* Adjust one orientation with Danish weights, whose limit follows from the variance of the points with full weight.
+ * In the end the given space has the equations of the adjusted orientation. */
 static void adjust_one(const Known *k, const Danish *danish, double variance, double *R, double *centre,
                        double *factors, double *space)
 {
@@ -214,7 +214,7 @@ typedef struct {
     Danish danish;
 } OrientationChoice;
 
-/* The least of the variances of unit weight estimated from their trimmed sums of squares. */
+/* The least of the variances of unit weight of several orientations, from their trimmed sums of squares. */
 static double least_variance(const Known *k, const OrientationChoice *s, const double *squares, int64_t number,
                              double *sorted)
 {

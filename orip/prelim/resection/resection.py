@@ -16,13 +16,13 @@ from orip.prelim.resection.start import starting_orientations
 from orip.wording import counted
 
 _USELESS_ANGLE = 0.1
-"""Standard deviation of a rotation, radians: no adjustment starts well from 6 degrees off."""
+"""Largest standard deviation of a rotation, radians: no adjustment starts well 6 degrees off."""
 
 _USELESS_CENTRE = 0.2
-"""Standard deviation of the projection centre over its distance from the points."""
+"""Largest standard deviation of the projection centre, as a part of its distance from the points."""
 
 _MISFIT = 0.04
-"""Residuals over the radius of the image points; a principal distance that is wrong by a tenth leaves less."""
+"""Largest residuals, as a part of the radius of the image points; a principal distance wrong by a tenth leaves less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ def _deviations(best: AdjustedResection) -> FloatArray:
     if not scale.all():
         return np.full(6, np.inf)
     values, axes = np.linalg.eigh(best.normals / (scale[:, None] * scale))
-    # below this ratio an eigenvalue is rounding
+    # below this ratio an eigenvalue is nothing but rounding
     if values[0] < 1e-13 * values[-1]:
         return np.full(6, np.inf)
     return np.asarray(best.s0 * np.sqrt((axes**2 / values).sum(axis=1)) / scale)

@@ -12,15 +12,15 @@ from orip.prelim.resection.known_points import KnownPoints, Orientations
 from orip.prelim.sampling import subsets
 
 _TRIPLES = 50
-"""With 35 % blunders a triple is free of them with probability 0.27: 50 of them all miss with probability 1e-7, and
-some of the good ones have a good shape."""
+"""Number of triples. With 35 % blunders a triple is free of them with probability 0.27: none of 50 is with probability
+1e-7, and some of the good ones have a good shape."""
 
 _CANDIDATES = 5
-"""Orientations that are improved before the best is chosen; both of a plane are among them."""
+"""Orientations that are improved before the best one is chosen; both solutions of a plane are among them."""
 
 _FITS = 9.0
-"""Squared standardised residual that most points exceed where no triple has led to the orientation; as soon as enough
-candidates stay below it, no more triples are tried."""
+"""Squared standardised residual that most points exceed at a wrong orientation; as soon as enough candidates stay below
+it, no more triples are tried."""
 
 _PLANE = 0.15
 """Thickness over width of an object below which its homography gives orientations too."""

@@ -1,4 +1,4 @@
-/* Three-point resection, as in orip/geometry/three_point_resection.py, which has the sources and says why. */
+/* Three-point resection, as in orip/geometry/three_point_resection.py, which explains it and names the sources. */
 
 #include "../compiled/linear.h"
 
@@ -20,7 +20,7 @@ static int on_one_line(const double p[3][3])
     return !(sqrt(dot3(normal, normal)) > FLAT * longest);
 }
 
-/* Right-handed axes, as columns, that lie alike in congruent triangles. */
+/* Right-handed axes, as columns, that are in the same position in congruent triangles. */
 static void axes_of(const double p[3][3], double axes[3][3])
 {
     double along[3], other[3], normal[3], third[3];
@@ -72,7 +72,7 @@ static double form_at(double form[3][3], const double *p, const double *q)
     return sum;
 }
 
-/* Both directions of the plane of p and q in which a form vanishes. */
+/* The two directions in the plane of p and q in which a quadratic form vanishes. */
 static void solve_in_plane(double form[3][3], const double *p, const double *q, double directions[2][3])
 {
     const double pp = form_at(form, p, p), pq = form_at(form, p, q), qq = form_at(form, q, q);
@@ -134,7 +134,7 @@ static void newton_step(double *dist, const double *cosines, const double *squar
     dist[2] += (e * (a * f02 - c * f01) + b * c * f12) / determinant;
 }
 
-/* All orientations, photo to ground, from which three points are seen so; returns how many. */
+/* All orientations, photo to ground, from which three points are seen in given directions; returns how many. */
 static int three_points(const double vectors[3][3], const double points[3][3], double rotations[4][9],
                         double centres[4][3])
 {

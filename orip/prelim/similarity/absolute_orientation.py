@@ -19,17 +19,17 @@ from orip.records.preliminary import NotOriented, PartialBlock
 from orip.wording import agreeing, counted
 
 _CONSTANT = 0.1
-"""Of the median a-priori error: used in place of the error 0 of a constant coordinate."""
+"""Part of the median a-priori error that is used in place of the error 0 of a constant coordinate."""
 
 _CENTRE = 0.01
-"""Of their extent: a-priori error of projection centres that are given without one."""
+"""A-priori error of projection centres that are given without one, as a part of their extent."""
 
 _AGREEMENT = 0.3
-"""Typical residual, as part of the extent of the control, above which block and control do not show the same object.
+"""Median residual, as a part of the extent of the control, above which block and control are not of the same object.
 Blocks of an uncalibrated camera may be bent by a fifth; points with interchanged names lie some 0.5 apart."""
 
 _BESIDE_ONE_LINE = 3.0
-"""Standard deviations; points that deviate less from a line do not determine the rotation about it."""
+"""Standard deviations by which points must deviate from a line to determine the rotation about it."""
 
 _WELL = 2.0
 """Standard error of unit weight up to which control that is known in part and in full agrees."""
@@ -37,7 +37,7 @@ _WELL = 2.0
 _COORDINATES = 7
 
 _FEW = 7
-"""Points known in full; more of them reveal the wrong ones among them."""
+"""Number of points known in full up to which wrong ones among them may not be revealed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
     rotations : array (p, 3, 3)
         Of the block's photos; of two solutions that fit equally the one with upright photos is used.
     remarks : list of str
-        To which that choice is added.
+        A remark on that choice is added to it.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _too_few(full: int, points: int, axes: IntArray) -> str:
 
 
 def _width(common: CommonPoints) -> tuple[float, float]:
-    """Return root mean square distance across and along the line that is nearest to the full points, ground units."""
+    """Return root mean square distances across and along the line of best fit of the full points, ground units."""
     full = common.target[common.full]
     if len(full) < 3:
         return 0.0, 0.0

@@ -1,5 +1,5 @@
-/* Adjustment of a spatial similarity with Danish weights; orip/prelim/similarity/adjustment.py does the same, and says
- * where it comes from.
+/* Adjustment of a spatial similarity with Danish weights; orip/prelim/similarity/adjustment.py does the same and names the
+ * sources.
  */
 
 #ifndef ORIP_PRELIM_SIMILARITY_H
@@ -22,7 +22,7 @@ typedef struct {
     double limit, floor, least_error, singular, longest_turn, steps, free_steps, median_of_normal;
 } SimilarityRules;
 
-/* `spread` turns the median residual into the scale of all, 0: all weigh fully. */
+/* `spread` times the median residual is the scale of all; 0: all have full weight. */
 typedef struct {
     const SimilarityRules *rules;
     double spread, student_limit;
@@ -44,7 +44,7 @@ static inline void apply_similarity(const At *at, const double *x, double *turne
         turned[i] = at->scale * dot3(at->rotation + 3 * i, x);
 }
 
-/* What a residual exceeds as rarely as a normal one exceeds `limit`, when s0 comes from few redundancies. */
+/* The limit that a residual exceeds as rarely as a normal one exceeds `limit`, for s0 of small redundancy. */
 static inline double student_limit(double limit, double redundancy)
 {
     const double z = limit, cube = z * z * z, first = (cube + z) / 4.0;
@@ -277,7 +277,7 @@ static void similarity_deviations(SimilarityFound *f, const double *centroid,
 }
 
 /* Adjust a similarity whose start is in `found`; 0 where the equations are, or may be, singular. `space` has room for
- * twelve numbers a point.
+ * twelve numbers for each point.
  */
 static int adjust_similarity(Common *c, const double *source, const double *source_deviation,
                              const double *target_deviation, const SimilarityRules *rules, double *factors,

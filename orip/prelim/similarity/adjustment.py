@@ -1,8 +1,8 @@
 """Adjustment of a spatial similarity by least squares with Danish weights.
 
-How well two systems fit is rarely what the a-priori errors promise: points of a bad camera may fit twenty times worse.
-Their scale is therefore estimated from the residuals themselves, by the median, and never taken below 1; residuals
-above three times it are weighted down.
+Two systems rarely fit as well as the a-priori errors promise: points of a bad camera may fit twenty times worse. The
+scale of the errors is therefore estimated from the residuals themselves, by the median, and never taken below 1;
+residuals above three times it are down-weighted.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ NO_ROTATION = np.arange(4)
 """Scale and shift: the rotation is held."""
 
 _LIMIT = 3.0
-"""Standard residuals up to it keep their weight."""
+"""Standard residuals up to this limit keep their weight."""
 
 _SINGULAR = 1e-9
-"""Smallest eigenvalue of the normal equations with unit diagonal: points a 30000th of their extent off one line."""
+"""Smallest eigenvalue of the normal equations with unit diagonal: points off a line by a 30000th of their extent."""
 
 _STEADY, _STEADY_WEIGHTS = 1e-4, 0.01
 """Last step in standard deviations of the unknowns, and change of a weight factor, at which the iterations end."""
@@ -46,7 +46,7 @@ _RULES = np.array(
     [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, LARGEST_TURN, _STEPS, _FREE_STEPS, MEDIAN_OF_NORMAL],
     dtype=np.float64,
 )
-"""As the compiled loop takes them: `SimilarityRules` in adjustment.h."""
+"""The constants as the compiled loop takes them: `SimilarityRules` in adjustment.h."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ def adjust_similarity(
 
 
 def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment | None:
-    """Do what `_adjustment` does in the compiled loop; None where that is not sure to be regular."""
+    """Do what `_adjustment` does in the compiled loop; None where the equations may not be regular."""
     found, shape = np.empty(25), common.source.shape
     found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
     factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
@@ -284,7 +284,7 @@ def _deviations(similarity: Similarity, angles: FloatArray, centroid: FloatArray
 
 
 def student_limit(redundancy: float) -> float:
-    """Return what a residual exceeds as rarely as a normal one exceeds 3, when s0 comes from few redundancies.
+    """Return the limit that a residual exceeds as rarely as a normal one exceeds 3, for s0 of small redundancy.
 
     Expansion of Student's distribution (Abramowitz and Stegun 1964, 26.7.5).
     """

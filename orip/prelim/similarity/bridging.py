@@ -11,7 +11,7 @@ from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 _BACK = -0.5
-"""Cosine of 120 degrees: bases of a row turn less from one model to the next, even around a building."""
+"""Cosine of 120 degrees: the base turns less from one model of a row to the next, even around a building."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class JoinedSystems:
 def bridge(
     model: PartialBlock, previous: PartialBlock, names: Names, strip: PartialBlock | None = None
 ) -> Joined | NotOriented:
-    """Bridge a model to the one before it, or to the strip of models that the one before it is the last of.
+    """Bridge a model to the one before it, or to the strip of models that ends with the one before it.
 
     See `join`. A remark names a model whose base runs back along that of the one before it.
     """
@@ -73,7 +73,7 @@ def bridge_row(models: Sequence[PartialBlock], names: Names) -> JoinedSystems:
     Returns
     -------
     JoinedSystems
-        Strips. Each model is bridged to all that the strip has so far; the step names it with the model before it. One
+        Strips. Each model is bridged to the whole strip so far; the step names it with the model before it. A model
         that cannot be bridged begins a new strip.
     """
     strips: list[list[PartialBlock]] = []

@@ -11,7 +11,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 
 LEAST_ERROR = 1e-3
-"""Of the median: no coordinate counts as so much better than the others that it alone decides."""
+"""Least standard deviation, as a part of the median, so that no coordinate decides alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 A similarity with reflection fits equally well whether X and Y of the control are exchanged, one axis has the opposite
 sign, or the photos are mirrored: mirrored photos give a block that is a perfect mirror image, with all points in front
 of the cameras. Only the positions and the attitude of the cameras differ. Three points, or points in a plane, fit with
-and without a reflection; only the side on which the cameras are tells.
+and without a reflection; only the side on which the cameras are decides.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ _BETTER = 0.1
 reading of few points fits three times better by chance."""
 
 _BETTER_THAN_FROM_BELOW = 0.5
-"""The same where the cameras look up from below the control as it is given: few photos are taken that way."""
+"""The same limit where the cameras look up from below the control as given: few photos are taken that way."""
 
 _BETTER_THAN_FLAT = 0.7
 """A reading of X, Y or the unit of Z has to fit so much better than the control without its heights; otherwise single
 heights are wrong, and any reading fits in which they are small."""
 
 _EXPECTED = 3.0
-"""Standard errors of the control; what fits within them as given needs no other reading."""
+"""Standard errors within which control fits as given, so that no other reading is needed."""
 
 _MET = 0.1
 """Part of the distance from cameras to control within which projection centres are at their known positions."""
 
 _TOO_FEW = 5
-"""Up to this number of points a robust fit may take any three of them as right and reject the others."""
+"""Number of points up to which a robust fit may accept any three of them and reject the others."""
 
 _ENOUGH = 60
-"""Control points that are compared: a wrong reading concerns nearly all of them."""
+"""Most control points that are compared: a wrong reading concerns nearly all of them."""
 
 _METRES_PER_DEGREE = 111_195.0
-"""On a sphere of radius 6371 km; within a block the flattening does not matter."""
+"""Metres in a degree on a sphere of radius 6371 km; within a block the flattening does not matter."""
 
 _DEGREES = 5.0
 """Largest extent of a block in latitude plus longitude: 500 km."""
@@ -209,9 +209,9 @@ def _known_centres(
 
 
 def camera_side(rotations: FloatArray) -> float:
-    """Return 1 where photos look down or stand upright, -1 where they look up or stand on their head, else 0.
+    """Return 1 where photos look down or stand upright, -1 where they look up or are upside down, else 0.
 
-    The third and second columns of the rotations tell; a mirrored photo has the same ones.
+    It follows from the third and second columns of the rotations, which a mirrored photo has, too.
     """
     down, up = rotations[:, 2, 2].mean(), rotations[:, 2, 1].mean()
     clearer = float(down if abs(down) >= abs(up) else up)
@@ -236,7 +236,7 @@ def _other_unit(common: CommonPoints, given: _Fit, flat: float) -> ControlReadin
 
 
 def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:
-    """Return that reading if points that fit with and without a reflection are seen from below."""
+    """Return the mirrored reading if points that fit with and without a reflection are seen from below."""
     if not _is_from_below(block, common, given):
         return None
     return ControlReading("from below", len(common.source), given.misfit, given.misfit)

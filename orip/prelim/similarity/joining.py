@@ -1,4 +1,4 @@
-"""Joining two partial blocks: the similarity that takes one to the system of the other, from what both contain.
+"""Joining two partial blocks: the similarity that transforms one to the system of the other, from what both contain.
 
 Both contain points, and often a photo. A common photo gives the rotation directly, and its projection centre is a point
 that cannot be numbered wrongly and lies far from the ground points, which may all be near one line.
@@ -30,17 +30,17 @@ from orip.wording import counted
 Step = Literal["bridge", "connect", "absolute"]
 
 _AGREEMENT = 0.05
-"""Typical residual, as part of the extent of the points, above which two systems do not show the same object:
+"""Median residual, as a part of the extent of the points, above which two systems are not of the same object:
 measuring errors, however large, stay below 0.01; points with interchanged names lie some 0.3 apart."""
 
 _LARGE = 0.1 * _AGREEMENT
-"""Typical residual, as part of the extent, above which most points should fit."""
+"""Median residual, as a part of the extent, above which most points have to fit."""
 
 _NAMED = 6
-"""Points that are named one by one."""
+"""Number of points that are named one by one."""
 
 _MM = 1000.0
-"""Systems are in metres at photo scale."""
+"""Millimetres in a metre: systems are in metres at photo scale."""
 
 
 class Names(Protocol):
@@ -54,12 +54,12 @@ class Names(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """A sub-block in the system of another one, or on the ground.
+    """A partial block in the system of another one, or on the ground.
 
     Parameters
     ----------
     similarity : Similarity
-        That took it there.
+        The transformation to that system.
     block : PartialBlock
         In the target system. Points that do not fit have their residuals as deviations.
     step : SimilarityStep

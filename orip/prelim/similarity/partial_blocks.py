@@ -1,4 +1,4 @@
-"""Partial blocks: transformed to another system, assembled to one, and their deviations made fit for weights."""
+"""Partial blocks: transformed to another system, assembled into one, and deviations from which weights can follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orip.geometry.similarity import Similarity
 from orip.records.preliminary import PartialBlock
 
 _STEADY = 0.3
-"""Of the median: two determinations may agree by chance, and their spread then says nothing of the precision."""
+"""Least deviation, as a part of the median: the spread of two determinations that agree by chance is no precision."""
 
 
 def transformed(block: PartialBlock, similarity: Similarity) -> PartialBlock:

@@ -1,4 +1,4 @@
-"""A similarity from partly known coordinates, for which there is no closed form: starts from rotations all around.
+"""A similarity from partly known coordinates, for which there is no closed form: starts with rotations all around.
 
 Gauss-Newton finds the rotation from some 60 degrees off; rotations that turn axes into axes are never further than 63
 degrees from any other. Where seven coordinates are just enough, several rotations may fit.
@@ -28,16 +28,16 @@ _STUCK = 1e4
 """Damping of a start that no step improves noticeably."""
 
 _BEST = 8
-"""Starts that are adjusted with Danish weights."""
+"""Number of starts that are adjusted with Danish weights."""
 
 _SUBSETS = 100
-"""With two wrong points of 14, three of these leave out both."""
+"""Number of subsets that are left out in turn: with two wrong points of 14, three in a hundred leave out both."""
 
 _WELL = 2.0
-"""Standard error of unit weight up to which no blunder is looked for."""
+"""Standard error of unit weight up to which no blunder is sought."""
 
 _SAME = 0.05
-"""Radians between rotations that are the same solution."""
+"""Radians between rotations up to which they count as the same solution."""
 
 _EQUAL = 9.0
 """Solutions whose square sums differ by less are indistinguishable: three standard deviations."""
@@ -53,7 +53,7 @@ def adjusted_from_all_sides(common: CommonPoints, rotations: FloatArray, remarks
         Of the block's photos, to its system. Of solutions that fit equally the one is used in which the photos look
         down, or stand upright.
     remarks : list of str
-        To which it is added when there was such a choice.
+        A remark is added to it if there was such a choice.
 
     Returns
     -------

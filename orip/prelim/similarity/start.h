@@ -1,10 +1,10 @@
-/* Starting values of a spatial similarity from triples of points, judged by all; orip/prelim/similarity/start.py does
- * the same, and says where it comes from.
+/* Starting values of a spatial similarity from triples of points, judged by all; orip/prelim/similarity/start.py does the
+ * same and names the sources.
  */
 
 #include "adjustment.h"
 
-/* Triangles of a smaller square of width over length are lines. */
+/* Square of width over length below which triangles count as lines. */
 #define ONE_LINE 1e-12
 
 /* Deviations of points that are not known in full are those of their known coordinates. */
@@ -14,7 +14,7 @@ typedef struct {
     int64_t count;
 } Judges;
 
-/* A triangle: its vertices from their centroid, and two axes of its plane with the normal that sees it turn to the left;
+/* A triangle: its vertices from their centroid, two axes of its plane, and the normal from which it runs anticlockwise;
  * returns the sum of squared distances, or 0 where it is a line.
  */
 static double triangle_of(const double *points, const int64_t *rows, double centroid[3], double reduced[3][3],
@@ -41,8 +41,8 @@ static double triangle_of(const double *points, const int64_t *rows, double cent
     return square;
 }
 
-/* The similarity that fits three points by least squares: it takes plane to plane, and the turn in it follows from the
- * sums of products; 0 where three points lie on a line.
+/* The similarity that fits three points by least squares: it takes plane to plane, and the rotation in the plane follows
+ * from the sums of products; 0 where three points lie on a line.
  */
 static int fit_triangle(const double *source, const double *target, const int64_t *rows, At *s)
 {
@@ -103,7 +103,7 @@ static void squares_of(const Judges *j, const At *s, double least, double *squar
 
 /* Fit triples and leave the start with the least truncated sum of squares in `best`; returns the least d²/s² that
  * `rank` points stay below at one of them, negative where all triples lie on lines. `space` has room for
- * two numbers a point, all squares and all starts.
+ * two numbers for each point, all squares and all starts.
  */
 static double best_triple(const Judges *j, const int64_t *triples, int64_t number, int64_t rank, double least,
                           double median_of_chi2, double limit, double *space, At *best)

@@ -14,11 +14,11 @@ from orip.prelim.sampling import subsets
 from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
 
 TRIPLES = 40, 500
-"""Tried first, and if none of them fits; the second are all triples up to 15 points. With half of the points wrong one
-triple of eight is good; 500 never miss it."""
+"""Numbers of triples: tried first, and tried if none of those fits; the second is all triples of up to 15 points. With
+half of the points wrong one triple in eight is good; 500 practically never miss it."""
 
 _FITTING = 9.0
-"""d²/s² that most points stay below at a start that fits."""
+"""d²/s² below which most points stay at a start that fits."""
 
 _MEDIAN_OF_CHI2 = 2.37
 """Median of the square sum of three standard normal residuals."""

@@ -17,7 +17,7 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints
 
 _ALIKE = 0.4
-"""Similarity above which a name is suggested; found by trial with typing mistakes."""
+"""Similarity above which a name is suggested; determined by trial with typing errors."""
 
 
 def project_gates(project: ProjectFolder, expressions: Sequence[str] = ()) -> tuple[Gate, ...]:

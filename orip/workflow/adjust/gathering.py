@@ -1,4 +1,4 @@
-"""What the block of a bundle is gathered from, out of stores and control texts."""
+"""Gathering the input of a bundle's block from stores and control texts."""
 
 from __future__ import annotations
 

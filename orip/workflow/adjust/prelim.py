@@ -23,7 +23,7 @@ from orip.workflow.project.preliminary_text import read_preliminary_text
 from orip.workflow.project.state import ProjectState, StoredParts
 
 _SAME = 1e-6
-"""Of the distance from photos to points, and in radians: below it values are the same, found a second time."""
+"""Part of the distance from photos to points, and radians: values that differ by less were only found a second time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +87,8 @@ def prelim(bundle: BundleState) -> FoundValues:
 def keep_values(found: FoundValues, state: ProjectState) -> Change[PrelimOutcome]:
     """Write preliminary values into a project: orientations into the photo store, coordinates into BUNDLE.PRE.
 
-    Of the photos the elements that are not constant take the values. Points of BUNDLE.PRE that were not computed stay,
-    and so do those without standard deviations: a user has typed them. Values that already exist are not written
-    again.
+    The elements of photos that are not constant take the values. Points of BUNDLE.PRE that were not computed stay, and
+    so do those without standard deviations: a user has typed them. Unchanged values are not written again.
 
     Parameters
     ----------

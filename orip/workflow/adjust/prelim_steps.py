@@ -1,7 +1,7 @@
 """`orip prelim relative`, `bridge`, `connect`, `absolute`, `show`: a single step to preliminary values.
 
-Every step is computed from the measurements, with the steps before it. Nothing of it is stored, so that no result can
-be older than what was measured.
+Every step is computed from the measurements, with the steps before it. Nothing is stored, so that no result can be
+older than the measurements.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def connections(given: PrelimInput, rows: tuple[int, int] | None) -> SimilarityS
 
 
 def values_of(given: PrelimInput) -> PreliminaryValues:
-    """Run the whole chain, and take its absolute orientation to the project's coordinates."""
+    """Run the whole chain, with its absolute orientation in the project's coordinates."""
     return absolute_in_project(explained_preliminary_values(given.block), given.block.ground)
 
 
@@ -227,7 +227,7 @@ def _oriented(rays: ImageRays, model: StereoModel) -> PartialBlock:
 
 
 def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:
-    """Return the strip of a row; of a row that is not connected, the largest part."""
+    """Return the strip of a row; if the row is not connected, its largest part."""
     models = [model for model in given.models if model.row == row]
     if not models:
         listed = ", ".join(map(str, dict.fromkeys(model.row for model in given.models)))

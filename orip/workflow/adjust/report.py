@@ -22,7 +22,7 @@ _REMEDY = "the page alone is missing; remove the cause, or choose another file: 
 
 @dataclass(frozen=True, slots=True)
 class WrittenReport:
-    """A report: of which bundle and run, where, as messages show it, and its size in bytes."""
+    """A report: its bundle and run, its path as messages show it, and its size in bytes."""
 
     bundle: str
     run: str

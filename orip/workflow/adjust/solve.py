@@ -35,7 +35,7 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """A solution, the block as it was solved, what its gates say, the files that are written, and photos left out."""
+    """A solution, the adjustment it comes from, the results of gates, the files to write, and photos left out."""
 
     project: ProjectFolder
     solution: Solution
@@ -62,7 +62,7 @@ def solve(
         With `ADJUSTED_FROM`.
     watcher : SolveWatcher
     method : Method
-        Whether blunders are searched and camera parameters without significance removed.
+        Whether data snooping is used, and whether camera parameters that are not significant are held at zero.
     expressions : sequence of str
         Gates besides those of orip.toml; malformed ones are refused before anything is computed.
 

@@ -57,14 +57,14 @@ class UpdateOutcome:
     path : Path
         The store or text that holds the preliminary values.
     considered : int
-        Records of the solution that were looked at.
+        Number of records of the solution that were considered.
     changed : tuple of str
         Names of the records that were changed.
     values : tuple of ChangedValue
     kept : tuple of KeptValue
         Unknowns that did not take their adjusted values.
     constant : int
-        Records looked at that have no unknown.
+        Number of considered records that have no unknown.
     others : int
         Points of the file that the adjustment does not have; they stay.
     warnings : tuple of ProjectWarning

@@ -37,7 +37,7 @@ class LineChange:
 
 @dataclass(frozen=True, slots=True)
 class ControlOutcome:
-    """What a command did to a control text, or would do (`dry_run`); no changes: it was so already."""
+    """What a command did to a control text, or would do (`dry_run`); no changes: the text has these values already."""
 
     project: ProjectFolder
     shown: str
@@ -128,7 +128,7 @@ def add_control(
     InputError
         With everything that is or would be wrong in the text; nothing is written then.
     UsageError
-        If a record that is named is not there, or there are several.
+        If a named record does not exist, or there are several.
     """
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
@@ -156,7 +156,7 @@ def edit_control(
 ) -> Change[ControlOutcome]:
     """Change values of a line, its name as well; raises what `add_control` does.
 
-    `name` is the record's name, or as many of its first fields as tell it from others, separated by blanks.
+    `name` is the record's name, or as many of its first fields as distinguish it from others, separated by blanks.
     """
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
@@ -171,7 +171,7 @@ def edit_control(
 def kill_control(
     state: ProjectState, kind: ControlKind, names: Sequence[str], *, bundle: str | None = None, dry_run: bool = False
 ) -> Change[ControlOutcome]:
-    """Take lines out, none named: all of them; comments on lines of their own stay. Raises what `add_control` does."""
+    """Delete the named lines, or all if none is named; comments on lines of their own stay; raises as `add_control`."""
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
         found = [_find(file, lines, name) for name in names] if names else lines.records()
@@ -300,7 +300,7 @@ def _change(file: _File, edit: _Edit, *, dry_run: bool) -> Change[ControlOutcome
     outcome = ControlOutcome(file.project, file.shown, changes, warnings, dry_run)
     if dry_run or not changes:
         return Change(file.state, outcome)
-    # Who edits the same text at the same time waits, as for a store.
+    # another run that edits the same text at the same time waits, as for a store
     lock = file.project.exterior
     text = EditedText(file.path, digest, new.text, "the file is unchanged")
     locks = (lock,) if is_written(lock) else ()
@@ -315,7 +315,7 @@ def _check(file: _File, lines: ControlLines) -> tuple[ProjectWarning, ...]:
 
 
 def _changes(old: ControlLines, new: ControlLines) -> Iterator[LineChange]:
-    """Compare line by line: an edit adds one line, takes some out, or changes some."""
+    """Compare line by line: an edit adds one line, deletes some, or changes some."""
     before, after = old.parsed.value, new.parsed.value
     if len(after) > len(before):
         first = next((n for n, (was, now) in enumerate(zip(before, after, strict=False)) if was != now), len(before))

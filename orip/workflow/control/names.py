@@ -1,4 +1,4 @@
-"""Names in lines of control texts that nothing else in the project has: probably misspelt."""
+"""Names in lines of control texts that occur nowhere else in the project: probably misspelt."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _POINT_FIELDS: dict[ControlKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    """Names that there are; record names as keys."""
+    """The names of the project; record names as keys."""
 
     measured: frozenset[str]
     given: frozenset[str]

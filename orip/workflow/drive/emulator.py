@@ -19,6 +19,7 @@ from orip.files.drive.processor_state import (
     write_processor_state,
 )
 from orip.files.text.atomic import reporting_failure
+from orip.link.access import new_token
 from orip.link.emulator import Emulator
 from orip.link.station import DSR_STAGES, MeasuringMark, Stages, Station, bare_stages
 from orip.link.travel import Pace
@@ -42,7 +43,7 @@ class EmulatorSettings:
     pace : Pace or None
         None: movements take no time.
     is_remote_allowed : bool
-        Others than programs on this machine may connect.
+        Others than programs on this machine may connect, if they have the token.
     stages : Stages or None
         How far the stages go; None: as a drive table says.
     """
@@ -54,14 +55,16 @@ class EmulatorSettings:
     stages: Stages | None = DSR_STAGES
 
 
-def emulate(settings: EmulatorSettings, listening: Callable[[str], None], trouble: Callable[[str], None]) -> str:
+def emulate(
+    settings: EmulatorSettings, listening: Callable[[str, str | None], None], trouble: Callable[[str], None]
+) -> str:
     """Serve until SIGINT or SIGTERM, and return the signal's name.
 
     Parameters
     ----------
     settings : EmulatorSettings
-    listening : function of ``host:port``
-        Called when clients may connect.
+    listening : function of ``host:port`` and the token
+        Called when clients may connect; None: none is wanted.
     trouble : function of a sentence
         Called when the state cannot be written; serving goes on.
 
@@ -89,9 +92,10 @@ def emulate(settings: EmulatorSettings, listening: Callable[[str], None], troubl
         except OripError as error:
             trouble(str(error))
 
-    emulator = Emulator(station, load_drive_table, keep if settings.state else None, settings.pace)
+    token = new_token() if settings.is_remote_allowed else None
+    emulator = Emulator(station, load_drive_table, keep if settings.state else None, settings.pace, token=token)
     try:
-        return asyncio.run(_serve_until_signal(emulator, host, port, listening))
+        return asyncio.run(_serve_until_signal(emulator, host, port, lambda address: listening(address, token)))
     except OSError as error:
         message = f"cannot listen on {settings.listen}: {error.strerror or error}; name another address with --listen"
         if error.errno == errno.EADDRINUSE:
@@ -135,8 +139,8 @@ def _address(settings: EmulatorSettings) -> tuple[str, int]:
     address = str(found[0][4][0])
     if not ipaddress.ip_address(address.partition("%")[0]).is_loopback and not settings.is_remote_allowed:
         message = (
-            f"{settings.listen} can be reached from other machines, and anyone who connects can control it; listen on "
-            "127.0.0.1, or allow it with --allow-remote"
+            f"{settings.listen} can be reached from other machines; listen on 127.0.0.1, or allow those that have the "
+            "token of this run with --allow-remote"
         )
         raise UsageError(message)
     return address, int(port)

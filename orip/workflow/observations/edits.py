@@ -1,6 +1,6 @@
 """`orip observations disregard`, `include`, `kill`, `rename` and `remeasure`: additions to EDITS.MEA, applied at once.
 
-The log is the truth: what is added to it is first replayed with all that stands before it, then written to the text,
+The log is authoritative: what is added to it is first replayed with everything before it, then written to the text,
 then to the stores. A command that is killed between the two leaves a text that the next replay brings into the stores.
 """
 
@@ -112,7 +112,7 @@ def edit_observations(
     Raises
     ------
     InputError
-        If a name is not known, or what is left does not orient a film any more.
+        If a name is not known, or the remaining marks no longer orient a film.
     UsageError
     """
     before = _replayed_log(state)
@@ -211,7 +211,7 @@ def _replayed_log(state: ProjectState) -> _Log:
     Raises
     ------
     InputError
-        If it is at fault already, or the stores hold measurements that a replay would lose.
+        If it has faults already, or the stores hold measurements that a replay would lose.
     """
     project = state.project
     edits = read_edits(project.folder / EDITS_FILE, EDITS_FILE)
@@ -230,7 +230,7 @@ def _replayed_log(state: ProjectState) -> _Log:
 
 
 def _require_no_loss(gone: Sequence[str], stored: Measured, replayed: Measured) -> None:
-    """Raise InputError if the stores hold what came from files that are gone, and that a replay would not give."""
+    """Raise InputError if the stores hold measurements from files that are gone, which a replay would lose."""
     if gone and not _names(stored) <= _names(replayed):
         message = (
             f"the stores hold measurements from {', '.join(gone)}, and a replay would lose them: add that to "
@@ -293,7 +293,7 @@ def _of_the_command(complaint: Complaint, before: _Log) -> Complaint:
 
 
 def _state(measured: Measured) -> tuple[object, ...]:
-    """Return what tells one outcome of a replay from another."""
+    """Return what distinguishes one outcome of a replay from another."""
     return (
         digest_of_records(measured.templates.values()),
         digest_of_records(measured.photos.values()),

@@ -120,7 +120,7 @@ def _require_point(bundle: BundleState, name: str) -> None:
 
 
 def listed_observations(bundle: BundleState) -> Iterator[ListedObservation]:
-    """Yield all photo observations of a bundle in their order, with what the last adjustment says of them."""
+    """Yield all photo observations of a bundle in their order, with their figures in the last adjustment."""
     found = bundle.observations
     adjusted = _Adjusted(bundle.solution)
     rays = photos_of_points(found)
@@ -168,7 +168,7 @@ class _Adjusted:
 
 
 def stereo_partners(bundle: BundleState, rows: Sequence[ListedObservation], places: Places) -> Iterator[StereoPartner]:
-    """Yield for each observation the other photos that show its point: those of its models first.
+    """Yield for each observation the other photos that show its point, those in a model with its photo first.
 
     A partner in which the point is not measured is found by prediction, within its frame; one of a model is named even
     where the position is not known.

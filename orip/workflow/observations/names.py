@@ -24,7 +24,7 @@ class Named(NamedTuple):
 
     @property
     def noun(self) -> str:
-        """Return what a single one is called in messages."""
+        """Return the noun for a single one in messages."""
         return self.what.lower()
 
 
@@ -34,7 +34,7 @@ def edited_owner(what: Literal["POINT", "MARK", "TICK"], owner: str, definitions
     Raises
     ------
     InputError
-        If there is none, with the names most like it.
+        If there is none, with the most similar names.
     """
     if owner == ALL:
         return owner
@@ -56,12 +56,12 @@ def chosen_names(
     definitions: Definitions,
     measured: Measured,
 ) -> list[str]:
-    """Return the names that an edit changes anything of.
+    """Return the names for which an edit changes anything.
 
     Raises
     ------
     InputError
-        If a name is not measured, all of them at once, each with the names most like it.
+        If names are not measured: all of them at once, each with the most similar names.
     """
     flags = _disregarded(named, measured)
     missing = [name for name in names if name not in (ALL, *flags)]

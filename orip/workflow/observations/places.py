@@ -20,7 +20,7 @@ from orip.workflow.project.texts import raise_complaints
 NOWHERE: Pair = (np.nan, np.nan)
 
 _LEAST_RAYS = 2
-"""A point that a single ray sees has a guessed distance; what is predicted of it means nothing."""
+"""Least number of rays: a point with a single ray has a guessed distance, and a prediction of it means nothing."""
 
 
 class PredictedPlace(NamedTuple):

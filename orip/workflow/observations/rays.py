@@ -10,7 +10,7 @@ from orip.records.measurement import Measured, PhotoObservations
 
 @dataclass(frozen=True, slots=True)
 class LeftAlone:
-    """A point that two rays or more met in before, and that has fewer now: its bundle, and the photos left."""
+    """A point that had two rays or more before and has fewer now: its bundle, and its remaining photos."""
 
     bundle: str
     point: str

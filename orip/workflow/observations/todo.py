@@ -36,10 +36,10 @@ class Todo:
 
 
 def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite: bool = False) -> Change[Todo]:
-    """Return the points of a bundle that ask for a new measurement, and the file to write if one is named.
+    """Return the points of a bundle that need a new measurement, and the file to write if one is named.
 
-    These are points that are down-weighted, disregarded or killed, and points that a single photo sees: they are asked
-    for in the photos that make a model with it or, by the last adjustment, show them.
+    These are points that are down-weighted, disregarded or killed, and points in a single photo: they are to be
+    measured in the photos that form a model with it or, by the last adjustment, show them.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _points_to_measure(bundle: BundleState) -> tuple[PointToMeasure, ...]:
     again = _killed(bundle, places)
     again += [point for row in listed_observations(bundle) for point in _of_observation(bundle, row, places)]
     order = {key: place for place, key in enumerate(bundle.records.photos)}
-    # one line a point and photo: what is wrong there says more than that only one other photo sees the point
+    # one line for each point and photo: what is wrong there is more important than that the point has a single ray
     again.sort(key=lambda point: point.why != "single ray")
     first = {(record_key(point.photo), point.point): point for point in again}
 

@@ -22,7 +22,7 @@ from orip.workflow.project.texts import Digests
 
 @dataclass(frozen=True)
 class BundleState:
-    """A bundle of a project state; it holds nothing of its own but the name."""
+    """A bundle of a project state; it stores nothing except its name."""
 
     state: ProjectState
     name: str
@@ -91,7 +91,7 @@ class BundleState:
             raise self.not_measured()
 
     def not_measured(self) -> InputError:
-        """Return the error of a bundle of which nothing is measured."""
+        """Return the error for a bundle without measurements."""
         return InputError.single(f"bundle {self.name} has no photo observations yet; run 'orip measure' first")
 
     @cached_property

@@ -40,7 +40,7 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 _COMPARED: frozenset[Part] = frozenset({"definitions", "replay", "heads"})
-"""What tells whether another run has changed the stores: cheap to read again."""
+"""The parts that show whether another run has changed the stores: they are cheap to read again."""
 
 _ATTEMPTS = 5
 
@@ -78,7 +78,7 @@ class Change(Generic[T]):
     further : callable or None
         Writes to the locked stores what has no part of its own in `stored`: names of what is measured, moved solutions.
     kept : tuple of (Path, Path)
-        Files that an output replaces, and where what is in them is kept.
+        Files that an output replaces, and where their content is kept.
     outputs : tuple of TextOutput
         Written after the commit, in this order.
     superseded : tuple of Path
@@ -149,7 +149,7 @@ def commit(change: Change[T]) -> Committed[T]:
             for output in change.outputs:
                 write_output(project, output)
     for path in change.superseded:
-        with suppress(OSError):  # empty stores, copies, results: of no use, and of no harm
+        with suppress(OSError):  # empty stores, copies, results: useless, but harmless
             path.unlink(missing_ok=True)
     if change.restores_outputs:
         rewrite_stale_outputs(project)
@@ -159,7 +159,7 @@ def commit(change: Change[T]) -> Committed[T]:
 
 
 def carry_out(state: S, command: Callable[[S], Change[T]]) -> Committed[T]:
-    """Compute a change and write it; where another run was quicker, compute it again from what that has left.
+    """Compute a change and write it; if another run has written first, compute it again from the new state.
 
     For commands that are cheap to compute; raises what the command and `commit` do.
 
@@ -240,6 +240,6 @@ def _write_replay(project: ProjectFolder, stores: Stores, replay: ReplayRecord) 
 
 def _is_stored(store: Store, solution: Solution) -> bool:
     head = solutions.read_head(store, solution.bundle)
-    if head is None or head.run != solution.run:  # no need then to read all of the old one
+    if head is None or head.run != solution.run:  # then the old one need not be read as a whole
         return False
     return same_record(solutions.read(store, solution.bundle), solution)

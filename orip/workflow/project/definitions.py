@@ -43,7 +43,7 @@ class StoredDefinitions:
         )
 
     def bundle(self, name: str) -> BundleDefinition:
-        """Return the definition of a bundle that is there."""
+        """Return the definition of an existing bundle."""
         return next(stored.record for stored in self.bundles if record_key(stored.record.name) == record_key(name))
 
     @property

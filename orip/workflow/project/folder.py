@@ -71,13 +71,19 @@ class ProjectFolder:
         return (*(bundle.name for bundle in self.definition.bundles), *self.bundles_of_commands)
 
     @property
+    def owner(self) -> str:
+        """Return project and user, as they stand at the head of texts that are measured or computed."""
+        user = f", user {self.definition.user}" if self.definition.user else ""
+        return f"project {self.definition.name}{user}"
+
+    @property
     def has_one_bundle(self) -> bool:
         """Tell whether no name is needed to say which bundle is meant."""
         return len(self.bundle_names) == 1
 
     @property
     def heading_digest(self) -> tuple[str, str]:
-        """Return the name, in messages, and the digest of what stands on every output."""
+        """Return the name, in messages, and the digest of what is printed on every output."""
         definition = self.definition
         heading = (definition.name, definition.user, definition.ground_unit)
         return f"[project] of {PROJECT_FILE}", record_digest(heading)
@@ -149,7 +155,7 @@ class ProjectFolder:
         return self._outputs(bundle, only=self.has_one_bundle)
 
     def outputs_of_other_name(self, bundle: str) -> OutputFiles:
-        """Return where a bundle's results would go if the project had several bundles and has one, or the reverse."""
+        """Return where a bundle's results would go with several bundles where the project has one, or the reverse."""
         return self._outputs(bundle, only=not self.has_one_bundle)
 
     def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:

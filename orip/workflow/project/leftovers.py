@@ -18,7 +18,7 @@ from orip.workflow.project.folder import ProjectFolder
 def remove_leftovers_of_kills(project: ProjectFolder) -> None:
     """Remove temporary files whose process has ended, and stores of renamed bundles that are empty now.
 
-    What cannot be removed stays: it is of no effect.
+    What cannot be removed stays: it has no effect.
     """
     with suppress(OSError, OripError):
         remove_leftovers(project.folder)
@@ -31,7 +31,7 @@ def remove_leftovers_of_kills(project: ProjectFolder) -> None:
 
 
 def _stores_of_no_bundle(project: ProjectFolder, bundles: tuple[str, ...]) -> list[Path]:
-    """Return the stores of photo observations that no bundle is called as."""
+    """Return the stores of photo observations that belong to no bundle by their names."""
     keys = {record_key(name) for name in bundles}
     folder = project.observations("").parent
     return [path for path in sorted(folder.glob("*.EXO")) if record_key(path.stem) not in keys]

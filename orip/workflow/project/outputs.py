@@ -1,4 +1,4 @@
-"""The text outputs: written after the stores have committed, and again where a kill came between."""
+"""The text outputs: written after the stores have committed, and again if a run was killed in between."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from orip.workflow.project.state import read_state
 from orip.workflow.project.text_output import TextOutput, write_output
 
 _HEAD = 4096
-"""Characters that hold the run id of any output."""
+"""Number of characters at the beginning of an output that include its run id."""
 
 _REMEDY = (
     "the results are safe in the record stores: remove the cause, then 'orip init' (or measure, solve, run) writes the "
@@ -99,7 +99,7 @@ def _rewrite_solution_outputs(project: ProjectFolder, bundle: str) -> None:
         return
     path = project.shown(project.observations(bundle))
     is_adjusted = found.is_measured and dict(found.solution.inputs).get(path) == found.digest_of_observations
-    # measurements that have changed since are not those of the listing
+    # measurements that have changed since do not belong to the listing
     measured = found.observations if is_adjusted else no_observations(bundle)
     for output in solution_outputs(project, found.solution, measured):
         write_output(project, output)

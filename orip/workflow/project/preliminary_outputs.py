@@ -16,7 +16,7 @@ from orip.workflow.project.run_id import run_id
 from orip.workflow.project.text_output import TextOutput
 
 _DIGITS = 3
-"""Of a standard deviation that a line of BUNDLE.PRE has; its coordinates end where they do."""
+"""Significant digits of a standard deviation in BUNDLE.PRE; coordinates have as many decimals as it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class ListedValues:
 
 
 def listed_values(values: PreliminaryValues, ground: GroundSystem) -> ListedValues:
-    """Take what the chain found, with its absolute orientation in the project's coordinates, to those as a whole."""
+    """Transform what the chain found to the project's coordinates; its absolute orientation is in them already."""
     return ListedValues(
         values,
         orientations_in_project(values.photos, ground),
@@ -47,7 +47,7 @@ def listed_values(values: PreliminaryValues, ground: GroundSystem) -> ListedValu
 
 
 def _rounded(point: PreliminaryPoint) -> PreliminaryPoint:
-    """Return a point without the digits that say nothing."""
+    """Return a point without insignificant digits."""
     known = [deviation for deviation in point.deviations or () if deviation > 0.0]
     if point.deviations is None or not known:
         return point

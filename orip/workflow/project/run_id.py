@@ -1,4 +1,4 @@
-"""Run ids: what ties stores and outputs to each other. Equal inputs give equal ids; no clock is involved."""
+"""Run ids, which link stores and outputs to each other. Equal inputs give equal ids; no clock is involved."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def read_project(folder: Path, *parts: Part) -> ProjectState:
 
 
 def read_checked_project(folder: Path, *parts: Part) -> ProjectState:
-    """Do what `read_project` does; where orip.toml is wrong, also tell what is wrong in the folder's other texts."""
+    """Do what `read_project` does; if orip.toml is wrong, also report what is wrong in the folder's other texts."""
     project = open_checked_project(folder)
     return read_state(project, parts, project.bundle_names)
 

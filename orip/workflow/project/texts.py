@@ -1,4 +1,4 @@
-"""The text files of a project, each read once, so that everything that is wrong in them is said at once.
+"""The text files of a project, each read once, so that everything that is wrong in them is reported at once.
 
 A text's digest is taken before it is read: what is saved while a command runs shows as a change afterwards.
 """
@@ -30,7 +30,7 @@ EDITS_FILE = "EDITS.MEA"
 CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR")
 
 MOST_FILES = 10_000
-"""Files that a pattern may find; with more it is one of the whole disk."""
+"""Most files that a pattern may find; with more it probably covers the whole disk."""
 
 Digests = tuple[tuple[str, str], ...]
 """(name of an input, SHA-256)."""
@@ -55,7 +55,7 @@ class ControlInput:
 
 
 class ProjectTexts:
-    """All text files of a project but orip.toml; each is read when it is first asked for, and once.
+    """All text files of a project except orip.toml; each is read once, when it is first needed.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class ProjectTexts:
 
 
 def open_checked_project(folder: Path) -> ProjectFolder:
-    """Read orip.toml; where it is wrong, read all other text files too, to tell what is wrong in them.
+    """Read orip.toml; if it is wrong, read all other text files too, to report what is wrong in them.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def measurement_files(project: ProjectFolder) -> Parsed[tuple[Path, ...]]:
 
 
 def _nearly_matching(project: ProjectFolder, pattern: str, matches: Sequence[Path]) -> Iterator[Complaint]:
-    """Complain of files that a pattern misses by their capitals, or, if it finds none at all, by a .txt at the end."""
+    """Complain about files that a pattern misses by capitals or, if it finds none at all, by a .txt at the end."""
     suffixes = ("",) if matches else ("", ".txt")
     likely = [f"{pattern}{suffix}".lower() for suffix in suffixes]
     for path in sorted(project.folder.iterdir()):
@@ -255,14 +255,14 @@ def log_digests(project: ProjectFolder, files: Sequence[Path]) -> Digests:
 def _digests(project: ProjectFolder, paths: Iterable[Path]) -> Digests:
     found = []
     for path in paths:
-        with suppress(OSError):  # a file that cannot be read is complained of by its reader
+        with suppress(OSError):  # its reader complains about a file that cannot be read
             if path.is_file():
                 found.append((project.shown(path), file_digest(path)))
     return tuple(found)
 
 
 def _faults_in_folder(folder: Path) -> list[Complaint]:
-    """Return what is wrong in the text files of a folder whose orip.toml cannot be read: they are told by extension."""
+    """Return what is wrong in the text files of a folder whose orip.toml cannot be read, found by their extensions."""
     files = [path for path in sorted(folder.iterdir()) if path.is_file()]
     bases = dict.fromkeys(path.stem for path in files if path.suffix[1:] in CONTROL_EXTENSIONS)
     outcomes: list[Parsed[Any]] = [read_control(folder, base) for base in bases]

@@ -1,4 +1,4 @@
-"""All records of orip.toml against those of the stores: what the stores should hold, and what stands against it."""
+"""All records of orip.toml against those of the stores: what the stores should hold, and the conflicts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def apply_text(project: ProjectFolder, old: StoredDefinitions, prefer: Prefer | 
 
 
 def with_polynomial(camera: Camera) -> Camera:
-    """Return the camera with its distortion taken to the polynomial, if it was given in another form.
+    """Return the camera with its distortion converted to the polynomial, if it was given in another form.
 
     Raises
     ------

@@ -40,7 +40,7 @@ _BUNDLES = "the bundles"
 
 @dataclass(frozen=True, slots=True)
 class RecordsOutcome:
-    """What a command did to records, or would do (`dry_run`); no changes: the records were so already."""
+    """What a command did to records, or would do (`dry_run`); no changes: the records have these values already."""
 
     project: ProjectFolder
     changes: tuple[RecordChange, ...]
@@ -53,7 +53,7 @@ class RecordsOutcome:
 class _Plan:
     """An edit worked out against what the stores hold.
 
-    `measurements` says what is measured of the records that go.
+    `measurements` lists what is measured of the records that are deleted.
     """
 
     before: StoredDefinitions
@@ -106,7 +106,7 @@ def add_record(
     InputError
         With everything that is wrong, or if there is another record of that name.
     UsageError
-        If a record that is named is not there.
+        If a named record does not exist.
     """
     return _change(state, record_edits.adding(record, words, before))
 
@@ -138,7 +138,7 @@ def delete_record(state: ProjectState, record: RecordName, *, with_referents: bo
     Raises
     ------
     InputError
-        If something refers to the record, without `with_referents`; it is all named.
+        If something refers to the record, without `with_referents`; all of it is named.
     UsageError
         If there is no such record.
     """
@@ -221,7 +221,7 @@ def _checked(edited: EditedDocument) -> CheckedDocument:
 
 
 def _warnings_before(document: dict[str, Any]) -> frozenset[ProjectWarning]:
-    with suppress(InputError):  # the edit has put right what was wrong
+    with suppress(InputError):  # the edit has corrected what was wrong
         return frozenset(checked(document).warnings)
     return frozenset()
 

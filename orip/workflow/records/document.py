@@ -1,6 +1,6 @@
 """The records of the stores as a document of orip.toml, and back: edits of records are checked as their text would be.
 
-So each rule and message of orip.toml holds for records that are edited by a command, and is stated once.
+Each rule and message of orip.toml thus holds for records that are edited by a command, and is stated once.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _LINE = re.compile(r" on line \d+")
 
 @dataclass(frozen=True, slots=True)
 class CheckedDocument:
-    """The definition that a document gives, distortions taken to the polynomial, and what to know of it."""
+    """The definition that a document gives, with distortions as polynomials, and warnings about it."""
 
     definition: ProjectDefinition
     warnings: tuple[ProjectWarning, ...]
@@ -49,7 +49,7 @@ def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> Proj
 
 
 def in_given_form(camera: Camera) -> Camera:
-    """Return the camera without the form that its distortion was given in, if it no longer says what the polynomial is.
+    """Return the camera without the form in which its distortion was given, if the polynomial has changed since.
 
     Of a camera with such a form A1, A3, A5, A7 are computed.
     """
@@ -70,7 +70,7 @@ def checked(document: Mapping[str, Any], faults: Sequence[str] = ()) -> CheckedD
     Raises
     ------
     InputError
-        With everything that is wrong. Nobody has seen the text, so its lines are not told.
+        With everything that is wrong. The user has not seen this text, so its line numbers are not given.
     """
     parsed = parse_project(project_text(document))
     complaints = [

@@ -36,7 +36,7 @@ class EditedDocument:
     known : str
         Not empty: the record already existed; what to say if the two differ.
     faults : tuple of str
-        What was wrong with the words that values were given in.
+        What was wrong with the values as given on the command line.
     """
 
     document: TomlTable
@@ -46,7 +46,7 @@ class EditedDocument:
 
 
 Edit = Callable[[TomlTable], EditedDocument]
-"""An edit: gets a document of its own that it may change."""
+"""An edit: gets its own copy of a document, which it may change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ def bundle_of_models(document: Mapping[str, Any], name: str | None) -> TomlTable
 
 
 def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str | None) -> EditedDocument:
-    """Put a record into its list; one of that name that already exists is replaced, for comparison."""
+    """Put a record into its list; an existing one of that name is replaced, for comparison."""
     bundle = bundle_of_models(document, record.bundle) if record.kind == "model" else None
     tables: list[TomlTable] = bundle.setdefault("model", []) if bundle is not None else document[record.kind]
     for known in tables:
@@ -188,7 +188,7 @@ def _index(document: TomlTable, record: RecordName) -> int:
 
 
 def _replace(document: TomlTable, place: DocumentRecord, table: TomlTable) -> None:
-    """Replace the values of a record; templates and photos go on saying the same of each other."""
+    """Replace the values of a record; the lists of templates and the templates of photos stay consistent."""
     place.table.clear()
     place.table.update(table)
     _follow(document, place)

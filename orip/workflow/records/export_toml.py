@@ -42,9 +42,9 @@ class ExportedToml:
     path : Path or None
         Where it was written; None: nowhere.
     changed : bool
-        Whether the file there was another one.
+        Whether there was another text in the file.
     backup : Path or None
-        Where the text is that was in its place before.
+        Where the previous text is kept.
     warnings : tuple of ProjectWarning
     """
 
@@ -69,7 +69,7 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
     output : Path or None
         Where to, relative to the project folder; None: nothing is written.
     force : bool
-        Also if there is another text of that name; it is kept beside it, with the ending .bak.
+        Also if the file has another text, which is then kept beside it with the extension .bak.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def _text_of(project: ProjectFolder) -> str:
 
 
 def _not_applied(project: ProjectFolder, stored: StoredDefinitions) -> Iterator[ProjectWarning]:
-    """Warn of what the text says and the stores do not know, or no longer: the exported text has it from the stores."""
+    """Warn of differences between the text and the stores: the exported text has what is in the stores."""
     applied = apply_text(project, stored, prefer=None)
     done: Mapping[str, str] = {
         "added": "is in the text, but not in the stores: it is not exported",
@@ -161,12 +161,12 @@ def _not_applied(project: ProjectFolder, stored: StoredDefinitions) -> Iterator[
 
 
 def _bytes_of(project: ProjectFolder, path: Path) -> bytes | None:
-    """Return what is in a file; None if there is none."""
+    """Return the content of a file; None if there is none."""
     with reporting_failure(project.shown(path), _REMEDY):
         return regular_bytes(path) if path.exists() else None
 
 
 def _free_name(path: Path) -> Path:
-    """Return a name for what is in the way: FILE.bak, FILE.bak2, ..."""
+    """Return a free name for a backup: FILE.bak, FILE.bak2, ..."""
     names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in range(1, 10_000))
     return next(name for name in names if not (name.exists() or name.is_symlink()))

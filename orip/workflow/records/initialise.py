@@ -36,7 +36,7 @@ INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 
 @dataclass(frozen=True, slots=True)
 class Initialised:
-    """What `orip init` did: the changes of records (none: nothing had changed), value by value, and what to know."""
+    """What `orip init` did: the changes of records (none: nothing had changed), value by value, and warnings."""
 
     project: ProjectFolder
     changes: tuple[AppliedChange, ...]

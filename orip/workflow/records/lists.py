@@ -35,7 +35,7 @@ class RecordRow:
 
 @dataclass(frozen=True, slots=True)
 class RecordList:
-    """The records of a kind, and as text for people."""
+    """The records of a kind, also as text."""
 
     rows: tuple[RecordRow, ...]
     text: str

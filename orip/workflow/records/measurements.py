@@ -1,4 +1,4 @@
-"""What is measured of a record, when the record gets another name or is deleted."""
+"""The measurements of a record that is renamed or deleted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from orip.workflow.records.references import RecordKind
 
 
 def is_written(path: Path) -> bool:
-    """Tell whether there is a store to read and to change; one that is absent is not to be made."""
+    """Tell whether there is a store to read and to change; an absent one is not created."""
     return path.is_file() and path.stat().st_size > 0
 
 
@@ -42,7 +42,7 @@ def measurements_of(measured: Measured, kind: RecordKind, name: str) -> Iterator
 
 
 def rename_measurements(project: ProjectFolder, stores: Stores, bundles: Sequence[str], renaming: Renaming) -> None:
-    """Let what is measured have the new name of its photo, template or bundle."""
+    """Give measurements the new name of their photo, template or bundle."""
     key, new = record_key(renaming.old), renaming.new
     if renaming.kind == "template":
         _write_templates(project, stores, lambda name: new if record_key(name) == key else name)
@@ -55,7 +55,7 @@ def rename_measurements(project: ProjectFolder, stores: Stores, bundles: Sequenc
 def delete_measurements(
     project: ProjectFolder, stores: Stores, bundles: Sequence[str], kind: RecordKind, names: Iterable[str]
 ) -> None:
-    """Take out what is measured of records."""
+    """Delete the measurements of records."""
     keys = {record_key(name) for name in names}
     if not keys:
         return

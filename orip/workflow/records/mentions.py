@@ -1,4 +1,4 @@
-"""The text files that still have the name of a record that was renamed or deleted: no command writes into them."""
+"""The text files that still name a record that was renamed or deleted: no command writes into them."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class AppliedChange:
 
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """A record that text and store have both changed; `text` names what stands on either side."""
+    """A record that text and store have both changed; `text` names the values on both sides."""
 
     kind: str
     name: str

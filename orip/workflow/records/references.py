@@ -1,8 +1,7 @@
 """Which records name which others, and how references follow when records change.
 
 A model names its two photos, a photo its camera and its template, a template its tick marks, a camera with the lens of
-another one that camera. The list of photos that a
-template has says the same as the photos do, and follows them.
+another one that camera. The list of photos of a template repeats what the photos say, and follows them.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: st
 
 
 def delete_with_referents(document: Mapping[str, Any], place: DocumentRecord) -> None:
-    """Take a record out, and before it those that name it."""
+    """Delete a record, after those that name it."""
     for referent in referents(document, place.kind, place.table["name"]):
         delete_with_referents(document, referent)
     place.around[:] = [table for table in place.around if table is not place.table]
@@ -87,7 +86,7 @@ def delete_with_referents(document: Mapping[str, Any], place: DocumentRecord) ->
 
 
 def templates_follow(document: Mapping[str, Any]) -> None:
-    """Let templates list the photos that name them, those that they had first."""
+    """Let templates list the photos that name them, photos already listed first."""
     on: dict[str, dict[str, str]] = {}
     for photo in document["photo"]:
         if "template" in photo:

@@ -1,6 +1,6 @@
-"""A bundle that gets another name: its solution and its preliminary coordinates follow, what is named after it goes.
+"""Renaming a bundle: its solution and its preliminary coordinates are renamed, result files of the old name removed.
 
-What is measured of it follows in `orip.workflow.records.measurements`.
+Its measurements are renamed in `orip.workflow.records.measurements`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from orip.workflow.records.changes import Renaming
 def rename_solution(state: ProjectState, stores: Stores, renaming: Renaming, after: StoredDefinitions) -> None:
     """Give the solution of a bundle its new name.
 
-    It stays as current as it was. Its run id is another one, so that the listings under the old name are written again.
+    It stays as current as it was. Its run id changes, so that the listings of the old name are written again.
     """
     solution, store = state.solution(renaming.old), stores[state.project.exterior]
     if solution is None:
@@ -41,7 +41,7 @@ def rename_solution(state: ProjectState, stores: Stores, renaming: Renaming, aft
 def _renamed_inputs(
     project: ProjectFolder, solution: Solution, renaming: Renaming, before: StoredDefinitions, after: StoredDefinitions
 ) -> tuple[tuple[str, str], ...]:
-    """Return what a solution depends on, with the names of now; what had changed since still differs."""
+    """Return what a solution depends on, with the new names; what has changed since still differs."""
     old, new = renaming.old, renaming.new
     names = {
         project.shown(project.observations(old)): project.shown(project.observations(new)),
@@ -52,7 +52,7 @@ def _renamed_inputs(
 
 
 def require_free_file(project: ProjectFolder, renaming: Renaming) -> None:
-    """Refuse a name that would take preliminary coordinates which already exist.
+    """Refuse a name for which preliminary coordinates already exist.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def shown_value(value: Any) -> str:
 
 
 def values_of(kind: RecordKind, table: Mapping[str, Any], ground_unit: str) -> list[RecordValue]:
-    """Return all values of a record but its name; tables in it are taken apart, and what is not given is None."""
+    """Return all values of a record except its name; nested tables are flattened, and what is not given is None."""
     units = dict(units_of(RECORD_TYPES[kind]))
     values = []
     for key in keys_of(TABLE_OF_KIND[kind]):
@@ -58,6 +58,6 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 def _unit(units: Mapping[str, str], path: str, value: Any, ground_unit: str) -> str:
     if path == "measurement_precision" and isinstance(value, str):
-        return ""  # the text has its unit
+        return ""  # the text includes its unit
     unit = units.get(path) or units.get(f"{path.partition('.')[0]}.*.{path.rpartition('.')[2]}", "")
     return ground_unit if unit == GROUND_UNIT else unit

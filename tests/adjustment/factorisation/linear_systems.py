@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.iteration import Adjustment, IterationSettings, adjust
 from orip.adjustment.sparse_rows import SparseRows
 
@@ -104,6 +105,19 @@ class CurvedProblem:
 
     def with_blocks_moved(self, state: np.ndarray, correction: np.ndarray) -> np.ndarray:
         del correction
+        return state
+
+    def without_undetermined_blocks(self, state: np.ndarray, factors: BlockFactors, scale: float) -> None:
+        del state, factors, scale
+
+    def without_contradictory_blocks(self, state: np.ndarray, factors: BlockFactors, scale: float) -> None:
+        del state, factors, scale
+
+    def with_all_blocks(self, state: np.ndarray) -> np.ndarray:
+        return state
+
+    def with_doubtful_blocks_placed(self, state: np.ndarray, equations: Equations, limit: float) -> np.ndarray:
+        del equations, limit
         return state
 
     def improve_consensus(self, state: np.ndarray, equations: Equations, limit: float) -> None:

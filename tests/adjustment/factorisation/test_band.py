@@ -104,7 +104,7 @@ def test_columns_without_observations_are_left_out():
 
 
 def weakened(matrix, pairs, digits):
-    """Return the matrix where the second unknown of each pair is the first one but for a part of 10^(-digits / 2)."""
+    """Return the matrix in which the second unknown of a pair is the first one up to a part of 10^(-digits / 2)."""
     mix = np.eye(len(matrix))
     for one, other in pairs:
         mix[:, other] = mix[:, one] + 10.0 ** (-digits / 2.0) * mix[:, other]

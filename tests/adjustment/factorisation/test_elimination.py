@@ -90,7 +90,7 @@ def test_no_blocks():
 
 
 def test_a_coordinate_that_rounding_alone_moves_is_removed():
-    # a point on the base of two photos: both rays are along the first axis, but for rounding
+    # a point on the base of two photos: both rays are along the first axis, up to rounding
     design = np.array([[1e-16, 1.0, 0.0], [2e-16, 0.0, 1.0], [-1e-16, 1.0, 0.0], [1e-16, 0.0, 1.0]])
     blocks = (design.T @ design)[None]
     full = np.full((1, 3), np.trace(blocks[0]))

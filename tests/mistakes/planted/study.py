@@ -33,7 +33,7 @@ _GENERAL = re.compile(
     r"control fits within .* at .* only|preliminary values|were found from|starts at|is not used|"
     r"nothing is to be seen|differ only in case|did not converge|no single mistake|probably wrong: none"
 )
-"""What is told and accuses nothing: a block, photo or point that could not be computed."""
+"""Findings that accuse nothing: a block, photo or point that could not be computed."""
 
 
 @dataclass(frozen=True)

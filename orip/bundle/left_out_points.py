@@ -1,0 +1,135 @@
+"""Points whose rays have no angle of intersection: they are left out of the adjustment.
+
+The distance of such a point is anything up to infinity. Its corrections grow from iteration to iteration, and the
+standard deviations of what little they determine say nothing of where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from orip.adjustment.factorisation.elimination import BlockFactors
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.state import BlockState
+from orip.bundle.unknowns import Unknowns
+from orip.geometry.rays import intersect_rays
+from orip.interior.image_vectors import image_vectors
+from orip.records.block import Block
+
+_DETERMINED = 0.5
+"""Standard deviation of the distance of a point, as a part of the distance, up to which it is determined."""
+
+_LEAST_RAYS = 2
+
+
+def without_undetermined_points(
+    block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float
+) -> BlockState | None:
+    """Return a state in which points without an angle of intersection are left out; None if there are none.
+
+    Points that lie behind the photos, though their rays meet in front of them, are placed there.
+
+    Parameters
+    ----------
+    block : Block
+    state : BlockState
+    unknowns : Unknowns
+    factors : BlockFactors
+        Of the normal equations at the state: they tell at no cost which points are worth a look.
+    scale : float
+        Errors of the photo points, in a-priori errors.
+    """
+    suspects = _suspects(block, state, unknowns, factors, scale)
+    if not suspects.any():
+        return None
+    rays = _with_rays_of(block, suspects)
+    meeting, at_an_angle = _intersections(rays, state, scale)
+    left_out = suspects & ~(at_an_angle & (_in_front(rays, state, meeting) >= _LEAST_RAYS))
+    moved = suspects & ~left_out & (_in_front(rays, state, state.points) < _LEAST_RAYS)
+    if not (left_out | moved).any():
+        return None
+    points = np.where(moved[:, None], meeting, state.points)
+    return replace(state, points=points, left_out=state.left_out | left_out)
+
+
+def without_contradictory_points(
+    block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float
+) -> BlockState | None:
+    """Return a state without points that only down-weighted rays determine; None if there are none.
+
+    The parameters are those of `without_undetermined_points`; the weights of the normal equations are final ones.
+    """
+    suspects = _suspects(block, state, unknowns, factors, scale)
+    return replace(state, left_out=state.left_out | suspects) if suspects.any() else None
+
+
+def without_contradicting_pairs(block: Block, state: BlockState, unknowns: Unknowns, fits: BoolArray) -> BlockState:
+    """Return a state without points that do not fit and have two rays: of these, neither can be called wrong.
+
+    `fits` (number of points,) are the points that fit where the sum of squares of their residuals is least.
+    """
+    rays = block.photo_points
+    number = np.bincount(rays.point[rays.used.any(axis=1)], minlength=len(fits))
+    pairs = points_by_photos_alone(block, unknowns) & (number == _LEAST_RAYS) & ~fits
+    return replace(state, left_out=state.left_out | pairs)
+
+
+def determined_points(block: Block, state: BlockState, wanted: BoolArray) -> BoolArray:
+    """Return which of the wanted points (number of points,) have an angle of intersection."""
+    if not wanted.any():
+        return wanted
+    rays = _with_rays_of(block, wanted)
+    _, at_an_angle = _intersections(rays, state, 1.0)
+    return np.asarray(wanted & at_an_angle)
+
+
+def _with_rays_of(block: Block, wanted: BoolArray) -> Block:
+    """Return the block with the photo points of some points (number of points,) that are measured in full."""
+    rays = block.photo_points
+    rows = np.flatnonzero(wanted[rays.point] & rays.used.all(axis=1))
+    return replace(block, photo_points=rays.of(rows))
+
+
+def _suspects(block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float) -> BoolArray:
+    """Return which points (number of points,) the normal equations determine badly along their rays."""
+    rays = block.photo_points
+    # of one ray nothing moves a point along it
+    several = np.bincount(rays.point[rays.used.any(axis=1)], minlength=len(state.points)) >= _LEAST_RAYS
+    by_photos = points_by_photos_alone(block, unknowns) & ~state.left_out & several
+    points = np.flatnonzero(by_photos)
+    half = factors.half[(unknowns.points[points, 0] - unknowns.layout.reduced) // 3]
+    number = np.maximum(np.bincount(rays.point, minlength=len(by_photos)), 1)
+    middle = np.stack([np.bincount(rays.point, axis, len(by_photos)) for axis in state.centres[rays.photo].T], axis=1)
+    away = state.points[points] - middle[points] / number[points, None]
+    squares = np.einsum("ij,ij->i", away, away)
+    variances = np.einsum("ijk,ik->ij", half, away)
+    relative = scale**2 * np.einsum("ij,ij->i", variances, variances) / np.where(squares > 0.0, squares, 1.0) ** 2
+    removed = factors.removed[(unknowns.points[points, 0] - unknowns.layout.reduced) // 3].any(axis=1)
+    by_photos[points] = removed | ~(relative <= _DETERMINED**2)
+    return by_photos
+
+
+def _intersections(block: Block, state: BlockState, scale: float) -> tuple[FloatArray, BoolArray]:
+    """Return where the rays of points meet, and which of them (number of points,) do so at an angle."""
+    rays, vectors, count = block.photo_points, image_vectors(block), len(state.points)
+    rows = np.flatnonzero(np.isfinite(vectors).all(axis=1))
+    photo, point, lengths = rays.photo[rows], rays.point[rows], np.linalg.norm(vectors[rows], axis=1)
+    directions = (state.rotations[photo] @ (vectors[rows] / lengths[:, None])[:, :, None])[:, :, 0]
+    meeting = intersect_rays(state.centres[photo], directions, point, count)
+    # in units of its own error a direction tells how well a distance is known
+    precision = lengths / (scale * np.sqrt(np.mean(rays.error[rows] ** 2, axis=1)))
+    normals = np.zeros((count, 3, 3))
+    np.add.at(
+        normals, point, precision[:, None, None] ** 2 * (np.eye(3) - directions[:, :, None] * directions[:, None])
+    )
+    return meeting, np.asarray(np.linalg.eigvalsh(normals)[:, 0] * _DETERMINED**2 >= 1.0)
+
+
+def _in_front(block: Block, state: BlockState, points: FloatArray) -> IntArray:
+    """Return how many photos have each of the points (number of points, 3) in front of them."""
+    rays = block.photo_points
+    along = np.einsum("ij,ij->i", points[rays.point] - state.centres[rays.photo], state.rotations[rays.photo][:, :, 2])
+    return np.bincount(rays.point[along < 0.0], minlength=len(points))

@@ -1,0 +1,149 @@
+"""Points placed where most of their rays agree.
+
+A point that a gross error has pulled away takes the weight of its correct rays and stays with the wrong ones; whether
+that happens depends on the starting values, and which position most of its rays agree on does not. As in random sample
+consensus (Fischler and Bolles 1981) positions are tried, here from each two rays of a point, photos held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.equations import Equations
+from orip.arrays import FloatArray
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.state import BlockState
+from orip.bundle.unknowns import CONSTANT, Unknowns
+
+_FEWEST_RAYS, _MOST_RAYS = 3, 10
+"""Rays of a point whose consensus is looked for: of two, neither can be called wrong; many outweigh a wrong one."""
+
+_LITTLE = 1e-9
+"""Part of the trace of normal equations that keeps them regular where rays are parallel."""
+
+_LEFT_OUT = 1e-6
+"""Weight factor of rays that do not fit, where a position is computed from the others."""
+
+
+class PointRays(NamedTuple):
+    """q points of k rays each, photos held: partials (q, 2 k, 3) and residuals (q, 2 k) in a-priori errors."""
+
+    partials: FloatArray
+    residuals: FloatArray
+
+    def after(self, moves: FloatArray) -> FloatArray:
+        """Return the residuals (q, 2 k) after moves (q, 3) of the points."""
+        return np.asarray(self.residuals + (self.partials @ moves[:, :, None])[:, :, 0])
+
+    def of_pair(self, first: int, second: int) -> PointRays:
+        """Return two of the rays of each point."""
+        rows = [2 * first, 2 * first + 1, 2 * second, 2 * second + 1]
+        return PointRays(self.partials[:, rows], self.residuals[:, rows])
+
+    def least_squares(self, weights: FloatArray | float = 1.0) -> FloatArray:
+        """Return the moves (q, 3) to the positions of least squares, with weights (q, 2 k)."""
+        weighted = self.partials * np.broadcast_to(weights, self.residuals.shape)[:, :, None]
+        normals = np.swapaxes(weighted, 1, 2) @ self.partials
+        right = -(np.swapaxes(weighted, 1, 2) @ self.residuals[:, :, None])
+        trace = np.einsum("qii->q", normals)
+        regular = normals + (_LITTLE * trace + (trace == 0.0))[:, None, None] * np.eye(3)
+        return np.asarray(np.linalg.solve(regular, right)[:, :, 0])
+
+
+def placed(rays: PointRays, limit: float) -> FloatArray:
+    """Return the moves (q, 3) to where most rays agree; of least squares where no ray can be called wrong.
+
+    They do not depend on where the points are, as far as the perspective is linear.
+    """
+    moves = rays.least_squares()
+    found, costs = _consensus(rays, limit)
+    better = costs < _costs(rays.after(moves), limit)
+    return np.where(better[:, None], found, moves)
+
+
+def where_better(rays: PointRays, limit: float) -> FloatArray:
+    """Return the moves (q, 3) to where most rays agree, zero for points that fit as well where they are."""
+    found, costs = _consensus(rays, limit)
+    # a position that fits as many rays, and a little better, is left to the iterations
+    better = costs < _costs(rays.residuals, limit) - limit**2 / 2.0
+    return np.where(better[:, None], found, 0.0)
+
+
+def _consensus(rays: PointRays, limit: float) -> tuple[FloatArray, FloatArray]:
+    """Return the moves (q, 3) of least cost among those from each two rays, and their costs (q,)."""
+    best, least = np.zeros((len(rays.residuals), 3)), np.full(len(rays.residuals), np.inf)
+    count = rays.residuals.shape[1] // 2
+    if not _FEWEST_RAYS <= count <= _MOST_RAYS:
+        return best, least
+    for first, second in combinations(range(count), 2):
+        moves = rays.of_pair(first, second).least_squares()
+        fitting = np.where(np.abs(rays.after(moves)) <= limit, 1.0, _LEFT_OUT)
+        for tried in (moves, rays.least_squares(fitting)):
+            costs = _costs(rays.after(tried), limit)
+            better = costs < least
+            best, least = np.where(better[:, None], tried, best), np.where(better, costs, least)
+    return best, least
+
+
+def _costs(residuals: FloatArray, limit: float) -> FloatArray:
+    """Return the costs (q,) of residuals (q, 2 k): a ray is wrong as a whole, whichever of its components shows it."""
+    squares = (residuals**2).reshape(len(residuals), -1, 2).sum(axis=2)
+    return np.asarray(np.minimum(squares, limit**2).sum(axis=1))
+
+
+def moves_of_points(
+    observations: PhotoPointObservations,
+    first: int,
+    unknowns: Unknowns,
+    equations: Equations,
+    state: BlockState,
+    limit: float,
+    moves: Callable[[PointRays, float], FloatArray],
+) -> FloatArray:
+    """Return corrections that move the points of which an observation does not fit.
+
+    Parameters
+    ----------
+    observations : PhotoPointObservations
+    first : int
+        Row of their first equation.
+    unknowns : Unknowns
+    equations : Equations
+        At the state.
+    state : BlockState
+    limit : float
+        Standard residual up to which a component fits.
+    moves : callable
+        `placed` or `where_better`.
+
+    Returns
+    -------
+    array (m + 3 b,)
+        Zero for all unknowns but those of the points that are moved.
+    """
+    correction, columns = np.zeros(unknowns.layout.size), unknowns.points
+    rows = first + 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
+    used = equations.active[rows].all(axis=1)
+    doubtful = np.zeros(len(columns), dtype=bool)
+    doubtful[observations.point[used & (np.abs(equations.residual[rows]) > limit).any(axis=1)]] = True
+    doubtful &= (columns != CONSTANT).all(axis=1)
+    chosen = used & doubtful[observations.point]
+    if not chosen.any():
+        return correction
+    some = observations.of(chosen)
+    partials = some.linearise_with_partials(state).partials[:, POINT_PARTIALS] / some.rows.error[:, None]
+    partials, residuals = partials.reshape(-1, 2, 3), equations.residual[rows[chosen]]
+    order = np.argsort(some.point, kind="stable")
+    points, starts, counts = np.unique(some.point[order], return_index=True, return_counts=True)
+    for count in np.unique(counts[counts > 1]):
+        alike = np.flatnonzero(counts == count)
+        places = order[starts[alike][:, None] + np.arange(count)]
+        rays = PointRays(
+            partials[places].reshape(len(alike), 2 * count, 3), residuals[places].reshape(len(alike), 2 * count)
+        )
+        correction[columns[points[alike]]] = moves(rays, limit)
+    return correction

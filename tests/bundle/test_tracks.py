@@ -1,0 +1,74 @@
+"""Tracks of feature matching: many outliers, points without an angle of intersection, and an a-priori error guessed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle.solving import redefined, solved, started_off
+from support.synthetic_block import synthetic_block
+
+SETTINGS = {"max_iterations": 30, "start_down_weight": 2}
+NOISE_MM = 0.005
+
+
+def tracks(share: float, seed: int):
+    """Return a block in which a share of the photo points lies anywhere, or off along one coordinate, and which."""
+    made = synthetic_block("convergent", "tracks", noise_mm=NOISE_MM, **SETTINGS)
+    random = np.random.default_rng(seed)
+    points = made.block.photo_points
+    wrong = np.zeros(len(points.photo), dtype=bool)
+    wrong[random.choice(len(wrong), round(share * len(wrong)), replace=False)] = True
+    gross = wrong & (random.random(len(wrong)) < 0.5)
+    xy = points.xy.copy()
+    xy[gross] = random.uniform(-17.0, 17.0, (np.count_nonzero(gross), 2))
+    # near the line that a wrong distance of the point would move it on
+    along = wrong & ~gross
+    xy[along, 0] += random.choice([-1.0, 1.0], np.count_nonzero(along)) * random.uniform(0.1, 1.0, along.sum())
+    block = replace(made.block, photo_points=replace(points, xy=xy))
+    return made, started_off(made, block, seed), wrong
+
+
+def with_a_priori_error(block, factor):
+    points = block.photo_points
+    return replace(block, photo_points=replace(points, error=factor * points.error))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+def test_outliers_are_found_and_the_rest_is_as_good_as_without_them(share):
+    made, block, wrong = tracks(share, 3)
+    found = solved(block)
+    assert found.converged
+    assert len(found.iterations) <= block.definition.max_iterations
+    reduced = (found.weight_factors[: 2 * len(wrong)].reshape(-1, 2) < 1.0).any(axis=1)
+    # some fall near their right place by chance
+    assert np.mean(reduced[wrong]) >= 0.95
+    assert np.mean(reduced[~wrong]) <= 0.05
+    error = found.state.centres - made.orientations[:, :3]
+    deviations = np.sqrt(np.diag(found.cofactors.reduced)[found.problem.unknowns.photos[:, :3]])
+    # 24 coordinates: one in 70 000 such sets has one above 5 by chance
+    assert np.abs(error / deviations).max() < 5.0
+
+
+@pytest.mark.parametrize("factor", [0.25, 0.5, 2.0])
+def test_the_a_priori_error_hardly_matters(factor):
+    _, block, _ = tracks(0.2, 4)
+    right, guessed = solved(block), solved(with_a_priori_error(block, factor))
+    assert guessed.converged
+    kept, also = (found.weight_factors >= 1.0 for found in (right, guessed))
+    assert np.count_nonzero(kept & also) >= 0.95 * max(np.count_nonzero(kept), np.count_nonzero(also))
+
+
+def test_an_a_priori_error_that_is_far_off_is_told():
+    _, block, _ = tracks(0.1, 5)
+    assert solved(block).scale == 1.0
+    # a tenth of outliers moves the median by a seventh at most
+    assert solved(with_a_priori_error(block, 0.25)).scale == pytest.approx(4.0, rel=0.2)
+
+
+def test_the_limit_of_iterations_is_that_of_all():
+    _, block, _ = tracks(0.3, 6)
+    for most in (3, 8, 12):
+        found = solved(redefined(block, max_iterations=most))
+        assert len(found.iterations) <= most
