@@ -130,6 +130,7 @@ class Block:
         sigma0: Sigma0 | None = None,
         alpha: float | None = None,
         prune: bool = False,
+        variance_components: bool = False,
         on_iteration: Callable[[IterationPass], None] | None = None,
     ) -> Solution:
         """Adjust the block. Starting values that are missing are found first.
@@ -144,6 +145,8 @@ class Block:
             With `snoop`: error probability of one test; if not given, 0.05 of all together, at most 0.001 of one.
         prune : bool
             Hold camera parameters at zero that are not significant or not determinable.
+        variance_components : bool
+            Estimate the a-priori error of each group of observations, and adjust with these errors.
         on_iteration : callable, optional
             Told each iteration when it is done.
 
@@ -159,6 +162,6 @@ class Block:
             If `sigma0` or `alpha` is given without `snoop`, or is out of its range.
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
-        method = method_of(snoop, sigma0, alpha, prune)
+        method = method_of(snoop, sigma0, alpha, prune, variance_components)
         with one_thread():
             return Solution(*solve(self._gathered, method, watcher))

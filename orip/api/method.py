@@ -16,7 +16,9 @@ Sigma0 = Literal["apriori", "posteriori"]
 _ALPHA = 1e-9, 0.5
 
 
-def method_of(snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bool) -> Method:
+def method_of(
+    snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bool, variance_components: bool
+) -> Method:
     """Return the method of an adjustment.
 
     Raises
@@ -35,7 +37,7 @@ def method_of(snoop: bool, sigma0: Sigma0 | None, alpha: float | None, prune: bo
         raise UsageError(message)
     defaults = SnoopingSettings()
     settings = SnoopingSettings(sigma0 or defaults.sigma0, alpha)
-    return Method(settings if snoop else None, prune)
+    return Method(settings if snoop else None, prune, variance_components)
 
 
 @contextmanager

@@ -150,6 +150,7 @@ class Project:
         sigma0: Sigma0 | None = None,
         alpha: float | None = None,
         prune: bool = False,
+        variance_components: bool = False,
         on_iteration: Callable[[IterationPass], None] | None = None,
     ) -> Solution:
         """Adjust a bundle as `orip solve` does; nothing is written before `Solution.save`.
@@ -158,7 +159,7 @@ class Project:
         ----------
         bundle : str, optional
             Needed only where the project has several.
-        snoop, sigma0, alpha, prune, on_iteration
+        snoop, sigma0, alpha, prune, variance_components, on_iteration
             See `Block.adjust`.
 
         Returns
@@ -175,7 +176,7 @@ class Project:
             If there is no such bundle, or an option is wrong.
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
-        method = method_of(snoop, sigma0, alpha, prune)
+        method = method_of(snoop, sigma0, alpha, prune, variance_components)
         with one_thread():
             change = solve(self._bundle(bundle), watcher, method)
         outcome = change.outcome

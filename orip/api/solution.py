@@ -52,6 +52,8 @@ class Solution:
         What data snooping left out, in the order in which it was found.
     check_points : tuple of CheckPoint
         Adjusted minus given coordinates.
+    variance_components : tuple of VarianceComponent
+        By which factor the a-priori errors of each group of observations are wrong, if that was asked for.
     zero_directions : tuple of ZeroDirection
         Of each set of theodolite directions: `set`, `value` (R: the azimuth of a reading of 0), `sd`; degrees. The sd
         is NaN for a constant and infinite for what nothing determines.
@@ -86,6 +88,7 @@ class Solution:
         self.iterations = record.iterations
         self.blunders = record.blunders
         self.check_points = record.check_points
+        self.variance_components = record.variance_components
         self.zero_directions = record.zero_directions
         self.correlations = record.correlations
         self.singular = record.singular

@@ -13,10 +13,12 @@ from orip.bundle.groups.words import group_diagnosis
 from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
-from orip.bundle.solve import SolvedBlock, solve_block
-from orip.bundle.verdict import global_test, headline
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
+from orip.bundle.variance_components.estimation import estimate_errors
+from orip.bundle.verdict import headline, test_of
 from orip.records.block import Block
 from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.variance_component import VarianceComponent
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +31,13 @@ class Method:
         Find blunders by data snooping and leave them out; None: reduce weights by the Danish method.
     prune : bool
         Hold camera parameters at zero that are not significant or not determinable.
+    variance_components : bool
+        Estimate the a-priori error of each group of observations, and adjust with these errors.
     """
 
     snooping: SnoopingSettings | None = None
     prune: bool = False
+    variance_components: bool = False
 
 
 def adjust_block(
@@ -80,6 +85,12 @@ def adjust_block(
         pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
         solved = pruned.solved
         advice += pruning_diagnosis(pruned.removed)
+    components: tuple[VarianceComponent, ...] = ()
+    if method.variance_components and not stop_asked():
+        settings = iteration_settings(block.definition)
+        if method.snooping is not None:
+            settings = replace(settings, start_down_weight=None)
+        solved, components = estimate_errors(solved, settings, numbered, stop_asked)
     solution = solution_of(solved)
     groups = _grouped(solved, solution, blunders)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished
@@ -90,9 +101,10 @@ def adjust_block(
         iterations=tuple(iterations),
         blunders=blunders,
         groups=groups.groups,
+        variance_components=components,
         diagnosis=(*group_diagnosis(groups.contradictions, block.ground_unit), *advice, *diagnose(solved)),
     )
-    _, verdict = headline(solution, 0, global_test(solution.sigma0, solution.redundancy_used))
+    _, verdict = headline(solution, 0, test_of(solution))
     return replace(solution, verdict=verdict), solved
 
 

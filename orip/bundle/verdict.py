@@ -66,6 +66,20 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     return GlobalTest(redundancy, lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
 
 
+def test_of(solution: Solution) -> GlobalTest | None:
+    """Return the test of a solution's sigma0; None where nothing is redundant or the errors follow from it."""
+    if any(math.isfinite(component.factor) for component in solution.variance_components):
+        return None
+    return global_test(solution.sigma0, solution.redundancy_used)
+
+
+def untested(solution: Solution) -> str:
+    """Return why sigma0 cannot be tested where `test_of` returns None."""
+    if solution.variance_components and solution.redundancy > 0:
+        return "1 by definition: the a-priori errors are estimated from the same residuals"
+    return "nothing is redundant to test it"
+
+
 def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
     """Return whether all is well, and what comes first; `failed` gates were not passed."""
     if solution.status in {"not_converged", "stopped"}:

@@ -191,6 +191,8 @@ def _start(ingredients: TableIngredients, model: StereoModel) -> Triple:
 def _limits(ingredients: TableIngredients, stage: Stage) -> StageLimits:
     photos = [photo for photo in ingredients.used_photos() if ingredients.stages[record_key(photo.name)] == stage]
     cameras = [ingredients.cameras[record_key(photo.camera)] for photo in photos]
+    if not photos:
+        return _limits(ingredients, "LOWER" if stage == "UPPER" else "UPPER")
     sensors = [camera.sensor for camera in cameras if camera.sensor is not None]
     if sensors:
         columns, rows = max(sensor.columns for sensor in sensors), max(sensor.rows for sensor in sensors)

@@ -10,6 +10,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.records.control import PointKind
 from orip.records.group_test import GroupTest
+from orip.records.variance_component import VarianceComponent
 
 Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 
@@ -237,5 +238,6 @@ class Solution:
     zero_directions: tuple[ZeroDirection, ...] = ()
     verdict: str = ""
     groups: tuple[GroupTest, ...] = ()
+    variance_components: tuple[VarianceComponent, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from orip.bundle.verdict import global_test
+from orip.bundle.verdict import test_of
 from orip.records.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
@@ -26,6 +26,7 @@ from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
+from orip.report.variance_components import variance_component_table
 from orip.version import __version__
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def _template() -> Template:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
-    test = global_test(solution.sigma0, solution.redundancy_used)
+    test = test_of(solution)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
@@ -71,6 +72,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "verdict": verdict(given, test),
         "gates": gate_table(given),
         "groups": group_table(solution),
+        "variance_components": variance_component_table(solution),
         "check_points": check_point_table(solution),
         "trouble": [
             table

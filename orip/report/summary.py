@@ -7,12 +7,13 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from orip.bundle.verdict import Level, global_test, group_findings, headline, sigma0_finding
+from orip.bundle.groups.words import probability_in_words
+from orip.bundle.verdict import Level, group_findings, headline, sigma0_finding, test_of, untested
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.gate import GateResult
 from orip.records.solution import Solution
 from orip.report.calibration import significance, significance_limit
-from orip.report.numbers import counted, parameter
+from orip.report.numbers import counted, parameter, significant
 from orip.report.precision import Spread, spreads
 from orip.report.trouble import suspects, weak_spots
 from orip.report.trust import check_point_finding
@@ -120,21 +121,34 @@ def _height(line: SummaryLine) -> int:
 
 
 def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryLine]:
-    test = global_test(solution.sigma0, solution.redundancy_used)
+    test = test_of(solution)
     level, text = headline(solution, sum(not result.passed for result in gates), test)
     status = solution.status.replace("_", " ")
     finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
     if contradicting := group_findings(solution):
         yield SummaryLine("", contradicting[0].remedy)
-    tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else "nothing is redundant to test it"
+    tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else untested(solution)
     yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
     down = (solution.residuals.weight_factor < 1.0).any()
     yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)
+    yield from _variance_components(solution)
     if solution.check_points:
         unit = solution.ground_unit
         yield SummaryLine("check", check_point_finding(solution).replace(f" {unit} ", f"{_KEEP}{unit} "))
+
+
+def _variance_components(solution: Solution) -> Iterator[SummaryLine]:
+    label = "errors"
+    for row in solution.variance_components:
+        if math.isnan(row.factor):
+            why = "too little redundancy" if row.redundancy < 1.0 else "cannot be told from 0 or from another group's"
+            yield SummaryLine(label, f"{row.name}: not estimated, {why}")
+        else:
+            found = f"{_kept(f'{significant(row.factor, 3)} ± {significant(row.sd, 2)}')} times the given ones"
+            yield SummaryLine(label, f"{row.name}: {found} ({probability_in_words(row.p)})")
+        label = ""
 
 
 def _kept(text: str) -> str:

@@ -103,6 +103,11 @@ def _about_status(solution: Solution) -> str:
 
 def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
     if test is None:
+        if solution.variance_components and solution.redundancy > 0:
+            return (
+                f"sigma0 is {significant(solution.sigma0)}, which says nothing here: the a-priori errors of the groups "
+                f"below are estimated from the same residuals."
+            )
         return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
     found = f"sigma0 is {significant(solution.sigma0)}, {sigma0_finding(solution.sigma0, test)}."
     if solution.sigma0 < test.lower:

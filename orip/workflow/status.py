@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from orip.errors import ProjectWarning
@@ -68,7 +68,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     steps = [initialise_step(state), measure_step(state), *map(solve_step, bundles)]
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
-    if link is not None and any(state.definitions.bundle(name).models for name in project.bundle_names):
+    if link is not None and any(map(_is_driven(state), project.bundle_names)):
         download = download_step(state, link)
         if isinstance(download, Step):
             steps.append(download)
@@ -85,6 +85,12 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     following = next((step.command for step in steps if step.state != "up to date"), None)
     warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *beside)
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
+
+
+def _is_driven(state: ProjectState) -> Callable[[str], bool]:
+    """Return whether a bundle has models to drive in, or a drive table of single photos."""
+    project = state.project
+    return lambda name: bool(state.definitions.bundle(name).models) or project.beside_photos(name, "DRV").is_file()
 
 
 def _count(project: ProjectFolder, texts: Sequence[NamedRecord], stored: Sequence[StoredRecord[NamedRecord]]) -> int:

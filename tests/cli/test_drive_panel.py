@@ -121,7 +121,10 @@ def test_an_operator_with_commands_beside_orip_digitise(tmp_path):
             session.kill()
             session.wait()
     assert session.returncode == 0, rest
-    assert (folder / "DIGITISED.MEA").read_text().split("\n")[1:] == [
+    assert (folder / "DIGITISED.MEA").read_text().split("\n") == [
+        "! measured for project FIRST",
+        "",
+        "! orip digitise fiducials C35",
         "FIDUCIALS C35 corners",
         "  1           -18.0000    -12.0000",
         "  2            18.0000    -12.0000",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 from cli.command_line import orip
+from link.served import served
 from support.driven_projects import add_models
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
+from orip.link.station import bare_stages
 from orip.workflow.drive.table import load_drive_table
 
 MODEL = ("M1", "left", "right", 1, 1)
@@ -72,9 +74,31 @@ def test_before_the_adjustment(folder):
     refused(folder, "bundle MAIN has not been adjusted yet; run 'orip solve' first")
 
 
-def test_without_models(tmp_path):
+def test_photos_without_models_are_driven_one_by_one(tmp_path):
+    """The plate goes to where the point was measured in the photo, to a pixel (its a-priori error is half of one); the
+    mark keeps its height, and the photo changes where the point leaves its frame."""
     folder = run(first_project(tmp_path / "first"))
-    refused(folder, "bundle MAIN has no models to drive in; define them as [[bundle.model]]")
+    said = orip(folder, "drive", "table")
+    assert said.code == 0
+    assert [model.left for model in table_in(folder).models] == ["LEFT", "RIGHT"]
+    x, y, z = (orip(folder, "results", "points", "--json").document["points"]["P1"][axis]["value"] for axis in "XYZ")
+    xyz = [str(value) for value in (x, y, z)]
+    with served(bare_stages()) as port:
+        link = ("--link", f"tcp://127.0.0.1:{port}")
+        assert orip(folder, "drive", "download", *link).code == 0
+        driven = orip(folder, "drive", "goto", *xyz, *link, "--json").document
+        assert (driven["model"], driven["condition"]) == ("LEFT", "IN")
+        assert driven["upper"] == pytest.approx([3733.5, 1844.9], abs=1.0)
+        assert orip(folder, "drive", "move", "2", "0", "0", *link).code == 0
+        where = orip(folder, "drive", "where", *link, "--json").document
+        assert where["ground"] == pytest.approx([x + 2.0, y, z], abs=2e-4)
+        assert where["photos"]["right"]["photo"] == "LEFT-EMPTY"
+        driven = orip(folder, "drive", "model", "right", *link, "--json").document
+        assert driven["model"] == "RIGHT"
+        orip(folder, "drive", "goto", *xyz, *link)
+        assert orip(folder, "drive", "where", *link, "--json").document["upper"] == pytest.approx(
+            [2285.9, 1787.6], abs=1.0
+        )
 
 
 def test_both_photos_on_one_stage(folder):

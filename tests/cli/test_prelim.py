@@ -189,7 +189,7 @@ def test_the_chain_keeps_photos_and_points_and_lists_how(
     assert [title for title in titles if title in sections] == list(sections)
     assert max(map(len, listing.splitlines())) <= 110
     lines = (folder / "MAIN.PRE").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == "! Preliminary coordinates, m: name X Y Z [sX sY sZ]"
+    assert lines[0] == "! Preliminary coordinates, m: name X Y Z [sX sY sZ]; project STRIPS"
     points = {fields[0]: [float(each) for each in fields[1:]] for fields in map(str.split, lines[1:])}
     assert points.keys() == made.points.keys()
     for name, (x, y, z, *deviations) in points.items():

@@ -1,4 +1,4 @@
-"""`orip solve --snoop` and `--prune`: what they take, what they leave in result.json, how they refuse."""
+"""`orip solve --snoop`, `--prune`, `--variance-components`: what they leave in result.json, how they refuse."""
 
 from __future__ import annotations
 
@@ -68,6 +68,26 @@ def test_pruning_holds_a_useless_parameter_at_zero(calibration: Path) -> None:
     replace_in(calibration / "orip.toml", '"C", "DX", "DY", "A3", "B1"]', '"C", "DX", "DY"]')
     plain = orip(calibration, "run", "--json").document
     assert said.document["sigma0"] == pytest.approx(plain["sigma0"], rel=1e-9)
+
+
+def test_errors_of_the_groups_are_estimated(calibration: Path) -> None:
+    # the photo points of this calibration are some 4 micrometres good
+    replace_in(calibration / "orip.toml", "measurement_precision = 0.005", "measurement_precision = 0.002")
+    assert orip(calibration, "run").code == 0
+    said = orip(calibration, "solve", "--variance-components")
+    assert said.code == 0, said.err
+    assert "photo points of camera DCS" in said.err
+    assert "1 by definition" in said.err
+    document = orip(calibration, "solve", "--variance-components", "--json").document
+    photo, *_ = document["variance_components"]
+    assert (photo["kind"], photo["of"], photo["component"]) == ("photo", "DCS", "xy")
+    assert document["sigma0"] == pytest.approx(1.0, abs=1e-2)
+    # 0.8199 times 5 micrometres, as the adjustment with the error of 5 tells
+    assert photo["factor"]["value"] * 2.0 == pytest.approx(0.8199 * 5.0, rel=0.01)
+    listing = (calibration / "BUNDLE_RESULT.OUT").read_text()
+    assert "VARIANCE COMPONENTS" in listing
+    assert f"{photo['factor']['value']:.3f}" in listing
+    assert "Estimated a-priori errors" in (calibration / "report.html").read_text()
 
 
 @pytest.mark.parametrize("options", [("--sigma0", "posteriori"), ("--alpha", "0.01")])

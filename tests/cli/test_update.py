@@ -63,7 +63,7 @@ def test_points_go_into_the_text_with_their_deviations(project: Path) -> None:
     said = orip(project, "update", "points")
     assert "update   MAIN.PRE: 5 of 5 points have new values" in said.err
     lines = (project / "MAIN.PRE").read_text().splitlines()
-    assert lines[0] == "! Preliminary coordinates, m: name X Y Z [sX sY sZ]"
+    assert lines[0] == "! Preliminary coordinates, m: name X Y Z [sX sY sZ]; project FIRST"
     result = orip(project, "results", "points", "--json").document["points"]
     for line in lines[1:]:
         name, *numbers = line.split()

@@ -32,7 +32,7 @@ TOP = [
         "correlations",
         "blunders",
     ),
-    *("diagnosis", "check_points", "groups", "interior", "inputs", "warnings"),
+    *("diagnosis", "check_points", "groups", "variance_components", "interior", "inputs", "warnings"),
 ]
 
 

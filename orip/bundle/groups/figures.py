@@ -6,13 +6,12 @@ than their a-priori error do not make other groups look wrong.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.special import bdtrc
 
 from orip.adjustment.group_tests import (
@@ -25,9 +24,9 @@ from orip.adjustment.group_tests import (
 )
 from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.groups.ground_rows import ground_design, inverse_of
 from orip.bundle.groups.observation_groups import ObservationGroup
-from orip.bundle.problem import BlockProblem
-from orip.bundle.solve import SolvedBlock, threads_that_pay
+from orip.bundle.solve import SolvedBlock
 from orip.records.group_test import GroupTest
 from orip.records.observation_kinds import PHOTO_POINT
 
@@ -157,7 +156,7 @@ class GroundGroups:
         errors[is_check & ~checks] = 0.0
         weight = figures.weight[rows]
         tested = RowsUnderTest(
-            _design(solved, rows), figures.residual[rows], weight, _inverse_of(solved), figures.photo_variance
+            ground_design(solved, rows), figures.residual[rows], weight, inverse_of(solved), figures.photo_variance
         )
         factors = np.where(is_check, 1.0, weight)[:, None] * errors
         return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks)
@@ -282,27 +281,6 @@ def _tested(
         doubted=False,
     )
     return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows])))
-
-
-def _design(solved: SolvedBlock, rows: IntArray) -> csr_array:
-    """Return rows (k, u) of the design matrix that are not of photo points."""
-    problem = solved.problem
-    others = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
-    numbers, first = [np.zeros(0, dtype=np.int64)], 0
-    for kind in problem.observations:
-        if kind.rows.kind != PHOTO_POINT:
-            numbers.append(first + np.arange(len(kind.rows.error)))
-        first += len(kind.rows.error)
-    design = BlockProblem(problem.block, problem.unknowns, others).design(solved.state)
-    return csr_array(design[np.searchsorted(np.concatenate(numbers), rows)])
-
-
-def _inverse_of(solved: SolvedBlock) -> Callable[[FloatArray], FloatArray]:
-    def solve(right: FloatArray) -> FloatArray:
-        with threads_that_pay(solved.problem):
-            return solved.normals.solve(right)
-
-    return solve
 
 
 def _thinned(rows: IntArray, most: int) -> IntArray:

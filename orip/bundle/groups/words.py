@@ -99,7 +99,7 @@ def _text(found: Contradiction, ground_unit: str) -> str:
             text = f"{group.down_weighted} of {group.number} {name} do not fit and were down-weighted"
         case "shift":
             text = _shift(found, f" {unit}".rstrip())
-    return f"{text} ({_probability(found.p)})"
+    return f"{text} ({probability_in_words(found.p)})"
 
 
 def _shift(found: Contradiction, unit: str) -> str:
@@ -127,5 +127,6 @@ def _remedy(found: Contradiction) -> str:
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
 
 
-def _probability(p: float) -> str:
+def probability_in_words(p: float) -> str:
+    """Return a probability as sentences have it: ``p = 0.031``, ``p < 0.0001``."""
     return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"

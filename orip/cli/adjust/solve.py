@@ -30,6 +30,13 @@ Alpha = Annotated[
 Prune = Annotated[
     bool, typer.Option("--prune", help="Hold camera parameters that are not significant at zero, one after the other.")
 ]
+VarianceComponents = Annotated[
+    bool,
+    typer.Option(
+        "--variance-components",
+        help="Estimate the a-priori error of each group of observations, and adjust with these errors.",
+    ),
+]
 Check = Annotated[
     list[str] | None,
     typer.Option("--check", metavar="EXPR", help="A gate such as 'sigma0<=1.5'; exit code 5 if it fails. Repeatable."),
@@ -47,6 +54,7 @@ def register(app: typer.Typer) -> None:
         sigma0: Sigma0 = None,
         alpha: Alpha = None,
         prune: Prune = False,
+        variance_components: VarianceComponents = False,
         check: Check = None,
         all_photos: AllPhotos = False,
         report: Report = True,
@@ -68,7 +76,8 @@ def register(app: typer.Typer) -> None:
         if not snoop and (sigma0 is not None or alpha is not None):
             message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
-        method = Method(SnoopingSettings(sigma0 or "apriori", alpha) if snoop else None, prune)
+        snooping = SnoopingSettings(sigma0 or "apriori", alpha) if snoop else None
+        method = Method(snooping, prune, variance_components)
         terminal = invocation.terminal
         with limited_threads(terminal):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)

@@ -11,6 +11,7 @@ from orip.files.listings.bundle_estimates import (
     check_point_lines,
     photo_lines,
     point_lines,
+    variance_component_lines,
     zero_direction_lines,
 )
 from orip.files.listings.bundle_residuals import (
@@ -44,6 +45,8 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     yield from section("KEY FIGURES", _key_figures(solution))
     if solution.remarks:
         yield from section("GROUND SYSTEM", [line for remark in solution.remarks for line in paragraph(remark.text)])
+    if solution.variance_components:
+        yield from section("VARIANCE COMPONENTS", variance_component_lines(solution))
     yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
     yield from section("ITERATIONS", _iterations(solution))
     yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))

@@ -126,6 +126,26 @@ def zero_direction_lines(solution: Solution) -> list[str]:
     )
 
 
+def variance_component_lines(solution: Solution) -> list[str]:
+    """Return the table of estimated a-priori errors, as factors of the given ones."""
+    rows = solution.variance_components
+    table = table_lines(
+        [
+            Column("Observations", [row.name for row in rows], align="left"),
+            Column("Number", [str(row.number) for row in rows]),
+            Column("Redundancy", fixed([row.redundancy for row in rows], 2)),
+            Column("Factor", fixed([row.factor for row in rows], 3)),
+            Column("sd", fixed([row.sd for row in rows], 3)),
+            Column("p", fixed([row.p for row in rows], 4)),
+        ]
+    )
+    note = (
+        "Factor: estimated over given a-priori error; the adjustment uses the estimated errors. p: probability of a "
+        "factor as far from 1 by chance if the given errors are right. Groups without a factor keep the given errors."
+    )
+    return [*table, "", *paragraph(note)]
+
+
 def _mean_precision(sd: FloatArray, decimals: int, unit: str) -> list[str]:
     known = np.isfinite(sd)
     if not known.any():

@@ -53,6 +53,8 @@ class LogFile:
         Need not exist.
     shown : str
         The file as the user would name it.
+    heading : str
+        A comment that a new file begins with; empty: none.
 
     Raises
     ------
@@ -62,11 +64,12 @@ class LogFile:
         If it is a link.
     """
 
-    def __init__(self, path: Path, shown: str) -> None:
+    def __init__(self, path: Path, shown: str, heading: str = "") -> None:
         self._path, self._shown = path, shown
         with reporting_failure(shown, "name another log"):
             require_no_link(path)
         self._before = self._written = self._read()
+        self._heading = f"! {heading}\n" if heading else ""
         self._chapter = "! digitised"
         self._blocks: dict[str, tuple[str, ...]] = {}
 
@@ -99,8 +102,9 @@ class LogFile:
         blocks = ["\n".join([header, *lines]) for header, lines in self._blocks.items() if lines]
         if not blocks:
             return self._before
-        gap = "\n" if self._before else ""
-        return _ended(self._before) + gap + "\n".join([self._chapter, *blocks]) + "\n"
+        before = self._before or self._heading
+        gap = "\n" if before else ""
+        return _ended(before) + gap + "\n".join([self._chapter, *blocks]) + "\n"
 
     def _catch_up(self) -> None:
         """Let all that somebody else has written to the file stay: this chapter then stands behind it, whole."""

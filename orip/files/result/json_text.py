@@ -77,6 +77,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
             for row in solution.check_points
         ],
         "groups": _groups(solution),
+        "variance_components": _variance_components(solution),
         "interior": {
             group: {row.name: _interior(row) for row in solution.interior if row.group == group}
             for group in ("templates", "photos")
@@ -251,6 +252,21 @@ def _groups(solution: Solution) -> list[dict[str, object]]:
             "doubted": bool(row.doubted),
         }
         for row in solution.groups
+    ]
+
+
+def _variance_components(solution: Solution) -> list[dict[str, object]]:
+    return [
+        {
+            "kind": row.kind,
+            "of": row.of,
+            "component": row.component,
+            "number": int(row.number),
+            "redundancy": _number(row.redundancy),
+            "factor": _estimate(row.factor, row.sd),
+            "p": _number(row.p),
+        }
+        for row in solution.variance_components
     ]
 
 

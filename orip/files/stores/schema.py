@@ -12,8 +12,9 @@ from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
 SCHEMA_VERSION = 5
-"""4: a photo had each point once; 3: there were no checksums and no zero directions; 2: no groups of observations, no
-alternatives of a blunder; 1: no correlations of coordinates. A store of an older version is refused."""
+"""4: a photo had each point once, and there were no variance components; 3: there were no checksums and no zero
+directions; 2: no groups of observations, no alternatives of a blunder; 1: no correlations of coordinates. A store of an
+older version is refused."""
 DUMP_VERSION = 5
 """Of the tables that a dump has; checksums are not among them."""
 

@@ -125,7 +125,7 @@ class DigitisingSetup:
 def log_file(films: MountedFilms) -> LogFile:
     """Return the log of a session in its file."""
     remove_leftovers_of_kills(films.project)
-    return LogFile(films.log, films.shown_log)
+    return LogFile(films.log, films.shown_log, f"measured for {films.project.owner}")
 
 
 def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None) -> DigitisingSetup:

@@ -14,6 +14,7 @@ from orip.files.drive.table_text import drive_table_text, read_drive_table
 from orip.files.text.regular_file import regular_bytes
 from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.processor import Loaded, load
+from orip.multimodel.single_photos import with_empty_stages
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground
 from orip.multimodel.table_checks import drivable_name_fault, table_faults
 from orip.records.drive_table import DriveFault, DriveTable
@@ -98,15 +99,21 @@ def _current_table(bundle: BundleState) -> tuple[DriveTable, tuple[ProjectWarnin
     bundle.state.require_initialised()
     solution, crs = bundle.adjusted, bundle.project.definition.crs
     to_photo = _plate_to_photo(bundle)
-    models, warnings = _drivable_models(bundle, to_photo)
+    is_single = not bundle.definition.models
+    models, warnings = (_single_photos if is_single else _drivable_models)(bundle, to_photo)
     if not models:
         raise InputError([*bundle.interior.complaints, _no_models(bundle)])
     ground = object_ground(crs, solution.ground_unit, solution)
+    stages = _stages(bundle, () if is_single else models)
+    if is_single:
+        stages = {record_key(model.left): stages.get(record_key(model.left), "UPPER") for model in models}
     ingredients = TableIngredients(
-        solution, models, bundle.records.cameras, bundle.records.photos, _stages(bundle, models), to_photo, ground
+        solution, models, bundle.records.cameras, bundle.records.photos, stages, to_photo, ground
     )
     raise_complaints(tuple(_name_complaints(ingredients)))
     table = drive_table(ingredients)
+    if is_single:
+        table = with_empty_stages(table)
     raise_complaints([Complaint(f"{fault.text}; the table cannot be driven with") for fault in table_faults(table)])
     warnings += [*_solution_warnings(bundle, ingredients), *ground.warnings]
     if crs is not None:
@@ -161,6 +168,17 @@ def _drivable_models(
     return tuple(models), warnings
 
 
+def _single_photos(
+    bundle: BundleState, to_photo: Mapping[str, PlaneTransformation]
+) -> tuple[tuple[StereoModel, ...], list[ProjectWarning]]:
+    """Return a model of each photo alone, for a bundle without models, and warnings of what is left out."""
+    names = bundle.adjusted.photos.names
+    driven = [name for name in names if record_key(name) in to_photo]
+    models = tuple(StereoModel(name, name, name, 1, column) for column, name in enumerate(driven, start=1))
+    text = "has no valid interior orientation, and is not in the drive table"
+    return models, [ProjectWarning("photo-left-out", f"photo {name}", text) for name in names if name not in driven]
+
+
 def _missing(name: str, adjusted: set[str], to_photo: Mapping[str, PlaneTransformation]) -> str | None:
     if record_key(name) not in adjusted:
         return f"photo {name} is not in the solution"
@@ -171,8 +189,8 @@ def _no_models(bundle: BundleState) -> Complaint:
     name = bundle.name
     if not bundle.definition.models:
         return Complaint(
-            f"bundle {name} has no models to drive in; define them as [[bundle.model]] in orip.toml, then run "
-            "'orip init'"
+            f"no photo of bundle {name} has an interior orientation to be driven in; measure its marks, then run 'orip "
+            "measure'"
         )
     return Complaint(
         f"no model of bundle {name} has both its photos adjusted and with an interior orientation; measure them, then "

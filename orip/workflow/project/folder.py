@@ -71,6 +71,12 @@ class ProjectFolder:
         return (*(bundle.name for bundle in self.definition.bundles), *self.bundles_of_commands)
 
     @property
+    def owner(self) -> str:
+        """Return project and user, as they stand at the head of texts that are measured or computed."""
+        user = f", user {self.definition.user}" if self.definition.user else ""
+        return f"project {self.definition.name}{user}"
+
+    @property
     def has_one_bundle(self) -> bool:
         """Tell whether no name is needed to say which bundle is meant."""
         return len(self.bundle_names) == 1

@@ -20,12 +20,13 @@ _REMEDY = "the file is unchanged"
 
 @dataclass(frozen=True, slots=True)
 class PreliminaryText:
-    """BUNDLE.PRE as it was read; `digest` is None where there is none."""
+    """BUNDLE.PRE as it was read; `digest` is None where there is none, `owner` names project and user."""
 
     path: Path
     digest: str | None
     comments: tuple[str, ...]
     points: tuple[PreliminaryPoint, ...]
+    owner: str = ""
 
     def edited(self, points: Sequence[PreliminaryPoint], ground_unit: str) -> EditedText:
         """Return the file with other points; the comments that it begins with stay."""
@@ -38,7 +39,7 @@ class PreliminaryText:
     def _with(self, points: Sequence[PreliminaryPoint], ground_unit: str) -> str:
         comments: Sequence[str] = self.comments
         if not any(line.strip() for line in comments):
-            comments = [f"! Preliminary coordinates, {ground_unit}: name X Y Z [sX sY sZ]"]
+            comments = [f"! Preliminary coordinates, {ground_unit}: name X Y Z [sX sY sZ]{self.owner}"]
         return "".join(f"{line}\n" for line in comments) + preliminary_text(points)
 
 
@@ -56,4 +57,5 @@ def read_preliminary_text(project: ProjectFolder, bundle: str) -> PreliminaryTex
     raise_complaints(found.complaints)
     lines = read_lines(path, shown, may_be_absent=True).value
     comments = takewhile(lambda line: not line.strip() or line.strip().startswith(COMMENT_MARKS), lines)
-    return PreliminaryText(path, digest, tuple(comments), tuple(found.value))
+    owner = f"; {project.owner}"
+    return PreliminaryText(path, digest, tuple(comments), tuple(found.value), owner)

@@ -30,6 +30,7 @@ from orip.records.solution import (
     Status,
     ZeroDirection,
 )
+from orip.records.variance_component import VarianceComponent, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 
@@ -130,6 +131,16 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
             *_texts("worst"),
             *_reals("worst_size", "p_worst"),
             flag("doubted"),
+        ),
+    ),
+    "variance_components": (
+        VarianceComponent,
+        _list_of_solution(
+            "variance_component",
+            text("kind", get_args(VarianceGroupKind)),
+            *_texts("of", "component"),
+            integer("number"),
+            *_reals("redundancy", "factor", "sd", "p"),
         ),
     ),
     "interior": (
