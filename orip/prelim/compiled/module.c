@@ -94,12 +94,12 @@ static int problem_from(const Arguments *a, RefinementProblem *n)
         && are_rows(a, PHOTO, photos) && are_starts64(n->start, n->point_count, n->count);
 }
 
-/* Whether all photos of each point have places near enough to one another for a band of this width. */
+/* Whether all photos of each point that is eliminated have places near enough to one another for the band. */
 static int are_places_in_band(const RefinementProblem *n)
 {
     for (int64_t point = 0; point < n->point_count; point++) {
         int64_t low = INT64_MAX, high = -1;
-        for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
+        for (int64_t row = n->start[point]; n->is_free[point] && row < n->start[point + 1]; row++) {
             const int64_t place = n->place[n->photo[row]];
             low = place >= 0 && place < low ? place : low;
             high = place > high ? place : high;
