@@ -30,7 +30,7 @@ def doubt_about(solved: SolvedBlock) -> str:
     """Return what is suspicious about the end of an adjustment, to complete "the adjustment ..."; "" if nothing is.
 
     An adjustment that was started far from its minimum does not converge, or leaves photos undetermined, points behind
-    their cameras, residuals of many times the a-priori errors or a photo that fits few of its points.
+    their cameras or far away, residuals of many times the a-priori errors or a photo that fits few of its points.
     """
     if solved.reason in (TerminationReason.MAX_ITERATIONS, TerminationReason.DIVERGED):
         return "did not converge"
@@ -46,6 +46,8 @@ def doubt_about(solved: SolvedBlock) -> str:
     used, reduced = _down_weighted_points(solved)
     if reduced.sum() > _MANY_DOWN_WEIGHTED * used.sum():
         return f"down-weighted {reduced.sum()} of the {counted(int(used.sum()), 'photo point')}"
+    if names := _lost_points(solved, used, reduced):
+        return f"left {counted_names('point', names)} undetermined, of which no ray fits"
     if names := _photos_out_of_place(solved, used, reduced):
         return f"down-weighted most points of {counted_names('photo', names)}"
     return ""
@@ -95,6 +97,15 @@ def _down_weighted_points(solved: SolvedBlock) -> tuple[BoolArray, BoolArray]:
     # photo points are the first kind of observation
     factors = solved.weight_factors[: 2 * len(points.photo)].reshape(-1, 2)
     return used, np.asarray(used & (factors < 1.0).any(axis=1))
+
+
+def _lost_points(solved: SolvedBlock, used: BoolArray, reduced: BoolArray) -> list[str]:
+    """Return the points that nothing determines since all of their rays, several, have lost weight."""
+    point, count = solved.block.photo_points.point, len(solved.block.point_names)
+    number, wrong = np.bincount(point[used], minlength=count), np.bincount(point[reduced], minlength=count)
+    columns = solved.problem.unknowns.points
+    undetermined = (solved.normals.removed[columns] & (columns != CONSTANT)).any(axis=1)
+    return [solved.block.point_names[row] for row in np.flatnonzero(undetermined & (number > 1) & (wrong == number))]
 
 
 def _photos_out_of_place(solved: SolvedBlock, used: BoolArray, reduced: BoolArray) -> list[str]:

@@ -149,7 +149,7 @@ def test_what_is_wrong_with_the_block() -> None:
         "sd": 0.0055,
         "statistic": 26.35,
         "limit": 3.29,
-        "alternatives": [],
+        "alternatives": ["distance D1"],
     }
     assert document["diagnosis"] == [
         {
