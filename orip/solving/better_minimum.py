@@ -21,6 +21,9 @@ _MANY_DOWN_WEIGHTED = 0.2
 _MOST_OF_A_PHOTO = 0.5
 """Part of its photo points that do not fit above which the photo is out of place, not its points."""
 
+_HANDFUL = 10
+"""Redundancy below which some observations can mostly be left out so that the others fit."""
+
 _LOWER = 1e-6
 """Relative difference of costs: iterations end when corrections are 1e-4 of the standard deviations, and the cost
 follows with their square."""
@@ -56,11 +59,15 @@ def doubt_about(solved: SolvedBlock) -> str:
 def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
     """Tell whether another adjustment of the same observations ended at a better minimum.
 
-    One that has converged and determines all photos is better than one that has not, else the lower robust cost is.
+    One that has converged and determines all photos is better than one that has not, else the lower robust cost is:
+    unless it is so only because observations have lost weight that a handful of others check.
     """
     rank, other_rank = _soundness(given), _soundness(other)
     if other_rank != rank:
         return other_rank > rank
+    reduced, other_reduced = (int(np.count_nonzero(_down_weighted_points(solved)[1])) for solved in (given, other))
+    if other_reduced > reduced and other.variance.redundancy < _HANDFUL:
+        return False
     return robust_cost(other) < (1.0 - _LOWER) * robust_cost(given)
 
 

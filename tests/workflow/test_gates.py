@@ -44,7 +44,7 @@ def test_every_figure_has_a_meaning_and_a_value(solution: Solution, name: str) -
 
 
 def test_no_figure_is_without_a_meaning(solution: Solution) -> None:
-    from orip.bundle.results.solution import figures
+    from orip.bundle.results import figures
 
     assert list(figures._FIGURES) == list(GATE_FIGURES)
 
