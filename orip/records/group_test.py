@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -75,8 +76,13 @@ class Contradiction:
         Of a shift there are several where they cannot be told apart.
     p : float
         Probability of so much or more by chance.
+    shift, shift_sd : float
+        The error common to the first group that all other observations and the check points suggest; NaN unless `what`
+        is a shift on the ground.
     """
 
     what: ContradictionKind
     groups: tuple[GroupTest, ...]
     p: float
+    shift: float = math.nan
+    shift_sd: float = math.nan

@@ -179,9 +179,10 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
     if not ground.groups:
         return []
     sums = ground.sums
-    deviation = np.sqrt(np.maximum(np.diag(sums.covariance()), 0.0))
+    covariance = sums.covariance()
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     shown = is_testable(np.sum(sums.factors**2, axis=0), deviation**2)
-    response = np.array([sums.response(error)[place] for place, error in enumerate(ground.errors.T)])
+    shift, shift_sd = common_errors(sums, ground.errors, covariance)
     found = []
     for place, group in enumerate(ground.groups):
         total, sd = float(sums.values[place]), float(deviation[place])
@@ -196,11 +197,22 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
             mean=_over(total, scale),
             mean_sd=_over(sd, scale),
             p_mean=_probability(log_p, "mean"),
-            shift=_over(-total, float(response[place])) if shown[place] else np.nan,
-            shift_sd=_over(sd, float(response[place])) if shown[place] else np.nan,
+            shift=float(shift[place]) if shown[place] else np.nan,
+            shift_sd=float(shift_sd[place]) if shown[place] else np.nan,
         )
         found.append(tested._replace(test=test, log_p=log_p))
     return found
+
+
+def common_errors(sums: ResidualSums, errors: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the error (j,) common to each group that explains its sum, and its standard deviation (j,).
+
+    `errors` (k, j) are errors of one unit common to each group, `covariance` (j, j) that of the sums. NaN where an
+    error leaves the sum as it is.
+    """
+    response = np.array([sums.response(error)[place] for place, error in enumerate(errors.T)])
+    scale = np.where(response > 0.0, response, np.nan)
+    return -sums.values / scale, np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
 def is_testable(most: FloatArray, variance: FloatArray) -> BoolArray:

@@ -8,6 +8,7 @@ decide which of them is shifted, and where they cannot, both are named.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -16,11 +17,13 @@ import numpy as np
 
 from orip.adjustment.group_tests import two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
+from orip.arrays import FloatArray
 from orip.bundle.groups.figures import (
     GroundGroups,
     GroupFigures,
     JudgedGroup,
     TestName,
+    common_errors,
     ground_tests,
     is_testable,
     photo_test,
@@ -34,6 +37,9 @@ FAMILY = 0.03
 
 _ALIKE = 6.0
 """Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
+
+_EQUAL = 1e-6
+"""Part of a statistic by which equal ones differ at most from rounding."""
 
 _PHOTO_SIGMA0 = 1.5
 _PHOTO_MEAN = 0.5
@@ -59,11 +65,13 @@ class GroupVerdict:
 
 
 class _Candidate(NamedTuple):
-    """What may be doubted: the logarithm of its probability, what it is, and the groups concerned by their number."""
+    """What may be doubted: the logarithm of its probability, what it is, the groups by their number, and a shift."""
 
     log_p: float
     what: ContradictionKind
     groups: tuple[int, ...]
+    shift: float = math.nan
+    shift_sd: float = math.nan
 
 
 def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVerdict:
@@ -85,7 +93,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
     sigma0 = solved.variance.sigma0
     shifts = [
         candidate._replace(groups=tuple(len(of_photos) + place for place in candidate.groups))
-        for candidate in _shifts(ground.sums_with_checks(), limit)
+        for candidate in _shifts(ground.sums_with_checks(), ground.errors, limit)
     ]
     found = _without_consequences([*shifts, *_others(tested, limit, sigma0)], tested)
     named = {place for candidate in found for place in candidate.groups}
@@ -94,8 +102,14 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
         for place, group in enumerate(tested)
     ]
     contradictions = tuple(
-        Contradiction(what, tuple(results[place] for place in places), float(np.exp(log_p)))
-        for log_p, what, places in found
+        Contradiction(
+            candidate.what,
+            tuple(results[place] for place in candidate.groups),
+            float(np.exp(candidate.log_p)),
+            candidate.shift,
+            candidate.shift_sd,
+        )
+        for candidate in found
     )
     return GroupVerdict(tuple(results), contradictions)
 
@@ -111,24 +125,26 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     return [name for name in failed if material[name]]
 
 
-def _shifts(sums: ResidualSums, limit: float) -> Iterator[_Candidate]:
+def _shifts(sums: ResidualSums, errors: FloatArray, limit: float) -> Iterator[_Candidate]:
     """Yield the errors common to a group, the gravest first, each after those before it have been allowed for.
 
     An error found takes the part of all other sums that is correlated with it, as if it were another unknown.
     """
     values, covariance = sums.values.copy(), sums.covariance()
+    shift, shift_sd = common_errors(sums, errors, covariance)
     most = np.sum(sums.factors**2, axis=0)
     possible = is_testable(most, np.diag(covariance))
     while possible.any():
         variance = np.where(possible, np.diag(covariance), 1.0)
         squares = np.where(possible, values**2 / variance, 0.0)
-        best = int(np.argmax(squares))
+        # the first of those that are equal but for rounding, so that the words are the same on all processors
+        best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
         log_p = float(two_sided_normal(np.sqrt(squares[best])))
         if log_p >= limit:
             return
         alike = possible & (squares > squares[best] - _ALIKE)
         rest = np.flatnonzero(alike & (np.arange(len(squares)) != best)).tolist()
-        yield _Candidate(log_p, "shift", (best, *rest))
+        yield _Candidate(log_p, "shift", (best, *rest), float(shift[best]), float(shift_sd[best]))
         column = covariance[:, best] / variance[best]
         values = values - column * values[best]
         covariance = covariance - np.outer(column, covariance[best])

@@ -104,7 +104,7 @@ def _text(found: Contradiction, ground_unit: str) -> str:
 
 def _shift(found: Contradiction, unit: str) -> str:
     group = found.groups[0]
-    size, sd = (group.mean, group.mean_sd) if group.kind == "photo" else (group.shift, group.shift_sd)
+    size, sd = (group.mean, group.mean_sd) if group.kind == "photo" else (found.shift, found.shift_sd)
     if len(found.groups) > 1:
         names = joined([f"the {group_name(other)}" for other in found.groups])
         return f"{names} contradict each other by about {_with_sd(abs(size), sd)}{unit}"
