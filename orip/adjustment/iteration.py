@@ -21,6 +21,7 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
+from orip.adjustment.exchanges import Exchange
 from orip.adjustment.final_weights import Tried, propose
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
@@ -123,8 +124,8 @@ class _IterationState(Generic[StateT]):
     acceleration : Acceleration
     tried : Tried
         What was tried from converged solutions.
-    full_weight : tuple of int
-        Observations that have full weight in the next iteration.
+    exchange : Exchange or None
+        Observations that have full weight, or none, in the next iteration.
     converged : _IterationState or None
         The converged solution that the iterations try to improve.
     returned : bool
@@ -138,7 +139,7 @@ class _IterationState(Generic[StateT]):
     control: StepControl
     acceleration: Acceleration
     tried: Tried
-    full_weight: tuple[int, ...] = ()
+    exchange: Exchange | None = None
     converged: _IterationState[StateT] | None = None
     returned: bool = False
     records: tuple[IterationRecord, ...] = ()
@@ -234,7 +235,8 @@ def _determined(
     while True:
         equations, iteration = now.current.equations, len(now.records) + 1
         weights = now.weighing.factors(equations, iteration)
-        weights[list(now.full_weight)] = 1.0
+        if now.exchange is not None:
+            weights = now.exchange.applied(weights)
         normals = solve_normals(equations, weights, problem.layout, settings.max_lost_digits, now.control.damping)
         if not now.weighing.is_crowded_in(iteration, equations, weights):
             return now, weights, normals
@@ -291,11 +293,11 @@ def _is_accepted(
     """Return whether a step is taken: judged by the robust cost where many weights are reduced, else by square sums.
 
     A block that is thrown far away by a few wrong observations raises square sums without limit, and the robust cost by
-    what these observations cost at most. Observations that were given full weight are to raise the cost.
+    what these observations cost at most. With other weights a step is to raise the cost at first.
     """
     before, iteration = now.current.equations, len(now.records) + 1
     enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
-    if now.full_weight or not has_many_reduced(before, weights):
+    if now.exchange is not None or not has_many_reduced(before, weights):
         return by_square_sum(before, after, weights, normals)
     here = now.weighing.cost_in(before, iteration, before.residual)
     return enp >= _SAME_COST_ENP or now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
@@ -312,7 +314,7 @@ def _after(
         weighing=now.weighing.after(record.iteration, record.enp),
         control=step.control,
         acceleration=step.acceleration,
-        full_weight=(),
+        exchange=None,
         records=(*now.records, record),
     )
 
@@ -407,7 +409,7 @@ def _attempt(
     return replace(
         now,
         current=proposal.linearised,
-        full_weight=proposal.full_weight,
+        exchange=proposal.exchange,
         acceleration=Acceleration(),
         converged=now,
         returned=False,
@@ -428,7 +430,7 @@ def _judged_attempt(
         return now, None
     found, known = now.weighing.cost(now.current.equations), before.weighing.cost(before.current.equations)
     if reason is TerminationReason.CONVERGED and found < known:
-        return replace(now, converged=None), reason
+        return replace(now, converged=None, tried=now.tried.at_better_solution()), reason
     stopped = TerminationReason.STOPPED if reason is TerminationReason.STOPPED else None
     return replace(before, tried=now.tried, records=now.records, returned=True), stopped
 
