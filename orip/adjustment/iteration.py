@@ -67,7 +67,7 @@ class IterationSettings:
 
 @dataclass(frozen=True, slots=True)
 class IterationRecord:
-    """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
+    """One printed line: see `orip.records.results.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed.
     """

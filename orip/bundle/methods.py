@@ -17,8 +17,8 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.variance_components.estimation import estimate_errors
 from orip.bundle.verdict import headline, test_of
 from orip.records.block import Block
-from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
-from orip.records.variance_component import VarianceComponent
+from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.results.variance_component import VarianceComponent
 
 
 @dataclass(frozen=True, slots=True)

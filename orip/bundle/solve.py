@@ -20,7 +20,7 @@ from orip.bundle.undetermined_unknowns import with_undetermined_held
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.project import BundleDefinition
+from orip.records.project.definition import BundleDefinition
 
 _LARGE = 2000
 """Number of unknowns from which several threads factor a full reduced system faster than one."""

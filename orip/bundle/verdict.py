@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from orip.bundle.groups.words import CODE
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]

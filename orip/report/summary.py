@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from orip.bundle.groups.words import probability_in_words
 from orip.bundle.verdict import Level, group_findings, headline, sigma0_finding, test_of, untested
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.gate import GateResult
-from orip.records.solution import Solution
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Solution
 from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter, significant
 from orip.report.precision import Spread, spreads

@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.bundle.results.figures import figure
 from orip.bundle.verdict import GlobalTest, Level, headline, sigma0_finding
-from orip.records.gate import GATE_FIGURES
-from orip.records.solution import Solution
+from orip.records.results.gate import GATE_FIGURES
+from orip.records.results.solution import Solution
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable

@@ -20,7 +20,7 @@ from orip.bundle.variance_components.variance_groups import (
     variance_groups,
     with_errors_times,
 )
-from orip.records.variance_component import VarianceComponent
+from orip.records.results.variance_component import VarianceComponent
 
 _MOST_ADJUSTMENTS = 20
 _SETTLED, _SETTLED_TO_DEVIATION = 1e-3, 0.02
