@@ -10,7 +10,8 @@ import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations
-from orip.adjustment.iteration import Adjustment, IterationRecord, IterationSettings, adjust
+from orip.adjustment.iteration import Adjustment, adjust
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.arrays import FloatArray, IntArray

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray
 from orip.bundle.results.ground import (

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from orip.adjustment.iteration import IterationRecord, IterationSettings
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
 from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
 from orip.adjustment.sparse_rows import SparseRows
