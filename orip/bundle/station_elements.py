@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from orip.records.control import ControlElement
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.station import Station
+from orip.records.observations.control import ControlElement
+from orip.records.observations.station import Station
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 

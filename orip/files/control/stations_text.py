@@ -12,9 +12,9 @@ from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
-from orip.records.a_priori_error import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
 from orip.records.names import record_key
-from orip.records.station import NOT_GIVEN, Station
+from orip.records.observations.a_priori_error import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
+from orip.records.observations.station import NOT_GIVEN, Station
 from orip.units import RADIANS_PER_DEGREE
 
 STATION_KEYS = (

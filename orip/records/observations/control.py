@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from orip.records.station import Station
+from orip.records.observations.station import Station
 
 PointKind = Literal["control", "check", "rejected", "tie"]
 DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
