@@ -11,8 +11,9 @@ where the observations are linear.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -135,7 +136,7 @@ def better_exchange(
     """
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
-    related = _related(cofactor, weights[rows])
+    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     residual, weight = equations.residual[rows], weights[rows]
     start = _Weighed(cofactor, residual, np.diag(cofactor).copy(), weight, float(np.sum(weight * residual**2)))
@@ -176,11 +177,11 @@ def _lowest(start: _Weighed, limit: float) -> _Weighed:
     """Return the lowest cost that is reached by changing the weight of one observation, and going down from there."""
     best, least = start, start.cost(limit)
     for _ in range(_ROUNDS):
-        ends = [_descended(first, row, limit) for first, row in _first_changes(best, limit)]
-        costs = [end.cost(limit) for end in ends]
-        if not ends or min(costs) > least - _LEAST_GAIN * limit**2:
+        ends = (_descended(first, row, limit) for first, row in _first_changes(best, limit))
+        cost, end = min(ends, key=itemgetter(0), default=(least, best))
+        if cost > least - _LEAST_GAIN * limit**2:
             return best
-        best, least = ends[int(np.argmin(costs))], min(costs)
+        best, least = end, cost
     return best
 
 
@@ -189,21 +190,21 @@ def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int
     for row in np.flatnonzero(best.weight < 1.0).tolist():
         taken_back = best.with_weight(row, 1.0)
         yield taken_back, row
-        gains = _gains(taken_back, row, limit)
+        gains = _gains(taken_back, [row], limit)
         for other in np.argsort(gains, kind="stable")[1:_ALTERNATIVES].tolist():
             if gains[other] < 0.0:
                 yield _changed(taken_back, other, limit), row
-    gains = np.where(best.weight >= 1.0, _gains(best, -1, limit), np.inf)
+    gains = np.where(best.weight >= 1.0, _gains(best, [], limit), np.inf)
     for row in np.argsort(gains, kind="stable")[:_ALTERNATIVES].tolist():
         yield best.with_weight(row, 0.0), row
 
 
-def _gains(now: _Weighed, taken_back: int, limit: float) -> FloatArray:
+def _gains(now: _Weighed, changed: Sequence[int], limit: float) -> FloatArray:
+    """Return the change (c,) of the cost by taking back, or leaving out, each observation that was not changed yet."""
     in_use = now.weight >= 1.0
     gains = now.gains(limit, np.where(in_use, 0.0, 1.0))
-    gains[in_use & (1.0 - now.leverage < _TESTABLE)] = 0.0
-    if taken_back >= 0:
-        gains[taken_back] = 0.0
+    gains[in_use & (1.0 - now.leverage < _TESTABLE)] = np.inf
+    gains[list(changed)] = np.inf
     return gains
 
 
@@ -211,17 +212,17 @@ def _changed(now: _Weighed, row: int, limit: float) -> _Weighed:
     return now.with_weight(row, now.reduced_weight(row, limit) if now.weight[row] >= 1.0 else 1.0)
 
 
-def _descended(now: _Weighed, taken_back: int, limit: float) -> _Weighed:
-    """Return the lowest cost that changes of one weight after the other lead to, with one that keeps full weight."""
+def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weighed]:
+    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is."""
     cost = now.cost(limit)
     for _ in range(_LONGEST):
-        gains = _gains(now, taken_back, limit)
+        gains = _gains(now, [changed], limit)
         row = int(np.argmin(gains))
         if gains[row] >= 0.0:
-            return now
+            break
         moved = _changed(now, row, limit)
         lower = moved.cost(limit)
         if lower >= cost:
-            return now
+            break
         now, cost = moved, lower
-    return now
+    return cost, now

@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.starting_points import with_starting_points
+from orip.bundle.station_elements import station_elements
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.control import Control, ControlElement, PreliminaryPoint
-from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.project import BundleDefinition
-from orip.records.shared_lens import lens_key
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
+from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project.shared_lens import lens_key
 from orip.units import RADIANS_PER_DEGREE
 
 
@@ -134,6 +135,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
+        stations=ground.stations,
         ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, orientation[:, :3]),
         preliminary=inputs.preliminary,
         ground_unit=inputs.ground_unit,
@@ -156,7 +158,7 @@ def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint
                 f"(PHOTO {photo.name} A ... in a .MEA file)"
             )
             complaints.append(Complaint(text))
-        given = _photo_with_elements(photo, inputs.control.elements)
+        given = _photo_with_elements(photo, _elements(inputs.control))
         unplaced = [kind for kind in given.constant if given.orientation[PHOTO_PARAMETERS.index(kind)] is None]
         if unplaced:
             text = f"photo {photo.name} has {', '.join(unplaced)} constant, but without a value; give it in orip.toml"
@@ -183,13 +185,19 @@ def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
 
 def _with_constant_elements(keys: Sequence[str], inputs: BlockInput) -> tuple[tuple[Photo, ...], tuple[Camera, ...]]:
     """Return photos and their cameras with observed elements as starting values, constant where the error is 0."""
-    photos = tuple(_photo_with_elements(inputs.records.photos[key], inputs.control.elements) for key in keys)
+    elements = _elements(inputs.control)
+    photos = tuple(_photo_with_elements(inputs.records.photos[key], elements) for key in keys)
     camera_keys = dict.fromkeys(record_key(photo.camera) for photo in photos)
     lenses = {key: lens_key(camera) for key, camera in inputs.records.cameras.items()}
     cameras = tuple(
         _camera_with_elements(inputs.records.cameras[key], inputs.control.elements, lenses) for key in camera_keys
     )
     return photos, cameras
+
+
+def _elements(control: Control) -> tuple[ControlElement, ...]:
+    """Return the observed elements, those of exposure stations included."""
+    return (*control.elements, *station_elements(control.stations))
 
 
 def _photo_with_elements(photo: Photo, elements: Sequence[ControlElement]) -> Photo:
@@ -249,9 +257,10 @@ def _ground_observations(
 
     return Control(
         tuple(point for point in control.points if point.name in points),
-        tuple(element for element in control.elements if has(element)),
+        tuple(element for element in _elements(control) if has(element)),
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
+        tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
     )
 
 

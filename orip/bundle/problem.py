@@ -33,7 +33,7 @@ from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
-from orip.records.shared_lens import LENS_PLACES, first_of_lens
+from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
 
 
 @dataclass(frozen=True, slots=True)
