@@ -25,6 +25,9 @@ _MOST = 0.05
 _LEAST_RAYS, _MOST_RAYS = 4, 12
 """Least and most rays of a point that are divided into those of two: fewer meet by chance, more take too long."""
 
+_RAYS_OF_PAIR = 2
+"""Of so many rays neither can be called wrong."""
+
 _MOST_ALONE = 5
 """Most points with one ray among which one is sought that another ray meets: of more, some are met by chance."""
 
@@ -150,11 +153,24 @@ class _DoubtedPhotoPoints:
             return []
         worst = max(rows, key=lambda row: np.nan_to_num(self._distance(row), nan=np.inf))
         more = f" ({len(rows) - 1} more do not fit)" if len(rows) > 1 else ""
-        text = (
-            f"point {self._point(worst)} does not fit by {self._distance(worst):.3f} mm and was down-weighted; its "
-            f"other rays meet: measure it again in this photo, or check its number{more}"
-        )
-        return [ProjectWarning("blunder", self._photos([worst]), text)]
+        text = f"point {self._point(worst)} does not fit by {self._distance(worst):.3f} mm and was down-weighted"
+        if others := self._as_likely(worst):
+            text = (
+                f"{text} in {self._photos([worst])}; without any one of these photos its other rays meet, so that it "
+                f"may be wrong in any of them: measure it again there, or check its number{more}"
+            )
+        else:
+            text = f"{text}; its other rays meet: measure it again in this photo, or check its number{more}"
+        return [ProjectWarning("blunder", self._photos([worst, *others]), text)]
+
+    def _as_likely(self, row: int) -> list[int]:
+        """Return the other photo points of the same point without which its rays meet as well."""
+        rays = [row, *self._other_rows(row)]
+        return [
+            other
+            for other in sorted(rays[1:])
+            if len(rays) > _RAYS_OF_PAIR and self.rays.meeting([ray for ray in rays if ray != other]) is not None
+        ]
 
     def _distance(self, row: int) -> float:
         """Return how far (mm) a photo point is from the image of its adjusted point."""
