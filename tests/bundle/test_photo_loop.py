@@ -175,12 +175,12 @@ COMPARED = {
     "forward": "test_coupling_of_points_forwards_and_backwards",
     "backward": "test_coupling_of_points_forwards_and_backwards",
 }
-"""Functions of the extension, and the tests that compare them with numpy."""
+"""Functions of the extension that compute, and the tests that compare them with numpy."""
 
 
 def test_every_function_of_the_extension_is_compared():
     functions = {name for name, value in vars(photo_loop.compiled).items() if callable(value)}
-    assert functions == COMPARED.keys()
+    assert functions - {"layout"} == COMPARED.keys()
     here = globals()
     assert all(test in here for tests in COMPARED.values() for test in tests.split(", "))
 
