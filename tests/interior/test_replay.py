@@ -450,7 +450,7 @@ def any_definitions(draw):
     return fewer
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.lists(RECORDS, max_size=12), st.lists(RECORDS, max_size=6), any_definitions(), any_definitions())
 def test_any_log_is_replayed_or_complained_of(records, later, definitions, then):
     first = replay(records, definitions, Measured())

@@ -61,7 +61,7 @@ def test_killed_at_any_step_all_stores_are_old_or_all_are_new(tmp_path, before):
         write(tmp_path / "count", "NEW")
     total, seen = steps(), set()
     commits = range(total - 60, total + 1)  # the pact, the copies, two commits
-    for step in sorted({*range(1, total, total // 4), *commits[::6], *commits[-5:]}):
+    for step in sorted({*range(1, total, total // 4), *commits[::10], *commits[-5:]}):
         folder = tmp_path / str(step)
         folder.mkdir()
         if before:
