@@ -327,4 +327,4 @@ def test_a_few_hundred_commands() -> None:
 def test_ten_thousand_commands() -> None:
     outcomes = run(examples=300, steps=60)
     assert outcomes.total() >= 10_000
-    assert all(outcomes[each] >= 100 for each in ("changed", "unchanged", "refused", "killed", "reloaded")), outcomes
+    assert all(outcomes[name] >= 100 for name in ("changed", "unchanged", "refused", "killed", "reloaded")), outcomes

@@ -75,11 +75,11 @@ def test_solution_and_selected_inverse_are_those_of_the_full_matrix(border):
     none = np.zeros(len(matrix), dtype=bool)
     found = factorise_band(banded(matrix, arrangement), MAX_LOST, none)
     right = np.random.default_rng(3).normal(size=(len(matrix), 2))
-    for each in (right, right[:, 0]):
-        reduced = found.reduce(each)
-        wanted = np.linalg.solve(matrix, each)
+    for side in (right, right[:, 0]):
+        reduced = found.reduce(side)
+        wanted = np.linalg.solve(matrix, side)
         assert np.allclose(found.back_substitute(reduced), wanted, rtol=1e-9, atol=1e-9)
-        assert np.allclose(np.sum(reduced**2, axis=0), np.sum(each * wanted, axis=0), rtol=1e-9)
+        assert np.allclose(np.sum(reduced**2, axis=0), np.sum(side * wanted, axis=0), rtol=1e-9)
     inverse = np.linalg.inv(matrix)
     selected = found.inverse()
     coupled = np.nonzero(matrix)
