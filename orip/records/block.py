@@ -9,11 +9,13 @@ from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
+from orip.records.antenna import Antenna
 from orip.records.camera import Camera
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.photo import Photo
 from orip.records.project import BundleDefinition
+from orip.records.station import Station
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +81,10 @@ class Block:
     elements, distances, directions : tuples
         Those whose names are in the block.
     theodolites : tuple of TheodoliteSet
+    stations : tuple of Station
+        Exposure stations of the block's photos.
+    antennas : tuple of Antenna
+        That of a camera is the first one for all cameras or for it.
     held_additional : set of (camera, parameter)
         Additional parameters that are held at zero.
     ground : GroundSystem
@@ -109,6 +115,8 @@ class Block:
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
+    stations: tuple[Station, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
