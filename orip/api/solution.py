@@ -16,9 +16,9 @@ from orip.bundle.results.figures import figure
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
-from orip.records import solution as records
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.gate import GATE_FIGURES
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results import solution as records
+from orip.records.results.gate import GATE_FIGURES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.antenna import Antenna, Extent
 from orip.records.block import Block
 from orip.records.names import record_key
+from orip.records.project.antenna import Antenna, Extent
 from orip.records.station import Station
 
 NONE = -1

@@ -15,13 +15,13 @@ from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.control import Control, ControlElement, PreliminaryPoint
-from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.project import BundleDefinition
-from orip.records.shared_lens import lens_key
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
+from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project.shared_lens import lens_key
 from orip.units import RADIANS_PER_DEGREE
 
 

@@ -197,7 +197,7 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
 def _beyond_antennas(
     by_observations: FloatArray, design: csr_array, scale: FloatArray, unknowns: Unknowns
 ) -> FloatArray:
-    """Return the part of the changes (n, 7) of observations that unknown antenna parameters and shifts do not absorb."""
+    """Return the part of the changes (n, 7) of observations that unknown antenna parameters do not absorb."""
     columns = np.concatenate([unknowns.antennas.ravel(), unknowns.shifts.ravel(), unknowns.drifts.ravel()])
     columns = columns[columns != CONSTANT]
     if not len(columns) or not len(by_observations):

@@ -10,9 +10,9 @@ import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlElement
 from orip.records.names import record_key
-from orip.records.repeated import photos_per_point
+from orip.records.observations.control import ControlElement
+from orip.records.observations.repeated import photos_per_point
 
 
 def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:

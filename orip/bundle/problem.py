@@ -15,9 +15,9 @@ from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.antennas import station_places
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
-from orip.bundle.antennas import station_places
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
@@ -33,9 +33,9 @@ from orip.bundle.point_moves import with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
-from orip.records.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
 from orip.records.block import Block
-from orip.records.shared_lens import LENS_PLACES, first_of_lens
+from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
+from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
 from orip.units import RADIANS_PER_DEGREE
 
 

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.iteration import Adjustment, IterationRecord, IterationSettings, adjust
+from orip.adjustment.iteration import Adjustment, adjust
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.problem import BlockProblem

@@ -9,12 +9,18 @@ from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
-from orip.records.antenna import Antenna
-from orip.records.camera import Camera
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
-from orip.records.photo import Photo
-from orip.records.project import BundleDefinition
+from orip.records.observations.control import (
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    PreliminaryPoint,
+)
+from orip.records.project.antenna import Antenna
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo
 from orip.records.station import Station
 
 

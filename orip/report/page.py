@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from orip.bundle.verdict import test_of
-from orip.records.solution import Solution
+from orip.bundle.verdict import GlobalTest, sigma0_test
+from orip.records.results.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table
@@ -61,14 +61,14 @@ def _template() -> Template:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
-    test = test_of(solution)
+    test = sigma0_test(solution)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
         "solution": solution,
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
-        "test": test,
+        "test": test if isinstance(test, GlobalTest) else None,
         "verdict": verdict(given, test),
         "gates": gate_table(given),
         "groups": group_table(solution),

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.repeated import point_of_measurement
-from orip.records.solution import Estimates, Solution
+from orip.records.observations.repeated import point_of_measurement
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Estimates, Solution
 from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
 from orip.report.table import PageColumn, PageTable
 

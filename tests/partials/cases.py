@@ -52,11 +52,11 @@ from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.problem import RefinementProblem, RefinementState
 from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
-from orip.records.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.block import Block, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlDirection, ControlDistance, ControlElement
 from orip.records.ground import PLAIN
+from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
+from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
+from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.station import Station
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)

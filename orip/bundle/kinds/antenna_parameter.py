@@ -14,9 +14,9 @@ from orip.bundle.antennas import name_of_stretch, station_places
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.records.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.records.block import Block
-from orip.records.observation_kinds import ANTENNA_PARAMETER
+from orip.records.observations.observation_kinds import ANTENNA_PARAMETER
+from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.units import DEGREES_PER_RADIAN
 
 
@@ -77,7 +77,9 @@ def observe_antenna_parameters(block: Block, unknowns: Unknowns) -> AntennaParam
 def _known(block: Block, unknowns: Unknowns) -> Iterator[_Known]:
     places = station_places(block)
     for row, antenna in enumerate(block.antennas):
-        yield from _of_table("antennas", unknowns, row, antenna.name, ANTENNA_PARAMETERS, antenna.values, antenna.errors)
+        yield from _of_table(
+            "antennas", unknowns, row, antenna.name, ANTENNA_PARAMETERS, antenna.values, antenna.errors
+        )
     for table, stretches, kinds in (("shifts", places.shifts, SHIFT), ("drifts", places.drifts, DRIFT)):
         for row, stretch in enumerate(stretches):
             antenna = block.antennas[stretch.antenna]

@@ -14,7 +14,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
-from orip.records.observation_kinds import ObservationKind
+from orip.records.observations.observation_kinds import ObservationKind
 
 
 @dataclass(frozen=True, slots=True)

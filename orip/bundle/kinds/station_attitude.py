@@ -20,11 +20,11 @@ from orip.geometry.rotation import (
     axes_rotation_from_angle_rates,
     rotation_from_angles,
 )
-from orip.records.antenna import BORESIGHT_PLACES
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
-from orip.records.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
+from orip.records.project.antenna import BORESIGHT_PLACES
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 _LEAST_COSINE_OF_PHI = 0.02

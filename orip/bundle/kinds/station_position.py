@@ -17,10 +17,10 @@ from orip.bundle.kinds.observation import KindEquations, Linearisation, Observat
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.geometry.rotation import cross_matrix
-from orip.records.antenna import LEVER_ARM
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
-from orip.records.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
+from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
+from orip.records.project.antenna import LEVER_ARM
 from orip.records.station import Station
 
 _ARM, _OFFSET = slice(0, 3), 6
@@ -105,9 +105,7 @@ def observe_constant_positions(block: Block, unknowns: Unknowns) -> ConstantPosi
     error = np.full(int(chosen.sum()), error_of_constant_lengths(block) if chosen.any() else 1.0)
     whitening = np.broadcast_to(np.eye(3), (len(block.stations), 3, 3))
     used = np.ones(len(error), dtype=bool)
-    return ConstantPositionObservations(
-        *_observed(block, unknowns, CONSTANT_STATION, chosen, error, used, whitening)
-    )
+    return ConstantPositionObservations(*_observed(block, unknowns, CONSTANT_STATION, chosen, error, used, whitening))
 
 
 def rows_or(table: FloatArray | IntArray, rows: IntArray, other: float) -> FloatArray | IntArray:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray
 from orip.bundle.results.ground import (
@@ -21,10 +21,10 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import PointKind
-from orip.records.repeated import photos_per_point
-from orip.records.solution import (
+from orip.records.observations.control import PointKind
+from orip.records.observations.repeated import photos_per_point
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results.solution import (
     AdditionalEstimate,
     CheckPoint,
     Correlation,

@@ -11,15 +11,15 @@ from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
-from orip.records.a_priori_error import (
+from orip.records.names import look_alikes, record_key
+from orip.records.observations.a_priori_error import (
     ANGLE_ERRORS,
     COEFFICIENT_ERRORS,
     GROUND_ERRORS,
     PHOTO_ERRORS,
     ErrorLimits,
 )
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import (
+from orip.records.observations.control import (
     Control,
     ControlDirection,
     ControlDistance,
@@ -28,8 +28,8 @@ from orip.records.control import (
     DistanceCode,
     ElementGroup,
 )
-from orip.records.names import look_alikes, record_key
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
     "CAMERA": CAMERA_PARAMETERS,

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from orip.files.text.shown import printable, shown_token
-from orip.records.camera import AdditionalSet, DistortionArgument
 from orip.records.drive_table import (
     STAGES,
     DriveCamera,
@@ -23,7 +22,8 @@ from orip.records.drive_table import (
     PlateUnit,
     StageLimits,
 )
-from orip.records.photo import Stage
+from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.photo import Stage
 
 Word = TypeVar("Word", bound=str)
 Record = TypeVar("Record")

@@ -22,8 +22,8 @@ from orip.files.listings.bundle_residuals import (
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, one_fixed, root_mean_square
-from orip.records.measurement import PhotoObservations
-from orip.records.solution import Reliability, Solution
+from orip.records.observations.measurement import PhotoObservations
+from orip.records.results.solution import Reliability, Solution
 
 TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 

@@ -10,9 +10,9 @@ from orip.arrays import FloatArray
 from orip.files.text.fixed_cells import FixedCells, deviation_cells
 from orip.files.text.table import Column, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
-from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import AdditionalEstimate, Estimates, Solution
+from orip.records.project.camera import CAMERA_PARAMETERS, CAMERA_UNITS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import AdditionalEstimate, Estimates, Solution
 
 AXES_MARK = "*"
 

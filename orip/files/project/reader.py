@@ -20,8 +20,8 @@ from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable
 from orip.records.names import record_key
-from orip.records.project import ProjectDefinition
-from orip.records.stages import plan_stages
+from orip.records.project.definition import ProjectDefinition
+from orip.records.project.stages import plan_stages
 
 
 @dataclass(frozen=True, slots=True)

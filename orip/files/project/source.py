@@ -13,9 +13,9 @@ from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, Projec
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import Camera
-from orip.records.photo import Photo, Template, Temtick
-from orip.records.project import BundleDefinition, StereoModel
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition, StereoModel
+from orip.records.project.photo import Photo, Template, Temtick
 
 AnyTable = TypeVar("AnyTable", bound=CheckedTable)
 Record = TypeVar("Record")

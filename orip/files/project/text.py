@@ -7,9 +7,9 @@ from typing import Any
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.toml_text import toml_table
-from orip.records.camera import Camera, without_radial_distortion
-from orip.records.project import ProjectDefinition
-from orip.records.shared_lens import without_lens
+from orip.records.project.camera import Camera, without_radial_distortion
+from orip.records.project.definition import ProjectDefinition
+from orip.records.project.shared_lens import without_lens
 
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "bundle")
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.number_text import shortest_texts
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 
 SCHEMA = "orip.result/1"
 SINGULAR = "singular"

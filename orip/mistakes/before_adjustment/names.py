@@ -7,8 +7,8 @@ from collections.abc import Container, Iterator, Sequence
 
 from orip.errors import ProjectWarning
 from orip.records.block import Block
-from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.wording import agreeing, joined
 
 MOST_WARNINGS = 50

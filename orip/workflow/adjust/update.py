@@ -10,11 +10,11 @@ from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.shared_lens import lens_key
-from orip.records.solution import Estimates, Solution
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.project.shared_lens import lens_key
+from orip.records.results.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,

@@ -10,10 +10,10 @@ from pathlib import Path
 from orip.errors import InputError
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
-from orip.records.project import BundleDefinition
-from orip.records.solution import Solution
+from orip.records.observations.measurement import PhotoObservations, no_observations
+from orip.records.project.definition import BundleDefinition
+from orip.records.results.solution import Solution
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state

@@ -12,7 +12,7 @@ from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
-from orip.records.project import ProjectDefinition
+from orip.records.project.definition import ProjectDefinition
 
 PROJECT_FILE = "orip.toml"
 

@@ -22,8 +22,8 @@ from orip.files.project.file_names import is_pattern
 from orip.files.text.digest import file_digest
 from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
-from orip.records.control import Control, PreliminaryPoint
-from orip.records.measurement import LogRecord
+from orip.records.observations.control import Control, PreliminaryPoint
+from orip.records.observations.measurement import LogRecord
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from orip.errors import ProjectWarning
-from orip.records.measurement import (
+from orip.records.names import record_key
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -14,7 +15,6 @@ from orip.records.measurement import (
     TemplateRecord,
     TicksRecord,
 )
-from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.records.control import PointKind
-from orip.records.group_test import GroupTest
-from orip.records.variance_component import VarianceComponent
+from orip.records.observations.control import PointKind
+from orip.records.results.group_test import GroupTest
+from orip.records.results.variance_component import VarianceComponent
 
 Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 

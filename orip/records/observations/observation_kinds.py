@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
-from orip.records.antenna import ANTENNA_UNITS
-from orip.records.camera import CAMERA_UNITS
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.antenna import ANTENNA_UNITS
+from orip.records.project.camera import CAMERA_UNITS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 ObservedIn = Literal["mm", "ground unit", "degrees", "pure number", "unit of the unknown"]
 

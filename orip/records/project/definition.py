@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from orip.records.camera import Camera
-from orip.records.fields import Field
-from orip.records.photo import Photo, Template, Temtick
+from orip.records.project.camera import Camera
+from orip.records.project.fields import Field
+from orip.records.project.photo import Photo, Template, Temtick
 
 
 @dataclass(frozen=True, slots=True)

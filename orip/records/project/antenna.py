@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
-from orip.records.fields import GROUND_UNIT, Field
+from orip.records.project.fields import GROUND_UNIT, Field
 
 LEVER_ARM: Final = ("LX", "LY", "LZ")
 BORESIGHT: Final = ("BX", "BY", "BZ")
