@@ -454,6 +454,9 @@ def _in_a_crs(block: Block) -> Block:
         constant_points=np.broadcast_to(stations[:, None], (len(stations), 3)),
         # a short arm moves coordinates on a map grid by little more than they are rounded to
         antennas=tuple(replace(each, lever_arm=(30.0, -20.0, 80.0)) for each in block.antennas),
+        stations=tuple(
+            replace(each, position_error=(0.0, 0.0, 0.0)) if each.photo == "P4" else each for each in block.stations
+        ),
         elements=(
             *(each for each in block.elements if each.name not in left_out),
             *(ControlElement("P4", "PHOTO", kind, value, 0.1) for kind, value in position),
@@ -594,5 +597,9 @@ def _kinds() -> Iterator[Case]:
 
 
 def _move(block: Block, observations: Observations) -> float:
-    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
-    return 1e-3 if block.ground is PLAIN or observations.rows.kind.name == "photo" else 0.1
+    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9; angles there are not."""
+    return (
+        1e-3
+        if block.ground is PLAIN or observations.rows.kind.name in ("photo", "attitude", "constant attitude")
+        else 0.1
+    )

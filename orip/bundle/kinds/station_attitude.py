@@ -56,7 +56,7 @@ class AttitudeObservations(Observations):
         boresight = rows_or(state.antennas, antenna, 0.0)[:, BORESIGHT_PLACES]
         axes = self.ground.axes_at(self.ground.to_project(state.centres[photo]))
         rotation = axes @ state.rotations[photo] @ np.swapaxes(rotation_from_angles(boresight), 1, 2)
-        known = np.isfinite(rotation).all(axis=(1, 2))
+        known: BoolArray = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
         rotation = np.where(known[:, None, None], rotation, np.eye(3))
         angles = angles_from_rotation(rotation)
         self._require_tilted(angles[:, 1])

@@ -7,8 +7,10 @@ covariance: that of X is as observed, that of Y is without what X says of it, th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import NONE, StationPlaces, station_places
@@ -22,6 +24,8 @@ from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
 from orip.records.project.antenna import LEVER_ARM
 from orip.records.station import Station
+
+Number = TypeVar("Number", np.float64, np.int64)
 
 _ARM, _OFFSET = slice(0, 3), 6
 
@@ -108,10 +112,10 @@ def observe_constant_positions(block: Block, unknowns: Unknowns) -> ConstantPosi
     return ConstantPositionObservations(*_observed(block, unknowns, CONSTANT_STATION, chosen, error, used, whitening))
 
 
-def rows_or(table: FloatArray | IntArray, rows: IntArray, other: float) -> FloatArray | IntArray:
+def rows_or(table: NDArray[Number], rows: IntArray, other: float) -> NDArray[Number]:
     """Return rows of a table (k, m), and rows of another value where there is `NONE`."""
     padded = np.vstack([table, np.full((1, table.shape[1]), other, dtype=table.dtype)])
-    return np.asarray(padded[np.where(rows == NONE, len(table), rows)])
+    return padded[np.where(rows == NONE, len(table), rows)]
 
 
 def _errors(block: Block) -> FloatArray:
