@@ -10,8 +10,8 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.records.block import Block
 from orip.records.names import record_key
+from orip.records.observations.station import Station
 from orip.records.project.antenna import Antenna, Extent
-from orip.records.station import Station
 
 NONE = -1
 """Of a station without an antenna, or one whose antenna has no unknown shift or drift."""

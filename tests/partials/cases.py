@@ -55,9 +55,9 @@ from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.ground import PLAIN
 from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
+from orip.records.observations.station import Station
 from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.station import Station
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
 SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])

@@ -22,8 +22,8 @@ from orip.geometry.rotation import cross_matrix
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
+from orip.records.observations.station import Station
 from orip.records.project.antenna import LEVER_ARM
-from orip.records.station import Station
 
 Number = TypeVar("Number", np.float64, np.int64)
 
