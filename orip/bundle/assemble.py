@@ -45,13 +45,13 @@ class BlockInput:
     control : Control
         All of the project.
     preliminary : tuple of PreliminaryPoint
-    antennas : tuple of Antenna
-        All of the project.
     ground_unit : str
     crs : str or None
         The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
     warnings : tuple of ProjectWarning
         What is known to be doubtful already.
+    antennas : tuple of Antenna
+        All of the project.
     """
 
     definition: BundleDefinition
@@ -60,10 +60,10 @@ class BlockInput:
     interior: Interior
     control: Control
     preliminary: tuple[PreliminaryPoint, ...] = ()
-    antennas: tuple[Antenna, ...] = ()
     ground_unit: str = "m"
     crs: str | None = None
     warnings: tuple[ProjectWarning, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
 
     @property
     def observations(self) -> PhotoObservations:
