@@ -44,6 +44,9 @@ from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0
+_SHOWN_CORRELATION = 0.5
+"""Correlation of an antenna's unknown with one of a camera from which it is listed."""
+
 _TESTABLE = 1e-6
 """Redundancy number below which a residual does not show the error of its observation."""
 
@@ -85,7 +88,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         zero_directions=_zero_directions(solved),
         antennas=_antennas(solved),
         singular=_singular(solved),
-        correlations=_camera_correlations(solved),
+        correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),
         check_points=_check_points(block, points),
         remarks=tuple(Remark(line) for line in block.ground.description()),
         photo_correlations=photo_correlations(solved),
@@ -240,6 +243,24 @@ def _camera_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
                 cofactor = solved.cofactors.reduced
                 r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
                 found.append(Correlation(f"{camera.name}.{a}", f"{camera.name}.{b}", float(r)))
+    return tuple(found)
+
+
+def _antenna_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
+    """Return the correlations of the unknowns of antennas, with each other and with those of the cameras."""
+    names, removed, cofactor = solved.problem.unknowns.names, solved.normals.removed, solved.cofactors.reduced
+    of_group: dict[str, list[int]] = {"ANTENNA": [], "CAMERA": []}
+    for column, name in enumerate(names.reduced):
+        if name.group in of_group and not removed[column] and not solved.problem.layout.fixed[column]:
+            of_group[name.group].append(column)
+    found = []
+    for place, b in enumerate(of_group["ANTENNA"]):
+        for a in (*of_group["CAMERA"], *of_group["ANTENNA"][:place]):
+            r = cofactor[a, b] / np.sqrt(cofactor[a, a] * cofactor[b, b])
+            one, other = names.reduced[a], names.reduced[b]
+            if one.group == "ANTENNA" or abs(r) > _SHOWN_CORRELATION:
+                group = f"{one.group.lower()} {one.name}"
+                found.append(Correlation(f"antenna {other.name}.{other.kind}", f"{group}.{one.kind}", float(r)))
     return tuple(found)
 
 
