@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.station import Station
 from orip.records.project.antenna import Antenna, Extent
+
+Number = TypeVar("Number", np.float64, np.int64)
 
 NONE = -1
 """Of a station without an antenna, or one whose antenna has no unknown shift or drift."""
@@ -72,6 +75,12 @@ def antenna_of(block: Block, camera: str) -> int:
         if not antenna.cameras or key in map(record_key, antenna.cameras):
             return row
     return NONE
+
+
+def rows_or(table: NDArray[Number], rows: IntArray, other: float) -> NDArray[Number]:
+    """Return rows of a table (k, m), and rows of another value where there is `NONE`."""
+    padded = np.vstack([table, np.full((1, table.shape[1]), other, dtype=table.dtype)])
+    return padded[np.where(rows == NONE, len(table), rows)]
 
 
 def name_of_stretch(antenna: Antenna, stretch: Stretch) -> str:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.antennas import StationPlaces, station_places
+from orip.bundle.antennas import StationPlaces, rows_or, station_places
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
-from orip.bundle.kinds.station_position import rows_or
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError

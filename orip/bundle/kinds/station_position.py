@@ -7,13 +7,11 @@ covariance: that of X is as observed, that of Y is without what X says of it, th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.antennas import NONE, StationPlaces, station_places
+from orip.bundle.antennas import StationPlaces, rows_or, station_places
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
@@ -24,8 +22,6 @@ from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
 from orip.records.observations.station import Station
 from orip.records.project.antenna import LEVER_ARM
-
-Number = TypeVar("Number", np.float64, np.int64)
 
 _ARM, _OFFSET = slice(0, 3), 6
 
@@ -110,12 +106,6 @@ def observe_constant_positions(block: Block, unknowns: Unknowns) -> ConstantPosi
     whitening = np.broadcast_to(np.eye(3), (len(block.stations), 3, 3))
     used = np.ones(len(error), dtype=bool)
     return ConstantPositionObservations(*_observed(block, unknowns, CONSTANT_STATION, chosen, error, used, whitening))
-
-
-def rows_or(table: NDArray[Number], rows: IntArray, other: float) -> NDArray[Number]:
-    """Return rows of a table (k, m), and rows of another value where there is `NONE`."""
-    padded = np.vstack([table, np.full((1, table.shape[1]), other, dtype=table.dtype)])
-    return padded[np.where(rows == NONE, len(table), rows)]
 
 
 def _errors(block: Block) -> FloatArray:
