@@ -31,6 +31,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
     gone = frozenset(compress(block.point_names, ~points))
     directions = tuple(line for line in block.directions if {line.station, line.target} <= names)
     sets = {line.set for line in directions}
+    shown = {record_key(photo.name) for photo in compress(block.photos, photos)}
     part = replace(
         block,
         definition=replace(
@@ -47,6 +48,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         control_points=tuple(point for point in block.control_points if point.name in names),
         distances=tuple(line for line in block.distances if {line.start, line.end} <= names),
         directions=directions,
+        stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
         theodolites=tuple(station for station in block.theodolites if station.name in sets),
     )
     concerns = _concerns(part)

@@ -89,6 +89,7 @@ def _free(block: Block) -> Block:
         elements=tuple(element for element in block.elements if element.group == "CAMERA"),
         distances=(),
         directions=(),
+        stations=(),
         theodolites=(),
         constant_elements=(),
         preliminary=(),
