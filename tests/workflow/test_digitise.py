@@ -85,7 +85,7 @@ def test_tick_marks_are_found_better_and_better(cliff):
     off = [float(np.hypot(*np.subtract(entry.driven, entry.xy))) for entry in found.entries]
     assert off[0] > 8.0  # as it lay before
     assert 5.0 < off[1] < 15.0  # shifted to the first mark: 210 mm away, 3 degrees are 11 mm
-    assert off[2] < 0.1  # conform: what shrinkage leaves, 0.00016 of 210 mm
+    assert off[2] < 0.1  # conformal: what shrinkage leaves, 0.00016 of 210 mm
     assert off[3] < 0.01  # affine: errors of measuring alone
     assert {entry.known for entry in found.entries} == {"predicted"}
     truth = measured_in(cliff.folder / DAY2)
