@@ -122,7 +122,7 @@ def test_marks_are_skipped_and_the_session_is_ended(new_cliff):
 
 def test_a_script_that_comes_to_its_end(new_cliff):
     found = new_cliff.template("LEFT", "FOOT RIGHT; MOVE 1 1")
-    assert (did(found), found.ending) == ([("1", "digitised")], "nobody acts any more")
+    assert (did(found), found.ending) == ([("1", "digitised")], "no further input")
 
 
 def test_what_is_pressed_too_early_does_not_count(new_cliff):
