@@ -2,7 +2,7 @@
 
 An instrument has to drive somewhere before all marks are measured. With fewer marks than its transformation needs, a
 film is oriented by what there is: none, as it was oriented before; one, as before and shifted; two, by a conformal
-transformation. Such an orientation is no final one: no photo coordinate may come from it.
+transformation. Such an orientation is not final: no photo coordinate may come from it.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
         (("results",), "Missing argument 'WHAT'"),
         (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'theodolites', 'residuals'"),
         (("solve", "NIX"), "there is no bundle 'NIX'; the project's bundles are: MAIN"),
-        (("dump", "orip.toml"), "is no record store: stores end in .CAM"),
+        (("dump", "orip.toml"), "is not a record store: stores end in .CAM"),
     ],
 )
 def test_wrong_usage_is_2_also_as_json(project: Path, words: tuple[str, ...], sentence: str) -> None:

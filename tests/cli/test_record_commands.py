@@ -174,11 +174,11 @@ def test_added_before_another(project: Path) -> None:
         ("camera add O c=-1", "c of camera 'O' is -1, but a number above 0 is required"),
         ("camera add O c=nan", "but a finite number is required"),
         ("camera add O cc=1", "camera 'O' has the unknown key 'cc'; did you mean 'c'?"),
-        ("camera add O c", "c: this is no KEY=VALUE"),
-        ("camera add O =1", "this is no KEY=VALUE"),
+        ("camera add O c", "c: this is not KEY=VALUE"),
+        ("camera add O =1", "this is not KEY=VALUE"),
         ("camera add O c=1 name=P", "give the record another one with 'orip camera rename'"),
         ("camera add O c=1 frame=[1", "this is not TOML"),
-        ("camera add O c=1 unknown=C,A2", "'A2' is no parameter"),
+        ("camera add O c=1 unknown=C,A2", "'A2' is not a parameter"),
         ("camera add O c=1 fiducials.1=5", "write the values in braces"),
         ("camera add O c=1 fiducials.1.x=5", "has no y; it is required"),
         ("camera add O c=1 distortion_curve.1=5", "have no names; write all of them in one list"),
@@ -211,7 +211,7 @@ def test_what_may_not_be_added(project: Path, words: str, sentence: str) -> None
 def test_all_faults_at_once(project: Path) -> None:
     said = refused(project, "3 errors; nothing was written", *typed("photo add P camera=C35 X0=east colour=red x"))
     assert "unknown key 'colour'" in said
-    assert "x: this is no KEY=VALUE" in said
+    assert "x: this is not KEY=VALUE" in said
 
 
 def test_two_models_cannot_have_one_place(project: Path) -> None:

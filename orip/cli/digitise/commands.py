@@ -318,7 +318,9 @@ def _marks(words: list[str] | None) -> list[MarkChoice]:
         except ValueError:
             xy = ()
         if not name or len(coordinates) != len(xy) or len(xy) not in (0, 2) or not all(map(isfinite, xy)):
-            message = f"'{word}' is no mark; write its name, or of a new mark NAME,X,Y in mm, for example 9,10.0,220.0"
+            message = (
+                f"'{word}' is not a mark; write its name, or of a new mark NAME,X,Y in mm, for example 9,10.0,220.0"
+            )
             raise UsageError(message)
         found.append(MarkChoice(name, (xy[0], xy[1]) if xy else None))
     return found

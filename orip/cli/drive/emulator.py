@@ -26,7 +26,7 @@ StagesOption = Annotated[
     typer.Option(
         "--stages",
         metavar="LIMITS",
-        help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table: those of the drive table.",
+        help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table (its limits).",
     ),
 ]
 AllowRemote = Annotated[

@@ -150,7 +150,7 @@ def test_a_copy_that_is_damaged_is_said(tmp_path):
     killed_between_commits(tmp_path)
     copy = tmp_path / "S03.TIK-undo"
     copy.write_bytes(copy.read_bytes()[:-1])
-    with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is no copy of a store\)"):
+    with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is not a copy of a store\)"):
         names(tmp_path)
 
 
