@@ -6,11 +6,17 @@ import io
 import json
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import typer.main
+
 from orip.cli.main import main
+
+_tree = cache(typer.main.get_command)
+"""The commands are put together once for all tests of a process: that takes longer than most of them."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ def orip(folder: Path, *arguments: str) -> Said:
     """Run ``orip -C folder arguments``."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     words = ["orip", "-C", str(folder), *arguments]
-    with patch.multiple(sys, argv=words, stdout=out, stderr=err):
+    with patch.multiple(sys, argv=words, stdout=out, stderr=err), patch.object(typer.main, "get_command", _tree):
         try:
             main()
         except SystemExit as end:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-FILM, OPERATED, DRIVABLE = "film", "operated", "drivable"
+FILM, OPERATED, DRIVABLE, JOINED = "film", "operated", "drivable", "joined"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
-adjusted, with templates and models to drive in."""
+adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
+their stores."""
+
+MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
+"""Those of the joined project; with the other stores it has seventeen."""
 
 _CONTROL = {
     "points": ("T9 X=1 Y=2 Z=3 aX=1 aY=1 aZ=1", "1", "X=1012.5", "5"),
@@ -57,6 +61,12 @@ _OTHERS = {
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
         "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+    ),
+    JOINED: (
+        "init", "measure", "photo rename left OTHER", "photo delete left --with-referents --yes",
+        "camera rename C35 OTHER", "bundle rename B03 OTHER", "bundle copy B03 NEW",
+        "bundle delete B03 --with-referents --yes", "observations rename point left P1 P2 --bundle B03",
+        "observations kill mark left '*' --yes",
     ),
 }  # fmt: skip
 
