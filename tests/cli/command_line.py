@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,11 @@ import typer.main
 from orip.cli.main import main
 
 _tree = cache(typer.main.get_command)
-"""The commands are put together once for all tests of a process: that takes longer than most of them."""
+
+
+def commands_put_together_once() -> AbstractContextManager[object]:
+    """Let all runs of a process have the same commands: putting them together takes longer than most of them."""
+    return patch.object(typer.main, "get_command", _tree)
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ def orip(folder: Path, *arguments: str) -> Said:
     """Run ``orip -C folder arguments``."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     words = ["orip", "-C", str(folder), *arguments]
-    with patch.multiple(sys, argv=words, stdout=out, stderr=err), patch.object(typer.main, "get_command", _tree):
+    with patch.multiple(sys, argv=words, stdout=out, stderr=err), commands_put_together_once():
         try:
             main()
         except SystemExit as end:

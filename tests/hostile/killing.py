@@ -25,6 +25,8 @@ from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
+from cli.command_line import commands_put_together_once
+from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
 from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
 from workflow.killed_orip import Steps, counted
@@ -78,7 +80,8 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
             os.dup2(nowhere, descriptor)
         code = 1
         try:
-            with patch.object(sys, "argv", ["orip", "-q", "-C", str(folder), *words]), counted(steps):
+            argv = ["orip", "-q", "-C", str(folder), *words]
+            with commands_put_together_once(), patch.object(sys, "argv", argv), counted(steps):
                 orip()
         except SystemExit as end:
             code = int(end.code or 0)
@@ -96,6 +99,8 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
 @contextmanager
 def prepared(folder: Path) -> Iterator[list[Case]]:
     """Prepare all cases: their projects, and a plate processor."""
+    for arguments in ((), *((group,) for group in {words.split()[0] for _, words in KILLED})):
+        called(folder, *arguments, "--help")  # so that no child has to put these commands together
     _film(folder / FILM)
     _joined(folder / JOINED)
     _half_digitised(folder / OPERATED)
