@@ -24,7 +24,7 @@ from aerial_blocks import aerial_block
 
 from orip.files.project.toml_text import toml_table
 from orip.records.block import Block
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 COMMANDS = ("init", "measure", "solve")
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

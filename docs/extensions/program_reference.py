@@ -17,7 +17,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from orip.records.gate import GATE_FIGURES
+from orip.records.results.gate import GATE_FIGURES
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -21,64 +21,21 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.final_weights import Tried, propose
+from orip.adjustment.final_weights import Tried
+from orip.adjustment.improvement import judged_attempt, next_attempt
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import Weighing, has_many_reduced, weighing_from
+from orip.adjustment.weighing import has_many_reduced, weighing_from
 from orip.arrays import FloatArray
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
 
-_LONGEST_ATTEMPT = 8
-"""Iterations after which an attempt at a better solution is given up."""
-
 _SAME_PLACE_ENP = 3.0
 """ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the
 standard deviations, and change partials by less than the rounding of printed figures."""
-
-
-@dataclass(frozen=True, slots=True)
-class IterationSettings:
-    """What controls the iterations.
-
-    Parameters
-    ----------
-    enp_stop : float
-    max_iterations : int
-    max_standard_residual : float
-        Above it the Danish method reduces a weight.
-    start_down_weight : int or None
-        First iteration in which it may; None: all weights are 1.
-    max_lost_digits : float
-    early_weights : bool
-        Exceptionally large residuals lose weight before the Danish method, which waits until the block has settled;
-        else all weights are 1 before it, and it begins at `start_down_weight`.
-    """
-
-    enp_stop: float
-    max_iterations: int
-    max_standard_residual: float
-    start_down_weight: int | None
-    max_lost_digits: float
-    early_weights: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class IterationRecord:
-    """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
-
-    `active` is the number of observations that can be computed.
-    """
-
-    iteration: int
-    enp: float
-    sigma0: float
-    down_weighted: int
-    singular: int
-    step_limited: bool
-    active: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,40 +65,6 @@ class Adjustment(Generic[StateT]):
     iterations: tuple[IterationRecord, ...]
     reason: TerminationReason
     scale: float
-
-
-@dataclass(frozen=True, slots=True)
-class _IterationState(Generic[StateT]):
-    """All that one iteration hands to the next.
-
-    Parameters
-    ----------
-    current : Linearised
-        The state with its observation equations.
-    weighing : Weighing
-    control : StepControl
-    acceleration : Acceleration
-    tried : Tried
-        What was tried from converged solutions.
-    full_weight : tuple of int
-        Observations that have full weight in the next iteration.
-    converged : _IterationState or None
-        The converged solution that the iterations try to improve.
-    returned : bool
-        An attempt was taken back: the solution is a converged one.
-    records : tuple of IterationRecord
-        Of the iterations so far.
-    """
-
-    current: Linearised[StateT]
-    weighing: Weighing
-    control: StepControl
-    acceleration: Acceleration
-    tried: Tried
-    full_weight: tuple[int, ...] = ()
-    converged: _IterationState[StateT] | None = None
-    returned: bool = False
-    records: tuple[IterationRecord, ...] = ()
 
 
 class _Step(NamedTuple, Generic[StateT]):
@@ -194,8 +117,8 @@ def adjust(
             now = replace(now, acceleration=Acceleration())
         reason = _termination_reason(now, step.before, settings, steady=steady, stop_asked=stop_asked())
         if now.converged is not None:
-            now, reason = _judged_attempt(now, now.converged, reason, settings)
-        if reason is TerminationReason.CONVERGED and (attempt := _attempt(problem, now, step.normals, settings)):
+            now, reason = judged_attempt(now, now.converged, reason, settings)
+        if reason is TerminationReason.CONVERGED and (attempt := next_attempt(problem, now, step.normals, settings)):
             now, reason = attempt, None
         if reason is None and len(now.records) >= settings.max_iterations:
             reason = TerminationReason.CONVERGED if now.returned else TerminationReason.MAX_ITERATIONS
@@ -213,8 +136,8 @@ def adjust(
     return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing.scale)
 
 
-def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> _IterationState[StateT]:
-    return _IterationState(
+def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> IterationState[StateT]:
+    return IterationState(
         _linearised(problem, start),
         weighing_from(settings.max_standard_residual, settings.start_down_weight, early=settings.early_weights),
         StepControl(problem.layout.unknowns),
@@ -228,8 +151,8 @@ def _linearised(problem: Problem[StateT], state: StateT) -> Linearised[StateT]:
 
 
 def _determined(
-    problem: Problem[StateT], now: _IterationState[StateT], settings: IterationSettings
-) -> tuple[_IterationState[StateT], FloatArray, SolvedNormals]:
+    problem: Problem[StateT], now: IterationState[StateT], settings: IterationSettings
+) -> tuple[IterationState[StateT], FloatArray, SolvedNormals]:
     """Return weight factors (n,) and normal equations of the next iteration, without blocks that nothing determines."""
     while True:
         equations, iteration = now.current.equations, len(now.records) + 1
@@ -251,7 +174,7 @@ def _determined(
 
 def _controlled_step(
     problem: Problem[StateT],
-    now: _IterationState[StateT],
+    now: IterationState[StateT],
     weights: FloatArray,
     normals: SolvedNormals,
     settings: IterationSettings,
@@ -282,7 +205,7 @@ def _controlled_step(
 
 
 def _is_accepted(
-    now: _IterationState[StateT],
+    now: IterationState[StateT],
     weights: FloatArray,
     normals: SolvedNormals,
     after: Equations,
@@ -302,8 +225,8 @@ def _is_accepted(
 
 
 def _after(
-    now: _IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout
-) -> _IterationState[StateT]:
+    now: IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout
+) -> IterationState[StateT]:
     """Return what an iteration leaves to the next."""
     record = _record(len(now.records) + 1, step, weights, layout)
     return replace(
@@ -337,7 +260,7 @@ def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: La
 
 
 def _termination_reason(
-    now: _IterationState[StateT], before: Equations, settings: IterationSettings, *, steady: bool, stop_asked: bool
+    now: IterationState[StateT], before: Equations, settings: IterationSettings, *, steady: bool, stop_asked: bool
 ) -> TerminationReason | None:
     """Return why the iterations end with the last one; None: they go on, if another iteration is allowed."""
     if most_are_lost(now.records[-1].active, now.records[0].active):
@@ -351,13 +274,13 @@ def _termination_reason(
     return None
 
 
-def _has_converged(now: _IterationState[StateT], settings: IterationSettings) -> bool:
+def _has_converged(now: IterationState[StateT], settings: IterationSettings) -> bool:
     """Return whether a full correction with the final weight function was small enough."""
     last = now.records[-1]
     return last.enp >= settings.enp_stop and now.weighing.is_final_in(last.iteration) and not last.step_limited
 
 
-def _has_diverged(now: _IterationState[StateT]) -> bool:
+def _has_diverged(now: IterationState[StateT]) -> bool:
     # where the Danish method begins, or damping ends, corrections grow once, and that is no divergence
     enps = [record.enp for record in now.records[now.weighing.iterations_before :]]
     return is_diverging(enps[-1 - now.control.undamped :]) or is_diverging([*enps[:1], *enps[-1:]])
@@ -369,8 +292,8 @@ def _has_exact_constraints(equations: Equations) -> bool:
 
 
 def _settled(
-    problem: Problem[StateT], now: _IterationState[StateT], normals: SolvedNormals, weights: FloatArray
-) -> _IterationState[StateT]:
+    problem: Problem[StateT], now: IterationState[StateT], normals: SolvedNormals, weights: FloatArray
+) -> IterationState[StateT]:
     """Return the state as the Danish method begins: with the scale of the observations, and doubtful blocks placed.
 
     What the iterations before made of points that do not fit depends on where they began.
@@ -384,7 +307,7 @@ def _settled(
     return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())
 
 
-def _with_all_blocks(problem: Problem[StateT], now: _IterationState[StateT]) -> _IterationState[StateT]:
+def _with_all_blocks(problem: Problem[StateT], now: IterationState[StateT]) -> IterationState[StateT]:
     """Return the state with the blocks that were left out while it was still far from the solution."""
     state = problem.with_all_blocks(now.current.state)
     if state is now.current.state:
@@ -392,48 +315,7 @@ def _with_all_blocks(problem: Problem[StateT], now: _IterationState[StateT]) -> 
     return replace(now, current=_linearised(problem, state), acceleration=Acceleration())
 
 
-def _attempt(
-    problem: Problem[StateT], now: _IterationState[StateT], normals: SolvedNormals, settings: IterationSettings
-) -> _IterationState[StateT] | None:
-    """Return from where to try for a better solution than a converged one; None if there is nothing to try."""
-    # one iteration is left for the way back
-    if settings.start_down_weight is None or len(now.records) + 2 > settings.max_iterations:
-        return None
-    weights = now.weighing.factors(now.current.equations, len(now.records) + 1)
-    proposal, tried = propose(problem, now.current, weights, normals, now.weighing.final_limit, now.tried)
-    now = replace(now, tried=tried)
-    if proposal is None:
-        return None
-    return replace(
-        now,
-        current=proposal.linearised,
-        full_weight=proposal.full_weight,
-        acceleration=Acceleration(),
-        converged=now,
-        returned=False,
-    )
-
-
-def _judged_attempt(
-    now: _IterationState[StateT],
-    before: _IterationState[StateT],
-    reason: TerminationReason | None,
-    settings: IterationSettings,
-) -> tuple[_IterationState[StateT], TerminationReason | None]:
-    """Return where to go on during an attempt, and why the iterations end: a solution that is no better is left."""
-    used_up = (
-        len(now.records) - len(before.records) >= _LONGEST_ATTEMPT or len(now.records) + 1 >= settings.max_iterations
-    )
-    if reason is None and not used_up:
-        return now, None
-    found, known = now.weighing.cost(now.current.equations), before.weighing.cost(before.current.equations)
-    if reason is TerminationReason.CONVERGED and found < known:
-        return replace(now, converged=None), reason
-    stopped = TerminationReason.STOPPED if reason is TerminationReason.STOPPED else None
-    return replace(before, tried=now.tried, records=now.records, returned=True), stopped
-
-
-def _final_weights(now: _IterationState[StateT]) -> FloatArray:
+def _final_weights(now: IterationState[StateT]) -> FloatArray:
     """Return the weight factors (n,) at the final state."""
     return _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
 

@@ -19,7 +19,7 @@ from orip.api.given import (
 )
 from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
-from orip.records.solution import IterationPass
+from orip.records.results.solution import IterationPass
 from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY, solve
 

@@ -16,7 +16,13 @@ from orip.errors import Complaint, ProjectWarning
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.text.parsed import Parsed
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.observations.control import (
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    PreliminaryPoint,
+)
 
 _UNKNOWN = "-"
 _LINE = re.compile(r"\b(on )?line (\d+)\b")

@@ -11,8 +11,8 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import UnknownNameError
-from orip.records.control import PointKind
 from orip.records.names import record_key
+from orip.records.observations.control import PointKind
 
 CovarianceOf = Callable[[str], FloatArray]
 """Gives the covariances (r, r) of a record with itself, by its name with its kind."""

@@ -28,12 +28,12 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
-from orip.records.a_priori_error import PHOTO_ERRORS
-from orip.records.control import Control, PreliminaryPoint
-from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.project import ProjectDefinition
+from orip.records.observations.a_priori_error import PHOTO_ERRORS
+from orip.records.observations.control import Control, PreliminaryPoint
+from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.records.project.definition import ProjectDefinition
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import listed_names
 from orip.workflow.records.apply_text import with_polynomial
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from orip.records.camera import AdditionalSet, DistortionArgument
+from orip.records.project.camera import AdditionalSet, DistortionArgument
 
 
 @dataclass(frozen=True, slots=True)

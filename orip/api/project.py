@@ -14,10 +14,10 @@ from orip.api.given import ControlPoints, PhotoPoints
 from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
 from orip.errors import ProjectWarning
-from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.photo import Photo
-from orip.records.solution import IterationPass
+from orip.records.project.camera import Camera
+from orip.records.project.photo import Photo
+from orip.records.results.solution import IterationPass
 from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY
 from orip.workflow.adjust.gathering import block_input

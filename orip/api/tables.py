@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from orip.api.estimates import AdjustedCameras
 from orip.arrays import FloatArray
 from orip.errors import OripError, UnknownNameError
-from orip.records.camera import CAMERA_UNITS
-from orip.records.observation_kinds import unit_of_observation
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Residuals, Solution
+from orip.records.observations.observation_kinds import unit_of_observation
+from orip.records.project.camera import CAMERA_UNITS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Residuals, Solution
 from orip.wording import counted
 
 if TYPE_CHECKING:

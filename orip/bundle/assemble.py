@@ -8,20 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.starting_points import with_starting_points
+from orip.bundle.station_orientations import with_orientations_of_stations
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.control import Control, ControlElement, PreliminaryPoint
-from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.project import BundleDefinition
-from orip.records.shared_lens import lens_key
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
+from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.records.observations.station import Station
+from orip.records.project.antenna import Antenna
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.project.shared_lens import lens_key
 from orip.units import RADIANS_PER_DEGREE
 
 
@@ -46,6 +50,8 @@ class BlockInput:
         The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
     warnings : tuple of ProjectWarning
         What is known to be doubtful already.
+    antennas : tuple of Antenna
+        All of the project.
     """
 
     definition: BundleDefinition
@@ -57,6 +63,7 @@ class BlockInput:
     ground_unit: str = "m"
     crs: str | None = None
     warnings: tuple[ProjectWarning, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
 
     @property
     def observations(self) -> PhotoObservations:
@@ -94,7 +101,7 @@ def gather(inputs: BlockInput) -> Block:
     block = _block_in_project(keys, inputs)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
-    return photos_in_frame(block)
+    return with_orientations_of_stations(photos_in_frame(block))
 
 
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
@@ -134,12 +141,20 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
-        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, orientation[:, :3]),
+        stations=ground.stations,
+        antennas=inputs.antennas,
+        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
         preliminary=inputs.preliminary,
         ground_unit=inputs.ground_unit,
         defined_cameras=tuple(inputs.records.cameras.values()),
         warnings=inputs.warnings,
     )
+
+
+def _places(orientation: FloatArray, stations: Sequence[Station]) -> FloatArray:
+    """Return where photos were taken (n, 3), in the project."""
+    observed = [station.position for station in stations]
+    return np.vstack([orientation[:, :3], np.array(observed, dtype=np.float64).reshape(-1, 3)])
 
 
 def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
@@ -252,6 +267,7 @@ def _ground_observations(
         tuple(element for element in control.elements if has(element)),
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
+        tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
     )
 
 

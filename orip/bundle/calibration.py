@@ -21,10 +21,10 @@ from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera
-from orip.records.observation_kinds import ADDITIONAL_PARAMETER
-from orip.records.shared_lens import first_of_lens
-from orip.records.solution import Diagnosis
+from orip.records.observations.observation_kinds import ADDITIONAL_PARAMETER
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.project.shared_lens import first_of_lens
+from orip.records.results.solution import Diagnosis
 
 ALPHA = 0.05
 MOST_LOST_DIGITS = 5.0

@@ -20,11 +20,11 @@ from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.observation_kinds import PHOTO_POINT
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.shared_lens import first_of_lens
-from orip.records.solution import Diagnosis
+from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.project.shared_lens import first_of_lens
+from orip.records.results.solution import Diagnosis
 from orip.wording import agreeing, counted, counted_names, first_names, joined
 
 STRONG_CORRELATION = 0.95

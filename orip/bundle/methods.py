@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from orip.adjustment.iteration import IterationRecord
+from orip.adjustment.iteration_state import IterationRecord
 from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
@@ -15,10 +15,10 @@ from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.variance_components.estimation import estimate_errors
-from orip.bundle.verdict import headline, test_of
+from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
-from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
-from orip.records.variance_component import VarianceComponent
+from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.results.variance_component import VarianceComponent
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def adjust_block(
         variance_components=components,
         diagnosis=(*group_diagnosis(groups.contradictions, block.ground_unit), *advice, *diagnose(solved)),
     )
-    _, verdict = headline(solution, 0, test_of(solution))
+    _, verdict = headline(solution, 0, sigma0_test(solution))
     return replace(solution, verdict=verdict), solved
 
 

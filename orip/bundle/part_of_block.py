@@ -10,9 +10,9 @@ import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlElement
 from orip.records.names import record_key
-from orip.records.repeated import photos_per_point
+from orip.records.observations.control import ControlElement
+from orip.records.observations.repeated import photos_per_point
 
 
 def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
@@ -31,6 +31,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
     gone = frozenset(compress(block.point_names, ~points))
     directions = tuple(line for line in block.directions if {line.station, line.target} <= names)
     sets = {line.set for line in directions}
+    shown = {record_key(photo.name) for photo in compress(block.photos, photos)}
     part = replace(
         block,
         definition=replace(
@@ -47,6 +48,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         control_points=tuple(point for point in block.control_points if point.name in names),
         distances=tuple(line for line in block.distances if {line.start, line.end} <= names),
         directions=directions,
+        stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
         theodolites=tuple(station for station in block.theodolites if station.name in sets),
     )
     concerns = _concerns(part)

@@ -10,7 +10,8 @@ import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations
-from orip.adjustment.iteration import Adjustment, IterationRecord, IterationSettings, adjust
+from orip.adjustment.iteration import Adjustment, adjust
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.arrays import FloatArray, IntArray
@@ -20,7 +21,7 @@ from orip.bundle.undetermined_unknowns import with_undetermined_held
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.project import BundleDefinition
+from orip.records.project.definition import BundleDefinition
 
 _LARGE = 2000
 """Number of unknowns from which several threads factor a full reduced system faster than one."""

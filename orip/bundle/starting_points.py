@@ -13,7 +13,7 @@ from orip.geometry.rays import intersect_rays, without_near_points
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
-from orip.records.repeated import photos_per_point
+from orip.records.observations.repeated import photos_per_point
 
 _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 from typing import Literal
 
 from orip.bundle.groups.words import CODE
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]
@@ -45,8 +46,15 @@ class GlobalTest:
     p: float
 
 
-def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
-    """Return the two-sided test of sigma0 = 1; None where nothing is redundant.
+class Untested(Enum):
+    """Why sigma0 cannot be tested."""
+
+    NOTHING_REDUNDANT = "nothing is redundant to test it"
+    ERRORS_ESTIMATED = "1 by definition: the a-priori errors are estimated from the same residuals"
+
+
+def global_test(sigma0: float, redundancy: float) -> GlobalTest | Untested:
+    """Return the two-sided test of sigma0 = 1, or why there is none.
 
     redundancy · sigma0² is chi-square distributed on as many degrees of freedom if the a-priori errors are right.
 
@@ -59,34 +67,27 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | None:
     from scipy.special import gammaincc, gammaincinv
 
     if not (redundancy > 0.0 and math.isfinite(sigma0)):
-        return None
+        return Untested.NOTHING_REDUNDANT
     tail = (1.0 - CONFIDENCE) / 2.0
     lower, upper = (math.sqrt(2.0 * gammaincinv(redundancy / 2.0, part) / redundancy) for part in (tail, 1.0 - tail))
     statistic = redundancy * sigma0**2
     return GlobalTest(redundancy, lower, upper, statistic, float(gammaincc(redundancy / 2.0, statistic / 2.0)))
 
 
-def test_of(solution: Solution) -> GlobalTest | None:
-    """Return the test of a solution's sigma0; None where nothing is redundant or the errors follow from it."""
+def sigma0_test(solution: Solution) -> GlobalTest | Untested:
+    """Return the test of a solution's sigma0, or why there is none."""
     if any(math.isfinite(component.factor) for component in solution.variance_components):
-        return None
+        return Untested.ERRORS_ESTIMATED
     return global_test(solution.sigma0, solution.redundancy_used)
 
 
-def untested(solution: Solution) -> str:
-    """Return why sigma0 cannot be tested where `test_of` returns None."""
-    if solution.variance_components and solution.redundancy > 0:
-        return "1 by definition: the a-priori errors are estimated from the same residuals"
-    return "nothing is redundant to test it"
-
-
-def headline(solution: Solution, failed: int, test: GlobalTest | None) -> tuple[Level, str]:
+def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tuple[Level, str]:
     """Return whether all is well, and what comes first; `failed` gates were not passed."""
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
     contradicting = group_findings(solution)
-    far_above = test is not None and solution.sigma0 > max(test.upper, _FAR_ABOVE)
+    far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
     if solution.singular:
         unfit = f", and {contradicting[0].text}" if contradicting else f", and {_FAR_ABOVE_TEXT}" if far_above else ""
         return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined{unfit}"

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from orip.interior.orientation import OrientationError
-from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.photo import Photo, Template, Temtick
-from orip.records.project import BundleDefinition
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo, Template, Temtick
 from orip.wording import listed_names
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)

@@ -7,10 +7,10 @@ from dataclasses import replace
 from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.fiducial_system import fiducials_from_plate
 from orip.interior.orientation import OrientationError
-from orip.records.camera import Camera, Mark
-from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import record_key
-from orip.records.photo import Temtick
+from orip.records.observations.measurement import FiducialsRecord, TicksRecord
+from orip.records.project.camera import Camera, Mark
+from orip.records.project.photo import Temtick
 
 
 def camera_with_digitised_fiducials(record: FiducialsRecord, definitions: Definitions) -> Camera:

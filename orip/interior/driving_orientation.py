@@ -14,8 +14,13 @@ from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import IDENTITY, MARKS_NEEDED, PlaneTransformation, fit_plane_transformation
 from orip.interior.orientation import given_coordinates_of_photo, given_coordinates_of_template
-from orip.records.camera import Camera, Mark
-from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
+from orip.records.observations.measurement import (
+    MeasuredMarks,
+    PhotoOrientation,
+    TemplateOrientation,
+    TransformationKind,
+)
+from orip.records.project.camera import Camera, Mark
 
 
 class DrivingOrientation(NamedTuple):

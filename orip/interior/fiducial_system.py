@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.plane import PlaneTransformation
-from orip.records.camera import Camera, Mark
-from orip.records.measurement import MeasuredMarks
+from orip.records.observations.measurement import MeasuredMarks
+from orip.records.project.camera import Camera, Mark
 
 _ONE_PLACE = 1e-6
 """Marks on opposite sides are apart by the size of the frame, not by a millionth of it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.errors import Complaint, ProjectWarning
-from orip.records.measurement import TextPlace
+from orip.records.observations.measurement import TextPlace
 
 
 class Findings:

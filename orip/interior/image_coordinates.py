@@ -30,7 +30,7 @@ from orip.interior.distortion import (
     inverse,
 )
 from orip.interior.image_polynomial import ImagePolynomial, deformation_with_partials
-from orip.records.camera import AdditionalSet
+from orip.records.project.camera import AdditionalSet
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 from orip.arrays import FloatArray, Number
 from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 from orip.interior.distortion import Mapped
-from orip.records.camera import AdditionalSet
+from orip.records.project.camera import AdditionalSet
 
 Factors = tuple[tuple[float, ...], ...]
 """Factors (m, m) of x^i y^j."""

@@ -10,9 +10,9 @@ from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
-from orip.records.interior import MarkAdjustment
-from orip.records.measurement import Measured
 from orip.records.names import record_key
+from orip.records.observations.measurement import Measured
+from orip.records.results.interior import MarkAdjustment
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.pixels import scan_transformation
 from orip.records.names import record_key
-from orip.records.photo import Photo
+from orip.records.project.photo import Photo
 
 
 def stored_to_log(

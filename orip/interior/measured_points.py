@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.names import record_key
-from orip.records.photo import Photo
+from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord
+from orip.records.project.photo import Photo
 
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""

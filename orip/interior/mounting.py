@@ -13,14 +13,14 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from orip.records.measurement import (
+from orip.records.names import record_key
+from orip.records.observations.measurement import (
     EditRecord,
     MeasuredMarks,
     PhotoOrientation,
     TemplateOrientation,
     TextPlace,
 )
-from orip.records.names import record_key
 
 STORED = -1
 """Number of the mounting of what the stores hold already: nothing has to be done to its coordinates."""

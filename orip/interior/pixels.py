@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orip.geometry.plane import PlaneTransformation
-from orip.records.camera import Camera, Sensor
-from orip.records.photo import Photo, Scan, Template
+from orip.records.project.camera import Camera, Sensor
+from orip.records.project.photo import Photo, Scan, Template
 
 
 def sensor_transformation(sensor: Sensor) -> PlaneTransformation:

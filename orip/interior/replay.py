@@ -23,8 +23,8 @@ from orip.interior.mounting import STORED, FilmMountings, Mounting
 from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
 from orip.interior.stored_coordinates import StoredCoordinates
-from orip.records.camera import Camera
-from orip.records.measurement import (
+from orip.records.names import record_key
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -37,8 +37,8 @@ from orip.records.measurement import (
     TextPlace,
     TicksRecord,
 )
-from orip.records.names import record_key
-from orip.records.photo import Photo, Template, Temtick
+from orip.records.project.camera import Camera
+from orip.records.project.photo import Photo, Template, Temtick
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
 

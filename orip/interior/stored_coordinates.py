@@ -18,9 +18,9 @@ from orip.interior.measured_points import MeasuredPoints
 from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import OrientationError, orient_photo, orient_template
 from orip.interior.pixels import pixel_size
-from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.names import record_key
-from orip.records.photo import Photo
+from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.project.photo import Photo
 
 
 class StoredCoordinates:

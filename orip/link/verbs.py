@@ -26,7 +26,7 @@ from orip.multimodel import movement, panel, readout
 from orip.multimodel.driving import profile as drive_profile
 from orip.multimodel.state import GUIDES, SIDES, Driven, ProcessorState, Side, Status
 from orip.records.drive_table import STAGES, DriveCode, DriveFault
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 T = TypeVar("T")
 

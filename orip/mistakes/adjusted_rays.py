@@ -13,7 +13,7 @@ from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 _ERRORS = 5.0

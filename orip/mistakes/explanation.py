@@ -32,7 +32,7 @@ from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.readjuster import Readjuster
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _MOST_WARNINGS = 5
 """Most warnings: the first ones matter, and the listings have all observations that do not fit."""

@@ -13,7 +13,7 @@ from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, angles_from_rotation, rotation_from_angles
 from orip.mistakes.length_units import FEET_AND_METRES, control_unit_text
 from orip.records.block import Block
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted_names
 
 _FAR_AWAY, _FAR_TURNED = 0.2, 0.35

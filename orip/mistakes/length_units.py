@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.records.block import Block
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 from orip.units import METRES_PER_FOOT, MILLIMETRES_PER_INCH
 
 LENGTH_UNITS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orip.mistakes.length_units import LENGTH_UNITS
-from orip.records.preliminary import ControlReading
+from orip.records.results.preliminary import ControlReading
 
 _EXCHANGE = "exchange the columns X and Y of the control file"
 _ANY_REFLECTION = "X and Y of the control are exchanged (north, east in place of X = east, Y = north), or"

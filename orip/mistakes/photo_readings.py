@@ -15,7 +15,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
-from orip.records.camera import Sensor
+from orip.records.project.camera import Sensor
 
 _FITS = 6.0
 """Standard errors within which a point fits a resected photo."""

@@ -16,7 +16,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 
 class PhotoPair(NamedTuple):

@@ -15,7 +15,7 @@ from orip.multimodel.readout import object_position
 from orip.multimodel.state import Condition, Outcome, Position, ProcessorState, active_model, driven
 from orip.multimodel.switching import Selected, places_in_model, select_model
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 _NOT_DRIVEN = {
     DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",

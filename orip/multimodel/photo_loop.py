@@ -21,7 +21,7 @@ from orip.geometry.perspective import ideal_coordinates, is_in_front
 from orip.geometry.rotation import rotated, rotated_back
 from orip.multimodel.camera_model import CameraModel
 from orip.records.drive_table import DriveCode, DrivePhoto, StageLimits
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 
 class PlatePlaces(NamedTuple):

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.switching import inside_model
-from orip.records.control import PointKind
 from orip.records.drive_table import Triple
+from orip.records.observations.control import PointKind
 
 _NEAREST = 6
 """Number of points from which a third coordinate is interpolated."""

@@ -13,7 +13,7 @@ from math import dist
 import numpy as np
 
 from orip.records.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits, Triple
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 EMPTY = "-EMPTY"
 """At the end of the name of what is not there."""

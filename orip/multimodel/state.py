@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 from orip.multimodel.model_loop import ModelLoop
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.records.drive_table import STAGES, DriveFault, Triple
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 Guide = Literal["UPPER", "LOWER", "BOTH", "MODEL", "OBJECT"]
 GUIDES: tuple[Guide, ...] = ("UPPER", "LOWER", "BOTH", "MODEL", "OBJECT")

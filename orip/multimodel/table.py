@@ -20,7 +20,6 @@ from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
-from orip.records.camera import Camera
 from orip.records.drive_table import (
     STAGES,
     DriveCamera,
@@ -35,9 +34,10 @@ from orip.records.drive_table import (
 )
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.photo import Photo, Stage
-from orip.records.project import StereoModel
-from orip.records.solution import Solution
+from orip.records.project.camera import Camera
+from orip.records.project.definition import StereoModel
+from orip.records.project.photo import Photo, Stage
+from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 STAGE_TRAVEL_MM = 240.0

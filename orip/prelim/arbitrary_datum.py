@@ -10,7 +10,7 @@ from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.image_rays import ImageRays
-from orip.records.control import ControlDistance
+from orip.records.observations.control import ControlDistance
 from orip.wording import counted
 
 

@@ -36,7 +36,7 @@ from orip.prelim.routes import (
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
-from orip.records.preliminary import PreliminaryValues
+from orip.records.results.preliminary import PreliminaryValues
 
 _STARTING_PAIRS = 5
 """Number of first pairs that are tried, one after the other."""

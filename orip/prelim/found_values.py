@@ -15,7 +15,7 @@ from orip.prelim.refinement.camera_corrections import parameters_with
 from orip.prelim.routes import Route
 from orip.prelim.to_ground import Outcome, lengths_of_residuals
 from orip.prelim.weak_connections import weak_connections
-from orip.records.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
+from orip.records.results.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
 
 
 def found_values(

@@ -25,7 +25,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
 
 _WELL, _BARELY = 8, 4

@@ -10,7 +10,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 
 @dataclass(frozen=True, slots=True)

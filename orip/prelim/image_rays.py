@@ -9,7 +9,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
-from orip.records.repeated import measured_before
+from orip.records.observations.repeated import measured_before
 
 CAMERA_CORRECTIONS = 4
 """Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""

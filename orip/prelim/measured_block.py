@@ -15,7 +15,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.prelim.thinning import thinned
 from orip.records.block import Block
-from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points that suffice to orient a photo, and points that suffice where models are listed point by point."""

@@ -15,8 +15,8 @@ from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row
 from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.names import record_key
-from orip.records.preliminary import NotOriented, RelativeOrientation
-from orip.records.project import StereoModel
+from orip.records.project.definition import StereoModel
+from orip.records.results.preliminary import NotOriented, RelativeOrientation
 
 
 def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:

@@ -18,8 +18,8 @@ from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.refinement.refinement import ROUGH
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
-from orip.records.project import StereoModel
+from orip.records.project.definition import StereoModel
+from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.wording import counted
 
 POINTS_FOR_A_PAIR = 5

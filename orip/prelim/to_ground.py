@@ -16,7 +16,7 @@ from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
-from orip.records.preliminary import ControlReading, NotOriented, SimilarityStep
+from orip.records.results.preliminary import ControlReading, NotOriented, SimilarityStep
 from orip.wording import counted, first_names
 
 _TO_THE_END = 1e-9

@@ -9,11 +9,19 @@ from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
-from orip.records.camera import Camera
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
 from orip.records.ground import PLAIN, GroundSystem
-from orip.records.photo import Photo
-from orip.records.project import BundleDefinition
+from orip.records.observations.control import (
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    PreliminaryPoint,
+)
+from orip.records.observations.station import Station
+from orip.records.project.antenna import Antenna
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +86,11 @@ class Block:
         Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
+    stations : tuple of Station
+        Those of the block's photos, in the project's coordinates.
     theodolites : tuple of TheodoliteSet
+    antennas : tuple of Antenna
+        That of a camera is the first one for all cameras or for it.
     held_additional : set of (camera, parameter)
         Additional parameters that are held at zero.
     ground : GroundSystem
@@ -108,7 +120,9 @@ class Block:
     elements: tuple[ControlElement, ...] = ()
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
+    stations: tuple[Station, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()

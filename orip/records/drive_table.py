@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-from orip.records.camera import AdditionalSet, DistortionArgument
-from orip.records.photo import Stage
+from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.photo import Stage
 
 STAGES: tuple[Stage, Stage] = ("UPPER", "LOWER")
 """The stages in the order of every pair of plate positions."""

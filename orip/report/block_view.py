@@ -10,9 +10,9 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
-from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.project.camera import Camera
+from orip.records.results.solution import Solution
 from orip.report.ellipses import drawn_points
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import measured_reach

@@ -11,9 +11,9 @@ from markupsafe import Markup
 from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
 from orip.interior.fiducial_system import frame_corners
-from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.results.solution import Solution
 from orip.report.drawing import ChartFrame, Curve, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput

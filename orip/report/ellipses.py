@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.report.drawing import drawing, element, number, round_step, shown_tick, text, ticks
 from orip.report.labels import Box, labels
 

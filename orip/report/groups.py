@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from orip.bundle.groups.words import group_name, unit_of_group
-from orip.records.group_test import GroupTest
-from orip.records.solution import Solution
+from orip.records.results.group_test import GroupTest
+from orip.records.results.solution import Solution
 from orip.report.numbers import MISSING, probability, significant
 from orip.report.table import PageColumn, PageTable
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.records.project import BundleDefinition, StereoModel
+from orip.records.project.definition import BundleDefinition, StereoModel
 
 Cell = StereoModel | None
 

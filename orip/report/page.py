@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from orip.bundle.verdict import test_of
-from orip.records.solution import Solution
+from orip.bundle.verdict import GlobalTest, sigma0_test
+from orip.records.results.solution import Solution
 from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table
@@ -20,7 +20,7 @@ from orip.report.ellipses import ellipse_views
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
-from orip.report.precision import photo_table, point_table, spreads, zero_direction_table
+from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
@@ -61,14 +61,14 @@ def _template() -> Template:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
-    test = test_of(solution)
+    test = sigma0_test(solution)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
         "solution": solution,
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
-        "test": test,
+        "test": test if isinstance(test, GlobalTest) else None,
         "verdict": verdict(given, test),
         "gates": gate_table(given),
         "groups": group_table(solution),
@@ -83,6 +83,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "points": point_table(solution),
         "photos": photo_table(solution),
         "zero_directions": zero_direction_table(solution),
+        "antennas": antenna_table(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
         "strong": STRONG,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orip.records.camera import Camera
-from orip.records.gate import GateResult
-from orip.records.photo import Photo
-from orip.records.project import BundleDefinition
-from orip.records.solution import Solution
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Solution
 
 
 @dataclass(frozen=True, slots=True)

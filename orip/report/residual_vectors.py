@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
-from orip.records.solution import Residuals
+from orip.records.results.solution import Residuals
 from orip.report.drawing import drawing, element, number, round_step, text
 from orip.report.numbers import counted, probability
 from orip.report.report_input import ReportInput

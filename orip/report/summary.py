@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from orip.bundle.groups.words import probability_in_words
-from orip.bundle.verdict import Level, group_findings, headline, sigma0_finding, test_of, untested
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.gate import GateResult
-from orip.records.solution import Solution
+from orip.bundle.verdict import Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Solution
 from orip.report.calibration import significance, significance_limit
 from orip.report.numbers import counted, parameter, significant
 from orip.report.precision import Spread, spreads
@@ -121,14 +121,14 @@ def _height(line: SummaryLine) -> int:
 
 
 def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryLine]:
-    test = test_of(solution)
+    test = sigma0_test(solution)
     level, text = headline(solution, sum(not result.passed for result in gates), test)
     status = solution.status.replace("_", " ")
     finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
     if contradicting := group_findings(solution):
         yield SummaryLine("", contradicting[0].remedy)
-    tested = f"{sigma0_finding(solution.sigma0, test)} (chi-square test)" if test else untested(solution)
+    tested = test.value if isinstance(test, Untested) else f"{sigma0_finding(solution.sigma0, test)} (chi-square test)"
     yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
     down = (solution.residuals.weight_factor < 1.0).any()

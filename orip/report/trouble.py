@@ -9,8 +9,8 @@ import numpy as np
 
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray, IntArray
-from orip.records.observation_kinds import OBSERVATION_KINDS, unit_of_observation
-from orip.records.solution import Blunder, Residuals, Solution
+from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
 from orip.report.table import PageColumn, PageTable
 from orip.wording import first_names

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.bundle.results.figures import figure
-from orip.bundle.verdict import GlobalTest, Level, headline, sigma0_finding
-from orip.records.gate import GATE_FIGURES
-from orip.records.solution import Solution
+from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
+from orip.records.results.gate import GATE_FIGURES
+from orip.records.results.solution import Solution
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
@@ -25,7 +25,7 @@ class Verdict:
     sentences: tuple[str, ...]
 
 
-def verdict(given: ReportInput, test: GlobalTest | None) -> Verdict:
+def verdict(given: ReportInput, test: GlobalTest | Untested) -> Verdict:
     """Return what to think of the adjustment, in a few sentences."""
     solution = given.solution
     failed = [result for result in given.gates if not result.passed]
@@ -101,13 +101,13 @@ def _about_status(solution: Solution) -> str:
     )
 
 
-def _about_sigma0(solution: Solution, test: GlobalTest | None) -> str:
-    if test is None:
-        if solution.variance_components and solution.redundancy > 0:
-            return (
-                f"sigma0 is {significant(solution.sigma0)}, which says nothing here: the a-priori errors of the groups "
-                f"below are estimated from the same residuals."
-            )
+def _about_sigma0(solution: Solution, test: GlobalTest | Untested) -> str:
+    if test is Untested.ERRORS_ESTIMATED:
+        return (
+            f"sigma0 is {significant(solution.sigma0)}, which says nothing here: the a-priori errors of the groups "
+            f"below are estimated from the same residuals."
+        )
+    if isinstance(test, Untested):
         return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
     found = f"sigma0 is {significant(solution.sigma0)}, {sigma0_finding(solution.sigma0, test)}."
     if solution.sigma0 < test.lower:

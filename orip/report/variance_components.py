@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.numbers import MISSING, probability, significant
 from orip.report.table import PageColumn, PageTable
 

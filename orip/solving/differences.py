@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from orip.records.figure import Figure, FigureGroup, ResultFigures
+from orip.records.results.figure import Figure, FigureGroup, ResultFigures
 from orip.units import DEGREES_PER_RADIAN
 
 _FULL_CIRCLE = 360.0

@@ -16,8 +16,8 @@ from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.preliminary import PreliminaryValues
-from orip.records.solution import IterationPass, Solution
+from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block

@@ -16,10 +16,10 @@ from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_frame, points_in_project
 from orip.records.block import Block
-from orip.records.camera import Camera
-from orip.records.control import PreliminaryPoint
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.project.camera import Camera
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.preliminary import CameraStart, PhotoStart, PreliminaryValues
 
 _ADVICE = (
     "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"

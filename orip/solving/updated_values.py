@@ -7,11 +7,11 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
-from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.solution import Estimates, Solution
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.results.solution import Estimates, Solution
 
 _ANGLES = slice(PHOTO_PARAMETERS.index("OMEGA"), PHOTO_PARAMETERS.index("KAPPA") + 1)
 

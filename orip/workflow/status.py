@@ -35,7 +35,8 @@ class ProjectStatus:
     ----------
     project : ProjectFolder
     counts : tuple of (str, int)
-        Cameras, templates, photos, bundles defined; photo points measured; names in the singular.
+        Cameras, templates, photos, bundles defined; photo points measured; exposure stations, if there are any; names
+        in the singular.
     steps : tuple of Step
         In the order of the work.
     next_command : str or None
@@ -81,6 +82,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
         ("photo", _count(project, text.photos, stored.photos)),
         ("bundle", len(bundles)),
         ("photo point", sum(len(bundle.observations.points) for bundle in bundles)),
+        *_stations(state),
     )
     following = next((step.command for step in steps if step.state != "up to date"), None)
     warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *beside)
@@ -97,6 +99,12 @@ def _count(project: ProjectFolder, texts: Sequence[NamedRecord], stored: Sequenc
     """Return how many records the project has in text and store; others may keep their cameras in the same store."""
     own = (item.record for item in stored if item.origin in {None, project.definition.name})
     return len({record_key(record.name) for record in (*texts, *own)})
+
+
+def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
+    """Yield the number of exposure stations, of which most projects have none."""
+    if count := len(state.texts.stations.value):
+        yield "exposure station", count
 
 
 def _drive_steps(state: ProjectState) -> Iterator[Step]:

@@ -18,7 +18,8 @@ from adjustment.factorisation.linear_systems import (
 
 from orip.adjustment.acceleration import AcceleratedStep, Acceleration
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.iteration import IterationSettings, adjust
+from orip.adjustment.iteration import adjust
+from orip.adjustment.iteration_state import IterationSettings
 from orip.adjustment.precision import cofactors, variance_of_unit_weight
 
 

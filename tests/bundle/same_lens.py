@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.shared_lens import with_lens_of
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.shared_lens import with_lens_of
 
 SHIFT = np.array([0.31, -0.22])
 """Principal point of the second camera minus that of the first, mm."""

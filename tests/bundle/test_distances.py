@@ -12,7 +12,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.solve import solve_block
 from orip.errors import InputError
-from orip.records.control import ControlDistance
+from orip.records.observations.control import ControlDistance
 
 MADE = aerial_block("distances", 6)
 CODES = {

@@ -11,9 +11,9 @@ from bundle.solving import OFF, directions_from, noisy, redefined, rows, solutio
 from support.synthetic_block import synthetic_block
 
 from orip.errors import InputError
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlElement
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.observations.control import ControlElement
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 MADE = aerial_block("elements", 6)
 

@@ -12,8 +12,8 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle import problem
 from orip.bundle.unknowns import CONSTANT, number_unknowns
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.shared_lens import LENS_PLACES, with_lens_of, with_shared_lenses
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.shared_lens import LENS_PLACES, with_lens_of, with_shared_lenses
 
 UNKNOWN = ("C", "DX", "DY", "A3", "P1")
 PLACES = [CAMERA_PARAMETERS.index(name) for name in UNKNOWN]

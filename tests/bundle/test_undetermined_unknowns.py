@@ -13,7 +13,7 @@ import pytest
 import orip
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 BLOCKS = Path(__file__).parent / "undetermined_blocks"
 

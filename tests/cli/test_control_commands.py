@@ -320,3 +320,30 @@ def test_errors_in_json(project: Path) -> None:
     assert said.code == 3
     assert said.document["errors"][0]["file"] == "FIRST.PNT"
     assert said.document["errors"][0]["line"] == 2
+
+
+def test_stations_are_edited_like_control_points(project: Path) -> None:
+    text = project / "FIRST.STA"
+    done(project, "stations add left X=1070 Y=2075 Z=330 aX=0.02 aY=0.02 aZ=0.03")
+    done(project, "stations add right X=1130 Y=2075 Z=330 aX=0.02 aY=0.02 aZ=0.03 strip=S1")
+    assert text.read_text().splitlines()[1].split()[7:] == ["-"] * 7 + ["S1"]
+    unchanged(project, "stations add LEFT X=1070.0 Y=2075 Z=330 aX=0.02 aY=0.02 aZ=0.03")
+    done(project, "stations edit left time=12.5")
+    done(project, "stations edit RIGHT strip=")
+    done(project, "stations disregard left")
+    assert [line.split() for line in text.read_text().splitlines()] == [
+        ["left", "1070", "2075", "330", "-0.02", "-0.02", "-0.03", *["-"] * 6, "12.5"],
+        ["right", "1130", "2075", "330", "0.02", "0.02", "0.03"],
+    ]
+    done(project, "stations include left")
+    document = done(project, "stations list", "--json").document
+    assert document["file"] == "FIRST.STA"
+    left, right = document["records"]
+    assert (left["photo"], left["aX"], left["OMEGA"], left["time"], left["strip"]) == ("left", 0.02, None, 12.5, None)
+    assert (right["X"], right["line"]) == (1130.0, 2)
+    said = done(project, "stations insert other", "--before", "right", "OMEGA=0", "PHI=0", "KAPPA=0", "aOMEGA=1",
+                "aPHI=1", "aKAPPA=1")  # fmt: skip
+    assert "there is no photo 'other'" in said.err
+    refused(project, "'-' for a part of the position", "stations edit left X=")
+    done(project, "stations kill other left --yes")
+    assert [line.split()[0] for line in text.read_text().splitlines()] == ["right"]

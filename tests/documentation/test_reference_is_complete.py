@@ -19,7 +19,7 @@ from orip.files.log.headers import ACTIONS, BLOCK_KINDS
 from orip.files.project import tables as project_tables
 from orip.files.result.json_text import result_document
 from orip.files.result.residuals_csv import HEADER
-from orip.records.control import DistanceCode
+from orip.records.observations.control import DistanceCode
 
 TABLES = {
     "[project]": project_tables.ProjectTable,

@@ -12,10 +12,10 @@ from orip.bundle.results.reliability import reliability
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.result.residuals_csv import residuals_csv_pieces
-from orip.records.control import PointKind
-from orip.records.interior import MarkAdjustment
-from orip.records.measurement import MeasuredMarks, PhotoObservations
-from orip.records.solution import (
+from orip.records.observations.control import PointKind
+from orip.records.observations.measurement import MeasuredMarks, PhotoObservations
+from orip.records.results.interior import MarkAdjustment
+from orip.records.results.solution import (
     Blunder,
     CheckPoint,
     Correlation,

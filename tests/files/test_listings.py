@@ -32,9 +32,9 @@ from orip.bundle.results.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
 from orip.files.listings.interior import interior_listing
 from orip.files.listings.title import run_of_listing
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.measurement import no_observations
-from orip.records.solution import CheckPoint, Solution
+from orip.records.observations.measurement import no_observations
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results.solution import CheckPoint, Solution
 
 
 def section(text: str, title: str) -> list[str]:

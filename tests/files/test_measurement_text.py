@@ -9,7 +9,7 @@ import pytest
 
 from orip.files.log.text import read_measurements
 from orip.files.text.parsed import Parsed
-from orip.records.measurement import (
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,

@@ -20,8 +20,8 @@ from orip.files.listings.preliminary_steps import (
     similarity_remarks,
 )
 from orip.files.text.table import PAGE_WIDTH
-from orip.records.control import PreliminaryPoint
-from orip.records.preliminary import (
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.results.preliminary import (
     CameraStart,
     ModelCoordinates,
     NotOriented,

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from orip.files.control.preliminary_text import preliminary_text, read_preliminary
-from orip.records.control import PreliminaryPoint
 from orip.records.names import name_fault
+from orip.records.observations.control import PreliminaryPoint
 
 finite = st.floats(-1e30, 1e30)
 deviation = st.floats(0.0, 1e30)

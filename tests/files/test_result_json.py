@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from orip.files.result import json_text as module
 from orip.files.result.json_text import result_document, result_text, run_of_result
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.group_test import GroupTest
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Correlation, InteriorSummary, Solution
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.group_test import GroupTest
+from orip.records.results.solution import Correlation, InteriorSummary, Solution
 
 TOP = [
     *("schema", "run", "project", "user", "bundle", "status", "verdict", "ground_unit"),

@@ -25,6 +25,7 @@ from workflow.small_projects import film_project
 
 from orip.errors import OripError
 from orip.files.control.preliminary_text import parse_preliminary
+from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.drive.processor_state import read_processor_state
 from orip.files.drive.table_text import read_drive_table
@@ -46,6 +47,7 @@ _NUMBERS = b"nan inf -inf 1e999 -1e-999 1,5 0x10 1d400 1e30 +-1 .e1 -0 999999999
 _BYTES = b"\0 \r \n\n \t \xff\xfe \xef\xbb\xbf \x1a \x85 \xe2\x80\xa8 \xed\xa0\x80 # ! = - [ ] { } \" ' \\ \\u0000"
 _WORDS = b"POINTS TEMPLATE PHOTO KILL POINT MAIN left NULL true null [[ ]] ''' \"\"\" x = [[[[[[[[ name"
 TOKENS = tuple(token for tokens in (_NUMBERS, _BYTES, _WORDS) for token in tokens.split(b" "))
+_STATIONS = "left 1 2 3 0.1 0.1 -1\nright - - - - - - 1 2 3 0 1 1\nX 1 2 3 1 1 1 - - - - - - 12.5 S1 0.5 0 -.2 ! all\n"
 _DIRECTIONS = "SET T1 1 AUTO\n  2 H 12.5 0.001\n  3 V 101.5 0.002\n"
 _MOST_EDITS = 4
 _LONGEST = 20_000
@@ -86,6 +88,7 @@ def targets(folder: Path) -> Mapping[str, Target]:
         ".ELE": Target(lambda data: _of_lines(parse_elements, data), (b"PHOTO left KAPPA 1.5 0.1\n",)),
         ".LEN": Target(lambda data: _of_lines(parse_distances, data), (b"1 2 100.0 0.01\n3 4 50 0.02\n",)),
         ".DIR": Target(lambda data: _of_lines(parse_directions, data), (_DIRECTIONS.encode(),)),
+        ".STA": Target(lambda data: _of_lines(parse_stations, data), (_STATIONS.encode(),)),
         ".DRV": Target(read_drive_table, (TABLE,), 1),
         "result.json": Target(_of_file(folder / "fuzzed.json", read_result), (of["result.json"],), 1),
         "state": Target(_of_file(folder / "fuzzed.state", read_processor_state), (json.dumps(state).encode(),)),

@@ -11,9 +11,9 @@ from films import DEFINITIONS, NO_PARAMETERS, POINTS, marks_of, measured, on_pla
 from orip.interior.fiducial_system import frame_corners
 from orip.interior.in_force import interior_orientation
 from orip.interior.log_coordinates import stored_to_log
-from orip.records.camera import Camera, Sensor
 from orip.records.names import near_names
-from orip.records.photo import Scan
+from orip.records.project.camera import Camera, Sensor
+from orip.records.project.photo import Scan
 
 FIRST, AGAIN = placed(0.7, 12.0, 8.0), placed(3.7, 17.0, 8.0)
 SCANNED = replace(

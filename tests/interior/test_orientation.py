@@ -7,8 +7,8 @@ import pytest
 from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
 from orip.interior.orientation import OrientationError, orient_photo, orient_template
-from orip.records.camera import Mark
-from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.project.camera import Mark
 
 CAMERA = DEFINITIONS.cameras["FILM"]
 ALL_TICKS = DEFINITIONS.temticks["TT"].ticks

@@ -26,7 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.interior.replay import Measured, replay
-from orip.records.measurement import (
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     MeasuredMarks,
@@ -36,7 +36,7 @@ from orip.records.measurement import (
     TextPlace,
     TicksRecord,
 )
-from orip.records.photo import Scan
+from orip.records.project.photo import Scan
 
 REMEDY = "measure more marks or include disregarded ones"
 HERE = placed(1.0, 20.0, 30.0)

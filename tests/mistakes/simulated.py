@@ -12,7 +12,7 @@ from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 from orip.solving.starting_values import started_block
 
 

@@ -19,8 +19,8 @@ from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
-from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.records.measurement import MeasuredMarks, PhotoOrientation
+from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 
 # ------------------------------------------------------------------------------------------------------------- cameras
 

@@ -20,7 +20,7 @@ from support.tie_points import TiePoints, measured_points
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
-from orip.records.measurement import PhotoObservations
+from orip.records.observations.measurement import PhotoObservations
 
 _ATTEMPTS = 200
 _RIGHT_RAYS = 3

@@ -17,7 +17,7 @@ from orip.multimodel.movement import change_model, drive_object
 from orip.multimodel.panel import automatic
 from orip.multimodel.readout import object_position
 from orip.multimodel.table import object_ground
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.drive.table import DriveTableOutcome, load_drive_table
 
 

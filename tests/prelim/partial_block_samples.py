@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 NOISE = 1e-5
 """Metres at photo scale: 10 µm in X and Y of a model, three times as much in Z."""

@@ -15,9 +15,9 @@ from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
 from orip.prelim.project_coordinates import orientations_in_project, points_in_project
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import Control
-from orip.records.preliminary import PreliminaryValues
-from orip.records.project import StereoModel
+from orip.records.observations.control import Control
+from orip.records.project.definition import StereoModel
+from orip.records.results.preliminary import PreliminaryValues
 from orip.solving.starting_values import started_block
 
 SCENES: tuple[Scene, ...] = ("strip", "convergent", "terrestrial")

@@ -18,7 +18,7 @@ from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.prelim.similarity.strip_connection import connect_strips
-from orip.records.preliminary import NotOriented, PartialBlock
+from orip.records.results.preliminary import NotOriented, PartialBlock
 
 
 def only(block: PartialBlock, rows) -> PartialBlock:

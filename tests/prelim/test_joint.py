@@ -12,7 +12,7 @@ from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundan
 from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.joint.placing import levelled, place_parts, tilted
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 C = 0.15
 AZIMUTHS = np.radians([3.0, 182.0, -5.0, 95.0])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from orip.prelim.image_rays import ImageRays
 from orip.prelim.photo_index import photo_index
 from orip.prelim.relative.orientation import orient_pair
-from orip.records.preliminary import NotOriented, RelativeOrientation
+from orip.records.results.preliminary import NotOriented, RelativeOrientation
 
 ERROR = 0.005
 

@@ -18,11 +18,11 @@ from plotly.offline import get_plotlyjs
 from report.sample_pages import SAMPLES, Page, sample
 
 from orip.files.text.gate import parse_gate
-from orip.records.camera import Camera
-from orip.records.gate import GateResult
-from orip.records.photo import Photo
-from orip.records.project import BundleDefinition, StereoModel
-from orip.records.solution import Blunder, Estimates, Residuals, Solution
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition, StereoModel
+from orip.records.project.photo import Photo
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Blunder, Estimates, Residuals, Solution
 from orip.report.page import MOST_BYTES, report_page
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import run_of_page

@@ -14,8 +14,8 @@ from scipy import stats
 
 from orip.bundle.groups.words import CODE
 from orip.files.listings.errors import error_listing_lines
-from orip.records.gate import Gate, GateResult
-from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
+from orip.records.results.gate import Gate, GateResult
+from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
 from orip.report.trouble import suspect_rows, suspects, suspicious_w

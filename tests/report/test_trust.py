@@ -10,11 +10,11 @@ from files.hand_built_solutions import awkward
 from scipy.stats import chi2
 
 from orip.bundle.groups.words import CODE
-from orip.bundle.verdict import global_test, sigma0_finding
+from orip.bundle.verdict import GlobalTest, Untested, global_test, sigma0_finding
 from orip.files.text.gate import parse_gate
-from orip.records.gate import GateResult
-from orip.records.project import BundleDefinition
-from orip.records.solution import Blunder, Diagnosis, Solution
+from orip.records.project.definition import BundleDefinition
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Blunder, Diagnosis, Solution
 from orip.report.report_input import ReportInput
 from orip.report.trust import verdict
 
@@ -33,7 +33,7 @@ def headline(solution: Solution, *gates: GateResult) -> tuple[str, str]:
 def test_limits_are_those_of_the_printed_table() -> None:
     # chi-square on 10 degrees of freedom: 3.247 and 20.483 (every textbook's table, three decimals)
     test = global_test(1.2, 10.0)
-    assert test is not None
+    assert isinstance(test, GlobalTest)
     assert 10.0 * test.lower**2 == pytest.approx(3.247, abs=0.0005)
     assert 10.0 * test.upper**2 == pytest.approx(20.483, abs=0.0005)
     assert test.statistic == pytest.approx(14.4)
@@ -42,7 +42,7 @@ def test_limits_are_those_of_the_printed_table() -> None:
 @pytest.mark.parametrize(("sigma0", "redundancy"), [(0.8, 217.0), (1.0059, 355.006), (14.3, 283.0), (0.5, 1.5)])
 def test_it_is_the_chi_square_distribution(sigma0: float, redundancy: float) -> None:
     test = global_test(sigma0, redundancy)
-    assert test is not None
+    assert isinstance(test, GlobalTest)
     # both evaluate the incomplete gamma function, to some 12 digits
     assert test.lower == pytest.approx(math.sqrt(chi2.ppf(0.025, redundancy) / redundancy), rel=1e-10)
     assert test.upper == pytest.approx(math.sqrt(chi2.ppf(0.975, redundancy) / redundancy), rel=1e-10)
@@ -50,9 +50,9 @@ def test_it_is_the_chi_square_distribution(sigma0: float, redundancy: float) -> 
 
 
 def test_nothing_redundant_is_no_test() -> None:
-    assert global_test(float("nan"), 0.0) is None
+    assert global_test(float("nan"), 0.0) is Untested.NOTHING_REDUNDANT
     nothing = replace(QUIET, sigma0=float("nan"), redundancy=0)
-    said = verdict(ReportInput(nothing, (), BundleDefinition("MAIN"), {}, {}), None).sentences
+    said = verdict(ReportInput(nothing, (), BundleDefinition("MAIN"), {}, {}), Untested.NOTHING_REDUNDANT).sentences
     assert "Nothing is redundant" in " ".join(said)
 
 
@@ -84,7 +84,7 @@ def test_sigma0_is_put_in_words() -> None:
 
 def test_a_handful_of_redundancy_is_no_test_of_the_a_priori_errors() -> None:
     test = global_test(1.0, 5.0)
-    assert test is not None
+    assert isinstance(test, GlobalTest)
     said = sigma0_finding(1.0, test)
     assert said.endswith("but redundancy 5 is too little to test the a-priori errors")
 

@@ -11,8 +11,8 @@ from files.hand_built_solutions import awkward, residuals
 
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.listings.errors import error_listing_lines
-from orip.records.observation_kinds import OBSERVATION_KINDS
-from orip.records.solution import Blunder, Solution
+from orip.records.observations.observation_kinds import OBSERVATION_KINDS
+from orip.records.results.solution import Blunder, Solution
 from orip.report.table import PageTable
 from orip.report.trouble import blunder_table, suspect_table, suspects
 

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.camera import Camera
-from orip.records.control import ControlPoint
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.project import BundleDefinition, Precision
+from orip.records.observations.control import ControlPoint
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition, Precision
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 
 Scene = Literal["strip", "convergent", "terrestrial"]
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.records.figure import Figure, FigureGroup, Quantity, ResultFigures
+from orip.records.results.figure import Figure, FigureGroup, Quantity, ResultFigures
 from orip.solving.differences import Tolerance, compare_figures
 
 

@@ -27,8 +27,8 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.groups.ground_rows import ground_design, inverse_of
 from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.solve import SolvedBlock
-from orip.records.group_test import GroupTest
-from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.records.results.group_test import GroupTest
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]
 

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock, threads_that_pay
-from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.observations.observation_kinds import PHOTO_POINT
 
 
 def ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:

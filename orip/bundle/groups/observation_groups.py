@@ -11,9 +11,9 @@ from orip.arrays import BoolArray, IntArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.group_test import GroupKind
-from orip.records.observation_kinds import CONTROL_POINT, DIRECTION, DISTANCE, ELEMENT
+from orip.records.observations.observation_kinds import CONTROL_POINT, DIRECTION, DISTANCE, ELEMENT
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.results.group_test import GroupKind
 
 _KINDS: dict[str, GroupKind] = {
     CONTROL_POINT.name: "control",
@@ -26,7 +26,7 @@ _KINDS: dict[str, GroupKind] = {
 
 @dataclass(frozen=True, slots=True)
 class ObservationGroup:
-    """Observations of one kind and component; see `orip.records.group_test.GroupTest`.
+    """Observations of one kind and component; see `orip.records.results.group_test.GroupTest`.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ from orip.bundle.groups.figures import (
 )
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.solve import SolvedBlock
-from orip.records.group_test import Contradiction, ContradictionKind, GroupTest
+from orip.records.results.group_test import Contradiction, ContradictionKind, GroupTest
 
 FAMILY = 0.03
 """Probability that any group of a block is doubted although all a-priori errors are right."""

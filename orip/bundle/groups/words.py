@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orip.number_text import decimals_of_two_digits
-from orip.records.group_test import Contradiction, GroupTest
-from orip.records.observation_kinds import (
+from orip.records.observations.observation_kinds import (
     ANGULAR_UNKNOWNS,
     CONTROL_POINT,
     DIRECTION,
@@ -15,7 +14,8 @@ from orip.records.observation_kinds import (
     PHOTO_POINT,
     ObservationKind,
 )
-from orip.records.solution import Diagnosis
+from orip.records.results.group_test import Contradiction, GroupTest
+from orip.records.results.solution import Diagnosis
 from orip.wording import joined
 
 CODE = "group"

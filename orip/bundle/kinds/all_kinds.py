@@ -1,6 +1,7 @@
 """The equations of all kinds of observation, as the modules of this folder list them.
 
-Their order, which is that of the rows of the adjustment, is the order of the table in `orip.records.observation_kinds`.
+Their order, which is that of the rows of the adjustment, is the order of the table in
+`orip.records.observations.observation_kinds`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from pkgutil import iter_modules
 
 import orip.bundle.kinds
 from orip.bundle.kinds.observation import KindEquations
-from orip.records.observation_kinds import OBSERVATION_KINDS
+from orip.records.observations.observation_kinds import OBSERVATION_KINDS
 
 
 def _listed_by_modules() -> Iterator[KindEquations]:

@@ -14,7 +14,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.records.block import Block
-from orip.records.observation_kinds import ObservationKind
+from orip.records.observations.observation_kinds import ObservationKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +77,13 @@ class Observations(ABC):
     @abstractmethod
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
+
+    def as_observed(self, residual: FloatArray) -> FloatArray:
+        """Return the residuals (n,) of what was observed from those of the equations; both are in the rows' units.
+
+        They differ where observations with correlated errors have equations that are not.
+        """
+        return residual
 
     def remembered(self, state: BlockState) -> FloatArray | None:
         """Return the shifts that are added to the residuals (n,) in the next iteration; None: there are none.

@@ -17,9 +17,9 @@ from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
-from orip.records.camera import AdditionalSet
-from orip.records.observation_kinds import PHOTO_POINT
-from orip.records.repeated import measured_before, measurement_name
+from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.records.observations.repeated import measured_before, measurement_name
+from orip.records.project.camera import AdditionalSet
 
 _ROTATION, POINT_PARTIALS = slice(14, 17), slice(17, 20)
 

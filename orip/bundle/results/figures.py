@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orip.arrays import FloatArray
-from orip.records.observation_kinds import CONTROL_POINT
-from orip.records.solution import Solution
+from orip.records.observations.observation_kinds import CONTROL_POINT
+from orip.records.results.solution import Solution
 
 
 def figure(solution: Solution, name: str) -> float:
-    """Return a figure of a solution; see `orip.records.gate.GATE_FIGURES` for what the names mean.
+    """Return a figure of a solution; see `orip.records.results.gate.GATE_FIGURES` for what the names mean.
 
     NaN where the solution has no such figure, for instance no check points; infinite where the standard deviations
     concerned include that of an unknown that nothing determines.
@@ -89,7 +89,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "max_standard_residual": lambda solution: _largest(solution.residuals.standard_residual[_taking_part(solution)]),
     "max_abs_w": lambda solution: _largest(np.abs(solution.residuals.w)),
     "min_redundancy_number": _smallest_redundancy_number,
-    "max_correlation": lambda solution: _largest([abs(pair.r) for pair in solution.correlations]),
+    "max_correlation": lambda solution: _largest([abs(pair.r) for pair in solution.correlations if " " not in pair.a]),
     "check_points.count": lambda solution: len(solution.check_points),
     "check_points.rms_xy": lambda solution: _root_mean_square(_check_differences(solution)[:, :2]),
     "check_points.rms_z": lambda solution: _root_mean_square(_check_differences(solution)[:, 2]),

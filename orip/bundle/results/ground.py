@@ -12,7 +12,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 UNDETERMINED = np.inf

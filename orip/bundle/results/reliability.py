@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.adjustment.precision import residual_cofactor
-from orip.records.solution import Reliability, Residuals
+from orip.records.results.solution import Reliability, Residuals
 
 NON_CENTRALITY = 4.132
 """Shift of a normalised residual that a test with error probability 0.001 finds with probability 0.80 (Baarda 1968)."""

@@ -12,8 +12,8 @@ from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
-from orip.records.observation_kinds import (
+from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
+from orip.records.observations.observation_kinds import (
     CONTROL_POINT,
     DIRECTION,
     DISTANCE,
@@ -22,7 +22,7 @@ from orip.records.observation_kinds import (
     PHOTO_POINT,
     unit_of_observation,
 )
-from orip.records.solution import Blunder, Diagnosis
+from orip.records.results.solution import Blunder, Diagnosis
 from orip.wording import first_names
 
 _NAMED = 6

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from orip.adjustment.iteration import IterationRecord, IterationSettings
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
 from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
 from orip.adjustment.sparse_rows import SparseRows
@@ -29,7 +29,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.solution import Blunder
+from orip.records.results.solution import Blunder
 
 FAMILY_ALPHA = 0.05
 """Error probability of all tests of a block together, where that of one test is not given."""

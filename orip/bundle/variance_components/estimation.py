@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammainc, gammaincc
 
-from orip.adjustment.iteration import IterationRecord, IterationSettings
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.problem import pose_problem
 from orip.bundle.solve import SolvedBlock, solve_problem
@@ -20,7 +20,7 @@ from orip.bundle.variance_components.variance_groups import (
     variance_groups,
     with_errors_times,
 )
-from orip.records.variance_component import VarianceComponent
+from orip.records.results.variance_component import VarianceComponent
 
 _MOST_ADJUSTMENTS = 20
 _SETTLED, _SETTLED_TO_DEVIATION = 1e-3, 0.02
@@ -72,21 +72,43 @@ def estimate_errors(
     """
     groups = tuple(part.group for part in variance_groups(solved))
     task = _Estimation(groups, solved, settings, on_iteration, stop_asked)
-    estimated, found = np.ones(len(groups), dtype=bool), _Adjusted(solved, np.ones(len(groups)))
+    estimated, found = np.ones(len(groups), dtype=bool), task.with_equations(solved, np.ones(len(groups)))
     while True:
         found = task.settled(found, estimated)
-        known = estimated & task.equations(found.solved).estimable(_LEAST_REDUNDANCY)
+        known = estimated & found.equations.estimable(_LEAST_REDUNDANCY)
         if (known == estimated).all() or stop_asked():
-            return EstimatedErrors(found.solved, task.components(found, known))
+            return EstimatedErrors(found.solved, found.components(known))
         estimated = known
         found = task.adjusted(found.solved, np.where(known, found.variances, 1.0))
 
 
 class _Adjusted(NamedTuple):
-    """The block as adjusted with errors whose squares have been multiplied by the variances (g,)."""
+    """The block as adjusted with errors whose squares have been multiplied by the variances (g,).
+
+    A group of which no observation has full weight has no rows.
+    """
 
     solved: SolvedBlock
     variances: FloatArray
+    groups: tuple[GroupRows, ...]
+    equations: VarianceEquations
+
+    def components(self, estimated: BoolArray) -> tuple[VarianceComponent, ...]:
+        """Return what became of each group."""
+        cofactors = self.equations.cofactors(estimated)
+        factors = np.where(estimated, np.sqrt(self.variances), np.nan)
+        deviations = factors * np.sqrt(cofactors / 2.0)
+        return tuple(
+            VarianceComponent(
+                *part.group,
+                number=len(part.rows),
+                redundancy=float(self.equations.redundancy[place]),
+                factor=float(factors[place]),
+                sd=float(deviations[place]),
+                p=_probability(float(self.variances[place]), 1.0 / float(cofactors[place])),
+            )
+            for place, part in enumerate(self.groups)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +122,7 @@ class _Estimation:
     def settled(self, found: _Adjusted, estimated: BoolArray) -> _Adjusted:
         """Return the block as adjusted with errors that do not change any more."""
         for _ in range(_MOST_ADJUSTMENTS):
-            equations = self.equations(found.solved)
+            equations = found.equations
             now = estimated & equations.estimable(_LEAST_TO_BEGIN)
             if not now.any() or not found.solved.converged or self.stop_asked():
                 break
@@ -117,39 +139,17 @@ class _Estimation:
         block = self.given.block
         factors = dict(zip(self.groups, np.sqrt(variances).tolist(), strict=True))
         problem = replace(pose_problem(with_errors_times(block, factors)), excluded=self.given.problem.excluded)
-        return _Adjusted(
-            solve_problem(problem, start.state, self.settings, self.on_iteration, self.stop_asked), variances
-        )
+        solved = solve_problem(problem, start.state, self.settings, self.on_iteration, self.stop_asked)
+        return self.with_equations(solved, variances)
 
-    def equations(self, solved: SolvedBlock) -> VarianceEquations:
-        """Return the equations of all groups; a group of which no observation has full weight is empty."""
-        reduced = self.settings.start_down_weight is not None
-        limit = self.settings.max_standard_residual if reduced else np.inf
-        return variance_equations(solved, self.rows(solved), limit)
-
-    def rows(self, solved: SolvedBlock) -> tuple[GroupRows, ...]:
-        """Return all groups with their observations of full weight."""
+    def with_equations(self, solved: SolvedBlock, variances: FloatArray) -> _Adjusted:
+        """Return an adjusted block with the equations of all groups."""
         now = {part.group: part for part in variance_groups(solved)}
         nothing = np.zeros(0, dtype=np.int64)
-        return tuple(now.get(group, GroupRows(group, nothing)) for group in self.groups)
-
-    def components(self, found: _Adjusted, estimated: BoolArray) -> tuple[VarianceComponent, ...]:
-        """Return what became of each group."""
-        equations = self.equations(found.solved)
-        cofactors = equations.cofactors(estimated)
-        factors = np.where(estimated, np.sqrt(found.variances), np.nan)
-        deviations = factors * np.sqrt(cofactors / 2.0)
-        return tuple(
-            VarianceComponent(
-                *part.group,
-                number=len(part.rows),
-                redundancy=float(equations.redundancy[place]),
-                factor=float(factors[place]),
-                sd=float(deviations[place]),
-                p=_probability(float(found.variances[place]), 1.0 / float(cofactors[place])),
-            )
-            for place, part in enumerate(self.rows(found.solved))
-        )
+        groups = tuple(now.get(group, GroupRows(group, nothing)) for group in self.groups)
+        reduced = self.settings.start_down_weight is not None
+        limit = self.settings.max_standard_residual if reduced else np.inf
+        return _Adjusted(solved, variances, groups, variance_equations(solved, groups, limit))
 
 
 def _probability(variance: float, freedom: float) -> float:

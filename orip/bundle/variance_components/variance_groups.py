@@ -12,16 +12,16 @@ from orip.arrays import IntArray
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
-from orip.records.control import ControlElement, ControlPoint
-from orip.records.observation_kinds import ANGULAR_UNKNOWNS
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.variance_component import VarianceGroupKind
+from orip.records.observations.control import ControlElement, ControlPoint
+from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.variance_component import VarianceGroupKind
 
 _POSITION, _ROTATION = " ".join(PHOTO_PARAMETERS[:3]), " ".join(PHOTO_PARAMETERS[3:])
 
 
 class VarianceGroup(NamedTuple):
-    """Observations whose a-priori errors have one factor; see `orip.records.variance_component.VarianceComponent`."""
+    """Observations whose a-priori errors have one factor, a `VarianceComponent` of the results."""
 
     kind: VarianceGroupKind
     of: str = ""

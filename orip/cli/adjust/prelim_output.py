@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import NotSolvableError
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted, first_names
 
 if TYPE_CHECKING:
-    from orip.records.preliminary import (
+    from orip.records.results.preliminary import (
         ModelCoordinates,
         NotOriented,
         PartialBlock,

@@ -11,7 +11,7 @@ import numpy as np
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
-    from orip.records.interior import MarkAdjustment
+    from orip.records.results.interior import MarkAdjustment
     from orip.workflow.digitise.ground import GroundDigitised
     from orip.workflow.digitise.setup import Digitised
 

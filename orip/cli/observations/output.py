@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
-    from orip.records.listed_observation import ListedObservation, PointToMeasure, StereoPartner
+    from orip.records.results.listed_observation import ListedObservation, PointToMeasure, StereoPartner
     from orip.workflow.observations.edits import AddedEdits
     from orip.workflow.observations.listed import ObservationList
     from orip.workflow.observations.rays import LeftAlone

@@ -1,1 +1,1 @@
-"""Ground control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR and .PRE, read and edited by lines."""
+"""Control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR, .STA and .PRE, read and edited by lines."""

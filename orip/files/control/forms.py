@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from orip.files.control.preliminary_text import parse_preliminary
+from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextLine, split_line
@@ -14,7 +15,7 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable, shown_token
 from orip.records.names import record_key
 
-ControlKind = Literal["points", "elements", "distances", "directions", "preliminary"]
+ControlKind = Literal["points", "elements", "distances", "directions", "stations", "preliminary"]
 Fields = list[str | None]
 """Fields of a line in the order of the keys; None: missing."""
 
@@ -41,8 +42,10 @@ class ControlForm:
         Keys of fields that are words: case does not count.
     errors : tuple of str
         Keys of a-priori errors.
-    optional : tuple of str
-        The last keys, which may be missing together.
+    texts : tuple of str
+        Keys of fields after the identity that are no numbers.
+    optional : tuple of tuples of str
+        Groups of the last keys; any number of groups may be missing from the end.
     dashes : tuple of str
         Keys of fields that are ``-`` where nothing is known.
     rejects : bool
@@ -56,7 +59,8 @@ class ControlForm:
     parse: Callable[[Parsed[list[str]], str], Parsed[tuple[Any, ...]]]
     words: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    optional: tuple[tuple[str, ...], ...] = ()
     dashes: tuple[str, ...] = ()
     rejects: bool = False
 
@@ -68,7 +72,8 @@ class ControlForm:
     def identity_of(self, fields: Sequence[str | None]) -> tuple[str, ...]:
         """Return what tells a record from others, in the form in which it is compared."""
         texts = [text or "" for text in fields[: self.identity]]
-        if self.singular == "element" and texts[1:2] and texts[1].upper() in {"CAMERA", "PHOTO"}:
+        is_record = self.singular == "element" and texts[1:2] and texts[1].upper() in {"CAMERA", "PHOTO"}
+        if is_record or self.singular == "station":
             texts[0] = record_key(texts[0])
         return tuple(text.upper() if key in self.words else text for key, text in zip(self.keys, texts, strict=False))
 
@@ -115,7 +120,18 @@ FORMS: dict[ControlKind, ControlForm] = {
         3,
         parse_directions,
         errors=("a", "azenith"),
-        optional=("zenith", "azenith"),
+        optional=(("zenith", "azenith"),),
+    ),
+    "stations": ControlForm(
+        "station",
+        "STA",
+        STATION_KEYS,
+        1,
+        parse_stations,
+        errors=("aX", "aY", "aZ", "aOMEGA", "aPHI", "aKAPPA"),
+        dashes=STATION_KEYS[1:],
+        texts=("strip",),
+        optional=OPTIONAL_KEYS,
     ),
     "preliminary": ControlForm(
         "preliminary point",
@@ -123,7 +139,7 @@ FORMS: dict[ControlKind, ControlForm] = {
         ("name", "X", "Y", "Z", "sX", "sY", "sZ"),
         1,
         parse_preliminary,
-        optional=("sX", "sY", "sZ"),
+        optional=(("sX", "sY", "sZ"),),
     ),
 }
 
@@ -160,18 +176,29 @@ def _same_number(old: str | None, new: str) -> str:
 
 
 def _completed(form: ControlForm, fields: Fields, faults: list[str]) -> Fields:
-    """Return fields with ``-`` for what is not known; say what is missing."""
-    found = [
-        UNKNOWN if text is None and key in form.dashes else text for key, text in zip(form.keys, fields, strict=True)
+    """Return fields with ``-`` for what is not known, without the last ones that say nothing; say what is missing."""
+    given = [
+        None if text == UNKNOWN and key in form.dashes else text for key, text in zip(form.keys, fields, strict=True)
     ]
-    missing = [key for key, text in zip(form.keys, found, strict=True) if text is None]
-    without_optional = missing == list(form.optional)
-    if missing and not without_optional:
-        if set(missing) < set(form.optional):
-            faults.append(f"{' '.join(missing)} missing; give {', '.join(form.optional)} together or none of them")
-        else:
-            needed = [key for key in missing if key not in form.optional]
-            faults.append(
-                f"{form.singular}: missing {', '.join(needed)}; give {' '.join(f'{key}=...' for key in needed)}"
-            )
-    return found
+    keys = _needed(form, given)
+    found: Fields = [
+        UNKNOWN if text is None and key in form.dashes else text for key, text in zip(keys, given, strict=False)
+    ]
+    missing = [key for key, text in zip(keys, found, strict=True) if text is None]
+    group = next((group for group in form.optional if set(missing) <= set(group)), ())
+    if missing and group:
+        faults.append(f"{' '.join(missing)} missing; give {', '.join(group)} together or none of them")
+    elif missing:
+        needed = [key for key in missing if not any(key in group for group in form.optional)]
+        faults.append(f"{form.singular}: missing {', '.join(needed)}; give {' '.join(f'{key}=...' for key in needed)}")
+    return [*found, *[None] * (len(form.keys) - len(found))]
+
+
+def _needed(form: ControlForm, given: Fields) -> tuple[str, ...]:
+    """Return the keys without the last groups of which nothing is given."""
+    count = len(form.keys)
+    for group in reversed(form.optional):
+        if any(text is not None for text in given[count - len(group) : count]):
+            break
+        count -= len(group)
+    return form.keys[:count]

@@ -10,8 +10,8 @@ from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
-from orip.records.control import PreliminaryPoint
 from orip.records.names import name_fault
+from orip.records.observations.control import PreliminaryPoint
 
 
 def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:

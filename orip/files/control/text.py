@@ -1,25 +1,26 @@
-"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR)."""
+"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR); all of a project."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar, get_args
+from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
+from orip.files.control.stations_text import read_stations
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
-from orip.records.a_priori_error import (
+from orip.records.names import look_alikes, record_key
+from orip.records.observations.a_priori_error import (
     ANGLE_ERRORS,
     COEFFICIENT_ERRORS,
     GROUND_ERRORS,
     PHOTO_ERRORS,
     ErrorLimits,
 )
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import (
+from orip.records.observations.control import (
     Control,
     ControlDirection,
     ControlDistance,
@@ -28,8 +29,8 @@ from orip.records.control import (
     DistanceCode,
     ElementGroup,
 )
-from orip.records.names import look_alikes, record_key
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
     "CAMERA": CAMERA_PARAMETERS,
@@ -38,6 +39,9 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
     "THEODOLITE": ("R",),
 }
 """Unknowns that a control element may observe, by group."""
+
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA")
+"""Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
 _CODES: tuple[DistanceCode, ...] = get_args(DistanceCode)
@@ -263,7 +267,7 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
 
 
 def read_control(folder: Path, base: str) -> Parsed[Control]:
-    """Read the four control files of a project; those that are absent are empty.
+    """Read the control files of a project; those that are absent are empty.
 
     Parameters
     ----------
@@ -272,13 +276,15 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     base : str
         File name without extension, the project's `control_files`.
     """
-    names = {extension: f"{base}.{extension}" for extension in ("PNT", "ELE", "LEN", "DIR")}
+    names = {extension: f"{base}.{extension}" for extension in CONTROL_EXTENSIONS}
     points = read_points(folder / names["PNT"], names["PNT"])
     elements = read_elements(folder / names["ELE"], names["ELE"])
     distances = read_distances(folder / names["LEN"], names["LEN"])
     directions = read_directions(folder / names["DIR"], names["DIR"])
+    stations = read_stations(folder / names["STA"], names["STA"])
+    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
     return Parsed(
-        Control(points.value, elements.value, distances.value, directions.value),
-        (*points.complaints, *elements.complaints, *distances.complaints, *directions.complaints),
+        Control(points.value, elements.value, distances.value, directions.value, stations.value),
+        tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )

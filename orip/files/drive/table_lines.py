@@ -9,7 +9,6 @@ from typing import TypeVar
 from urllib.parse import quote, unquote
 
 from orip.files.text.shown import printable, shown_token
-from orip.records.camera import AdditionalSet, DistortionArgument
 from orip.records.drive_table import (
     STAGES,
     DriveCamera,
@@ -24,7 +23,8 @@ from orip.records.drive_table import (
     PlateUnit,
     StageLimits,
 )
-from orip.records.photo import Stage
+from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.photo import Stage
 
 Word = TypeVar("Word", bound=str)
 Record = TypeVar("Record")

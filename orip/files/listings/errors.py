@@ -10,8 +10,8 @@ from orip.files.listings.bundle_residuals import LEGEND, component_columns
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import INDENT, Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, measure
-from orip.records.observation_kinds import unit_of_observation
-from orip.records.solution import Solution
+from orip.records.observations.observation_kinds import unit_of_observation
+from orip.records.results.solution import Solution
 
 TITLE = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
 

@@ -9,8 +9,8 @@ import numpy as np
 from orip.files.listings.title import title_block
 from orip.files.text.table import INDENT, Column, paragraph, section, table_lines
 from orip.number_text import fixed
-from orip.records.interior import MarkAdjustment
-from orip.records.measurement import TransformationKind
+from orip.records.observations.measurement import TransformationKind
+from orip.records.results.interior import MarkAdjustment
 
 TITLE = "INTERIOR ORIENTATION: RESULTS"
 

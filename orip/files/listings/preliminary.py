@@ -21,10 +21,10 @@ from orip.files.listings.preliminary_steps import (
 from orip.files.listings.title import title_block
 from orip.files.text.table import INDENT, PAGE_WIDTH, Column, one_line, paragraph, section, table_lines
 from orip.number_text import decimals_for, fixed
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import PreliminaryPoint
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.preliminary import CameraStart, PreliminaryValues, SimilarityStep
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.preliminary import CameraStart, PreliminaryValues, SimilarityStep
 
 TITLE = "PRELIMINARY VALUES"
 

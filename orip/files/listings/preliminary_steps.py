@@ -13,7 +13,7 @@ import numpy as np
 
 from orip.files.text.table import INDENT, Column, paragraph, table_lines
 from orip.number_text import decimals_for, fixed, one_fixed
-from orip.records.preliminary import (
+from orip.records.results.preliminary import (
     ModelCoordinates,
     NotOriented,
     PartialBlock,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
-from orip.records.solution import Solution, Status
+from orip.records.results.solution import Solution, Status
 from orip.version import __version__
 
 RUN_LABEL = "Run id"

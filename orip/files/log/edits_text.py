@@ -9,7 +9,7 @@ from pathlib import Path
 
 from orip.errors import InputError
 from orip.files.text.lines import read_bytes
-from orip.records.measurement import EditRecord
+from orip.records.observations.measurement import EditRecord
 
 HEADING = "! Edits and repeated measurements; replayed after all other measurement files."
 

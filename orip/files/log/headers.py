@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.files.log.blocks import BlockKind, MeasurementBlock
 from orip.files.text.field_reader import FieldReader
-from orip.records.measurement import (
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -20,7 +20,7 @@ from orip.records.measurement import (
     TicksRecord,
     TransformationKind,
 )
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 
 Action = Literal["DISREGARD", "INCLUDE", "KILL", "RENAME"]
 Edited = Literal["POINT", "MARK", "TICK"]

@@ -22,8 +22,8 @@ from orip.files.text.lines import read_lines, split_line
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.progress import stage
-from orip.records.measurement import LogRecord
 from orip.records.names import RESERVED_NAMES
+from orip.records.observations.measurement import LogRecord
 
 _NOT_PLAIN_NAMES = KEYWORDS | RESERVED_NAMES
 _COMMENT_STARTS = "!#"

@@ -14,8 +14,8 @@ from typing import Literal, Protocol
 from orip.errors import InputError
 from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
 from orip.files.text.lines import read_bytes
-from orip.records.measurement import TransformationKind
-from orip.records.photo import Stage
+from orip.records.observations.measurement import TransformationKind
+from orip.records.project.photo import Stage
 
 
 class Log(Protocol):

@@ -10,10 +10,10 @@ from orip.files.project.source import Located, NamePlace, ProjectSource
 from orip.files.project.toml_faults import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.names import name_fault, record_key
-from orip.records.photo import Photo, Template
-from orip.records.project import StereoModel
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.definition import StereoModel
+from orip.records.project.photo import Photo, Template
 
 LineOf = Callable[[KeyPath], int]
 _Item = TypeVar("_Item")

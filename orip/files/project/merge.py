@@ -15,7 +15,7 @@ from orip.files.project.toml_lines import KeyPath, TomlLines
 from orip.files.project.toml_text import toml_assignment
 from orip.files.text.lines import split_line
 from orip.records.names import record_key
-from orip.records.project import ProjectDefinition
+from orip.records.project.definition import ProjectDefinition
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from dataclasses import is_dataclass
 from typing import Any, TypeAlias, TypeVar, cast, get_args
 
 from orip.files.project.tables import CheckedTable
-from orip.records.fields import Part, RecordField, fields_by_key, fields_of
-from orip.records.project import Precision
+from orip.records.project.definition import Precision
+from orip.records.project.fields import Part, RecordField, fields_by_key, fields_of
 
 TomlTable: TypeAlias = dict[str, Any]
 """A table as the TOML reader gives it; keys without a value are missing."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable
 from orip.records.names import record_key
-from orip.records.photo import Template
-from orip.records.project import BundleDefinition, ProjectDefinition, StereoModel
-from orip.records.shared_lens import with_shared_lenses
+from orip.records.project.definition import BundleDefinition, ProjectDefinition, StereoModel
+from orip.records.project.photo import Template
+from orip.records.project.shared_lens import with_shared_lenses
 
 
 def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectDefinition:
@@ -41,6 +41,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
         gates=tuple(source.check.gates),
+        antennas=tuple(antenna.record for antenna in source.antennas),
     )
 
 

@@ -15,14 +15,14 @@ from pydantic import BaseModel, ConfigDict, PlainValidator, create_model
 from pydantic import Field as Limits
 
 from orip.files.text.decimal_numbers import parse_photo_error
-from orip.records.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
-from orip.records.fields import Field, Part, RecordField, fields_by_key, without_none
-from orip.records.project import RECORD_TYPES, Precision
+from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
+from orip.records.project.definition import RECORD_TYPES, Precision
+from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
 
 ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
 FilledText: TypeAlias = Annotated[str, Limits(min_length=1)]
 
-SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "bundle")
+SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "antenna", "bundle")
 """Tables of orip.toml; all but the first two may come several times."""
 
 

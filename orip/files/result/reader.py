@@ -11,8 +11,8 @@ from orip.errors import InputError
 from orip.files.result.json_text import SCHEMA, SINGULAR
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.shown import printable, shown_token
-from orip.records.figure import Figure, FigureGroup, Quantity, ResultFigures
 from orip.records.names import record_key
+from orip.records.results.figure import Figure, FigureGroup, Quantity, ResultFigures
 
 _STATISTICS = ("sigma0", "sigma0_all", "redundancy", "redundancy_used", "observations", "unknowns")
 _COUNTS = ("down_weighted", "singular", "blunders")

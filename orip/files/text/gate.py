@@ -7,7 +7,7 @@ import re
 from typing import cast
 
 from orip.files.text.shown import shown_token
-from orip.records.gate import OPERATORS, Gate, GateOperator
+from orip.records.results.gate import OPERATORS, Gate, GateOperator
 
 _OPERATOR = "|".join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
 _GATE = re.compile(

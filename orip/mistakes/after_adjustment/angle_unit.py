@@ -8,7 +8,7 @@ from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 
 ANGLE_UNITS = {DEGREES_PER_GON: "gon", DEGREES_PER_RADIAN: "radians"}

@@ -12,7 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _DOUBTED = 5.0
 """Standard deviations from which check points contradict the adjustment together."""

@@ -16,8 +16,8 @@ from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
 from orip.records.block import Block
-from orip.records.control import ControlPoint
-from orip.records.solution import Solution
+from orip.records.observations.control import ControlPoint
+from orip.records.results.solution import Solution
 
 _ERRORS = 4.0
 """Standard errors within which two coordinates are the same."""

@@ -12,8 +12,8 @@ from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.length_units import LENGTH_UNITS
 from orip.records.block import Block
-from orip.records.control import ControlDistance
-from orip.records.solution import Solution
+from orip.records.observations.control import ControlDistance
+from orip.records.results.solution import Solution
 
 _LENGTH_ALIKE = 0.01
 """Relative difference within which a factor is recognised: wrong distances may have changed the scale of the block."""

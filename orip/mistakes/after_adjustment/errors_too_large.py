@@ -13,7 +13,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _TOO_GOOD = 0.2
 """Standard error of unit weight below which caution is not the cause: nobody assumes errors five times too large."""

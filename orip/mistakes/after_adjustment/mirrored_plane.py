@@ -10,7 +10,7 @@ import numpy as np
 
 from orip.errors import ProjectWarning
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _FLAT = 0.01
 """Largest ratio of the extent across a plane to the smaller one within it."""

@@ -16,7 +16,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.doubted_observations import doubted_photo_points
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
 _MOST = 0.05

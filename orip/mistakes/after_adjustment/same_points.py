@@ -10,7 +10,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _TOGETHER = 4.0
 """Standard deviations of their difference within which two points are in one place."""

@@ -12,8 +12,8 @@ from orip.mistakes.before_adjustment.names import name_warnings
 from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
-from orip.records.control import Control
-from orip.records.measurement import Measured
+from orip.records.observations.control import Control
+from orip.records.observations.measurement import Measured
 
 
 def measurement_warnings(

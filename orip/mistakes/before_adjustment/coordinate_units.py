@@ -12,9 +12,9 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.records.camera import Camera
-from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
+from orip.records.observations.measurement import PhotoObservations
+from orip.records.project.camera import Camera
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
 """Names of units by their number in a millimetre."""

@@ -9,7 +9,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.interior.fiducial_system import frame_corners
 from orip.mistakes.length_units import millimetres_per_unit
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 
 _LONGEST = 20.0
 """Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""

@@ -16,7 +16,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS
-from orip.records.interior import MarkAdjustment
+from orip.records.results.interior import MarkAdjustment
 from orip.wording import counted_names
 
 _UNLIKELY = 1e-6

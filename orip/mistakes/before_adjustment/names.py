@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 
 from orip.errors import ProjectWarning
 from orip.records.block import Block
-from orip.records.control import Control, ControlElement, PreliminaryPoint
-from orip.records.names import look_alikes
+from orip.records.names import look_alikes, near_names, record_key
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.wording import agreeing, joined
 
 MOST_WARNINGS = 50
@@ -52,6 +52,12 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for element in control.elements
         if element not in block.elements
     ]
+    photos = {record_key(photo.name): photo.name for photo in block.photos}
+    unused += [
+        ("control", f"exposure station {station.photo}", _unknown_photo(station.photo, photos.values()))
+        for station in control.stations
+        if record_key(station.photo) not in photos
+    ]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused]
     similar = []
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
@@ -78,6 +84,10 @@ def _unplaced(points: Container[str], *names: str) -> str:
     which = joined(missing) or "one of its points"
     verb = agreeing(len(missing) or 1, "is", "are")
     return f"is not used: {which} {verb} neither measured nor given coordinates; correct the name, or measure it"
+
+
+def _unknown_photo(name: str, photos: Iterable[str]) -> str:
+    return f"is not used: the bundle has no photo {name}; {near_names(name, photos)}"
 
 
 def _unknown(element: ControlElement) -> str:

@@ -15,10 +15,10 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.records.camera import Camera
-from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import Photo
+from orip.records.observations.measurement import PhotoObservations
+from orip.records.project.camera import Camera
+from orip.records.project.photo import Photo
 from orip.wording import counted_names
 
 _BEYOND_MARKS = 0.25

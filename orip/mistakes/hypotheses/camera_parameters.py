@@ -13,7 +13,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, None)

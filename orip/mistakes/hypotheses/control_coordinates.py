@@ -14,8 +14,8 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay
 from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
 from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
-from orip.records.control import ControlPoint
 from orip.records.ground import PlainGround
+from orip.records.observations.control import ControlPoint
 
 _EXCHANGED = np.eye(3)[[1, 0, 2]]
 _AXES, _UNIT = "control-axes", "control-unit"

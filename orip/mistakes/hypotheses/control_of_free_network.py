@@ -26,7 +26,7 @@ from orip.prelim.ground_control import known_centres, known_points
 from orip.prelim.similarity.control_reading import other_reading
 from orip.records.block import Block
 from orip.records.ground import PlainGround
-from orip.records.preliminary import ControlReading, PartialBlock
+from orip.records.results.preliminary import ControlReading, PartialBlock
 
 _FEWEST = 4
 """Least number of control points among which a wrong one shows."""
@@ -89,6 +89,7 @@ def _free(block: Block) -> Block:
         elements=tuple(element for element in block.elements if element.group == "CAMERA"),
         distances=(),
         directions=(),
+        stations=(),
         theodolites=(),
         constant_elements=(),
         preliminary=(),

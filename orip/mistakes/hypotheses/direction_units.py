@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
-from orip.records.control import ControlDirection
+from orip.records.observations.control import ControlDirection
 from orip.units import DEGREES_PER_GON
 
 

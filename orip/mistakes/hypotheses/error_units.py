@@ -10,7 +10,7 @@ import numpy as np
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
-from orip.records.control import ControlPoint
+from orip.records.observations.control import ControlPoint
 
 _MILLI = 1e-3
 

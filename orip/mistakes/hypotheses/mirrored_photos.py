@@ -8,7 +8,7 @@ from dataclasses import replace
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.mistakes.photo_readings import exchanged_axes
 from orip.records.block import Block
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 
 _X, _Y = 0, 1
 

@@ -28,7 +28,7 @@ from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
 from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2

@@ -8,7 +8,7 @@ from dataclasses import replace
 from orip.bundle.part_of_block import without_unused_cameras
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 
 
 def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:

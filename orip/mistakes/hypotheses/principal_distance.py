@@ -21,7 +21,7 @@ from orip.mistakes.hypotheses.camera_parameters import with_camera, with_unknown
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.length_units import millimetres_per_unit
 from orip.records.block import Block
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 
 _NEAR_AXIS = 0.02
 """Tangent of the angle from the camera's axis below which a point says nothing about the principal distance."""

@@ -13,7 +13,7 @@ from orip.prelim.growing_block import GrowingBlock, growing_block_of
 from orip.prelim.joint.placing import place_parts
 from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.similarity.partial_blocks import assembled
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 _NARROWER = 10.0
 """Ratio of the limits for blunders from one adjustment to the next."""

@@ -17,7 +17,7 @@ from orip.prelim.joint.placing import levelled
 from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
-from orip.records.preliminary import PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import PartialBlock, RelativeOrientation
 
 _POINTS = 3
 """Points that a part needs."""

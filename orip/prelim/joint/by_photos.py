@@ -19,7 +19,7 @@ from orip.prelim.joint.placing import levelled, tilted
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
 from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.routes import Route
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 _TILTS = (0.1, 0.3)
 """Standard deviations of the slopes of photos that are tried, in turns."""

@@ -17,7 +17,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.partial_blocks import transformed
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 _AGREEING = 0.5
 """Length of the mean of the photos' axes below which they do not say where up is."""

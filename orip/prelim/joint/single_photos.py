@@ -6,7 +6,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.image_rays import ImageRays
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 LOOKING_DOWN, UPRIGHT = 2, 1
 """Axes of the photos that may point up."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.prelim.image_rays import CAMERA_CORRECTIONS, ImageRays
-from orip.records.camera import Camera
+from orip.records.project.camera import Camera
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
 """A-priori standard deviations of the corrections: they bound what a block does not determine."""

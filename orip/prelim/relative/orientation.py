@@ -13,7 +13,7 @@ from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
-from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted
 
 _NO_BASE = 3.0

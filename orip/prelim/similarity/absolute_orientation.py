@@ -15,7 +15,7 @@ from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.preliminary import NotOriented, PartialBlock
+from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.wording import agreeing, counted
 
 _CONSTANT = 0.1

@@ -51,7 +51,7 @@ _RULES = np.array(
 
 @dataclass(frozen=True, slots=True)
 class SimilarityAdjustment:
-    """What an adjustment found; parameters as in `orip.records.preliminary.SimilarityStep`.
+    """What an adjustment found; parameters as in `orip.records.results.preliminary.SimilarityStep`.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from orip.prelim.similarity.joining import Joined, Names, join
 from orip.prelim.similarity.partial_blocks import assembled
-from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 _BACK = -0.5
 """Cosine of 120 degrees: the base turns less from one model of a row to the next, even around a building."""

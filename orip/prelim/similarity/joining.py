@@ -24,7 +24,7 @@ from orip.prelim.similarity.adjustment import (
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.partial_blocks import median, steady_deviations, transformed
 from orip.prelim.similarity.start import best_start, start_from_triples
-from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.wording import counted
 
 Step = Literal["bridge", "connect", "absolute"]

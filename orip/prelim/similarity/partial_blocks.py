@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
-from orip.records.preliminary import PartialBlock
+from orip.records.results.preliminary import PartialBlock
 
 _STEADY = 0.3
 """Least deviation, as a part of the median: the spread of two determinations that agree by chance is no precision."""

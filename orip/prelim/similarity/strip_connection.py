@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from orip.prelim.similarity.bridging import JoinedSystems
 from orip.prelim.similarity.joining import Joined, Names, join
 from orip.prelim.similarity.partial_blocks import assembled
-from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 
 
 def connect(strip: PartialBlock, block: PartialBlock, names: Names) -> Joined | NotOriented:

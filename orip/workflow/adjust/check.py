@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from orip.errors import ProjectWarning, UsageError
-from orip.records.gate import GateResult
-from orip.records.solution import Status
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Status
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM, solve_step
 from orip.workflow.project.bundle_state import BundleState

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
-from orip.records.figure import ResultFigures
+from orip.records.results.figure import ResultFigures
 from orip.solving.differences import Comparison, Tolerance, compare_figures
 
 

@@ -11,8 +11,8 @@ from orip.errors import Complaint, UsageError
 from orip.files.project.toml_lines import TomlLines
 from orip.files.text.gate import parse_gate
 from orip.files.text.lines import read_lines
-from orip.records.gate import GATE_FIGURES, Gate, GateResult
-from orip.records.solution import Solution
+from orip.records.results.gate import GATE_FIGURES, Gate, GateResult
+from orip.records.results.solution import Solution
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints
 

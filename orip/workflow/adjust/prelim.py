@@ -10,10 +10,10 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.files.stores.contents.definitions import StoredRecord
-from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.preliminary import PreliminaryValues
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.results.preliminary import PreliminaryValues
 from orip.units import DEGREES_PER_RADIAN
 from orip.workflow.adjust.prelim_steps import PrelimInput, prelim_input, values_of
 from orip.workflow.project.bundle_state import BundleState

@@ -19,7 +19,8 @@ from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.preliminary import (
+from orip.records.project.definition import StereoModel
+from orip.records.results.preliminary import (
     ModelCoordinates,
     NotOriented,
     PartialBlock,
@@ -28,7 +29,6 @@ from orip.records.preliminary import (
     SimilarityStep,
     Stage,
 )
-from orip.records.project import StereoModel
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import explained_preliminary_values, not_oriented
 from orip.workflow.adjust.gathering import block_input

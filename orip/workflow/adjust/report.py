@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.progress import stage
-from orip.records.gate import GateResult
-from orip.records.solution import Solution
+from orip.records.results.gate import GateResult
+from orip.records.results.solution import Solution
 from orip.report.page import report_page
 from orip.report.report_input import ReportInput
 from orip.workflow.adjust.gates import check_solution, project_gates

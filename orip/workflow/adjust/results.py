@@ -14,7 +14,7 @@ from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import result_document
 from orip.files.text.table import table_lines
 from orip.records.names import record_key
-from orip.records.solution import Estimates, Residuals, Solution
+from orip.records.results.solution import Estimates, Residuals, Solution
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 

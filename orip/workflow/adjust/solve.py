@@ -10,11 +10,11 @@ from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
 from orip.files.stores.contents.solutions import SolutionHead
 from orip.prelim.project_coordinates import absolute_in_project
-from orip.records.gate import GateResult
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.preliminary import PreliminaryValues
-from orip.records.solution import InteriorSummary, Solution
+from orip.records.results.gate import GateResult
+from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, SolveWatcher, solve_bundle
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Literal, TypeVar
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
+from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.shared_lens import lens_key
-from orip.records.solution import Estimates, Solution
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.project.shared_lens import lens_key
+from orip.records.results.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,
@@ -32,7 +33,7 @@ from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.preliminary_text import read_preliminary_text
 from orip.workflow.project.state import Part, StoredParts
-from orip.workflow.project.texts import CONTROL_EXTENSIONS, control_digests
+from orip.workflow.project.texts import control_digests
 
 UPDATED_FROM: tuple[Part, ...] = ("definitions", "observations", "heads", "solutions")
 """What an update needs of the stores."""

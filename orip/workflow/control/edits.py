@@ -63,10 +63,9 @@ class ControlTable:
 
     def _values(self, fields: Fields) -> Iterator[tuple[str, str | float | None]]:
         for index, (key, text) in enumerate(zip(self.form.keys, fields, strict=True)):
-            if index < self.form.identity:
-                yield key, text
-            else:
-                yield key, None if text is None or text == UNKNOWN else parse_number(text)
+            known = None if text == UNKNOWN and key in self.form.dashes else text
+            is_text = index < self.form.identity or key in self.form.texts
+            yield key, known if is_text or known is None else parse_number(known)
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,9 @@ def _unknown(kind: ControlKind, fields: dict[str, str | None], known: _Known) ->
     if kind == "elements":
         yield from _unknown_element(fields["name"] or "", (fields["group"] or "").upper(), known)
         return
+    if kind == "stations":
+        yield from _unknown_element(fields["photo"] or "", "PHOTO", known)
+        return
     if not known.measured:
         return
     given = known.given if kind in {"distances", "directions"} else frozenset()

@@ -17,7 +17,7 @@ from orip.multimodel.table import object_ground
 from orip.records.drive_table import Triple
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.project import StereoModel
+from orip.records.project.definition import StereoModel
 from orip.workflow.control.edits import ControlTable, add_control, list_control
 from orip.workflow.digitise.numbering import numbered
 from orip.workflow.digitise.operator import Sought, Visit

@@ -24,11 +24,16 @@ from orip.interior.orientation import (
 )
 from orip.link.client import ProcessorFault
 from orip.multimodel.state import Position
-from orip.records.camera import Mark
-from orip.records.interior import MarkAdjustment
-from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation, TransformationKind
 from orip.records.names import record_key
-from orip.records.photo import Photo, Stage, Template
+from orip.records.observations.measurement import (
+    MeasuredMarks,
+    PhotoOrientation,
+    TemplateOrientation,
+    TransformationKind,
+)
+from orip.records.project.camera import Mark
+from orip.records.project.photo import Photo, Stage, Template
+from orip.records.results.interior import MarkAdjustment
 from orip.workflow.digitise.operator import Sought, Visit
 from orip.workflow.digitise.session import DriveTarget, Entry, Outcome, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup

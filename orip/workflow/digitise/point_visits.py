@@ -10,7 +10,7 @@ from orip.link.client import ProcessorFault
 from orip.multimodel.digitising import DigitisingStep, Turn
 from orip.multimodel.state import Position, Side
 from orip.records.drive_table import DriveCode
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 from orip.workflow.digitise.operator import Named, Sought, Visit
 from orip.workflow.digitise.session import Decision, DriveTarget, Entry, Session
 from orip.workflow.digitise.wanted import BundlePoints

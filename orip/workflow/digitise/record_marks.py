@@ -17,10 +17,10 @@ from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.log.writing import fiducials_header, measurement_line, ticks_header
 from orip.interior.fiducial_system import fiducials_from_plate
 from orip.multimodel.state import Position
-from orip.records.camera import Camera, Mark
-from orip.records.measurement import MeasuredMarks
 from orip.records.names import name_fault, near_names, record_key
-from orip.records.photo import Stage, Temtick
+from orip.records.observations.measurement import MeasuredMarks
+from orip.records.project.camera import Camera, Mark
+from orip.records.project.photo import Stage, Temtick
 from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named, Sought, Visit
 from orip.workflow.digitise.session import Entry, Session

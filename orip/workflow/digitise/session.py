@@ -12,7 +12,7 @@ from orip.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import STAGES, DriveCode
-from orip.records.photo import Stage
+from orip.records.project.photo import Stage
 from orip.workflow.digitise.operator import Instrument, Named, Operator, Tell, Visit
 
 Outcome = Literal["digitised", "skipped", "kept"]

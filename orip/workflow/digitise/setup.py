@@ -13,8 +13,8 @@ from orip.errors import LinkError, OripError, ProjectWarning
 from orip.files.log.writing import Log, LogFile, NoLog
 from orip.link.client import ProcessorFault, host_link
 from orip.multimodel.state import Position
-from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
+from orip.records.results.interior import MarkAdjustment
 from orip.workflow.digitise.operator import (
     AtTheProcessor,
     Instrument,

@@ -14,7 +14,7 @@ from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.digitising import DigitisedBlock, PhotoPair
 from orip.multimodel.state import Position
 from orip.records.names import name_fault, near_names, record_key
-from orip.records.project import BundleDefinition, StereoModel
+from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.workflow.digitise.session import DriveTarget
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
 from orip.workflow.observations.places import Places

@@ -9,9 +9,9 @@ import numpy as np
 
 from orip.errors import InputError, UsageError
 from orip.multimodel.state import Position
-from orip.records.camera import Mark
-from orip.records.measurement import MeasuredMarks
 from orip.records.names import near_names
+from orip.records.observations.measurement import MeasuredMarks
+from orip.records.project.camera import Mark
 
 
 class MarkChoice(NamedTuple):

@@ -26,7 +26,7 @@ from orip.multimodel.table import object_ground
 from orip.records.drive_table import DriveCode, Triple
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.drive.loaded_table import loaded_digest, table_warnings
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.project.bundle_state import read_bundle

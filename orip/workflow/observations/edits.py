@@ -19,8 +19,8 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
 from orip.files.text.shown import shown_token
 from orip.interior.replay import Replayed, replay
-from orip.records.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.records.names import record_key
+from orip.records.observations.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.workflow.observations.measure import MEASURED_ON_TOP, measurement_inputs, replay_log
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
 from orip.workflow.observations.rays import LeftAlone, left_alone

@@ -24,11 +24,11 @@ from orip.interior.log_coordinates import stored_to_log
 from orip.interior.pixels import scan_transformation
 from orip.interior.replay import replay
 from orip.multimodel.state import Position
-from orip.records.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
 from orip.records.names import near_names, record_key
-from orip.records.photo import Photo, Scan, Stage, Template
-from orip.records.project import BundleDefinition
-from orip.records.stages import plan_stages
+from orip.records.observations.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo, Scan, Stage, Template
+from orip.records.project.stages import plan_stages
 from orip.workflow.observations.measure import with_digitised
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, read_project

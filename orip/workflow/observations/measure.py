@@ -14,10 +14,10 @@ from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
-from orip.records.camera import Camera
-from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.photo import Temtick
+from orip.records.observations.measurement import Measured
+from orip.records.project.camera import Camera
+from orip.records.project.photo import Temtick
 from orip.wording import counted
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions

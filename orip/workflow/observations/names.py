@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 from orip.errors import Complaint, InputError
 from orip.interior.definitions import Definitions
 from orip.interior.replay import replay
-from orip.records.measurement import EditRecord, LogRecord, Measured
 from orip.records.names import near_names, record_key
-from orip.records.photo import Photo, Template
+from orip.records.observations.measurement import EditRecord, LogRecord, Measured
+from orip.records.project.photo import Photo, Template
 
 ALL = "*"
 

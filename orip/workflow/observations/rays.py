@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orip.records.measurement import Measured, PhotoObservations
+from orip.records.observations.measurement import Measured, PhotoObservations
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from pathlib import Path
 from orip.errors import InputError
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
-from orip.records.project import BundleDefinition
-from orip.records.solution import Solution
+from orip.records.observations.measurement import PhotoObservations, no_observations
+from orip.records.project.definition import BundleDefinition
+from orip.records.results.solution import Solution
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
@@ -96,7 +96,7 @@ class BundleState:
 
     @cached_property
     def digests(self) -> Digests:
-        """Return the digests of what a solution depends on in the stores, and of the project's crs if it has one."""
+        """Return the digests of what a solution depends on in the stores, and of crs and antennas if there are any."""
         project, definitions = self.project, self.state.definitions
         cameras = [stored.record for stored in definitions.cameras]
         photos = [stored.record for stored in definitions.photos]
@@ -106,6 +106,7 @@ class BundleState:
             (project.shown(project.exterior), digest_of_records([self.definition])),
             (project.shown(project.observations(self.name)), self.digest_of_observations),
             *project.crs_digest,
+            *project.antenna_digest,
         )
 
     @cached_property

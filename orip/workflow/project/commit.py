@@ -18,7 +18,7 @@ from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_
 from orip.files.text.lock import locked
 from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.project.definitions import write_definitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.leftovers import remove_leftovers_of_kills

@@ -10,11 +10,11 @@ from orip.files.stores.contents import cameras, exterior, photos, templates, tem
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.transaction import Stores
 from orip.interior.definitions import Definitions
-from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.photo import Photo, Template, Temtick
-from orip.records.project import BundleDefinition
-from orip.records.shared_lens import lens_key, with_shared_lenses
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.project.shared_lens import lens_key, with_shared_lenses
 from orip.wording import first_names
 from orip.workflow.project.folder import ProjectFolder
 

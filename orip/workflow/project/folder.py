@@ -12,7 +12,7 @@ from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
-from orip.records.project import ProjectDefinition
+from orip.records.project.definition import ProjectDefinition
 
 PROJECT_FILE = "orip.toml"
 
@@ -93,6 +93,12 @@ class ProjectFolder:
         """Return the name, in messages, and the digest of the coordinate reference system; none without one."""
         crs = self.definition.crs
         return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
+
+    @property
+    def antenna_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of each antenna."""
+        antennas = self.definition.antennas
+        return tuple((f"antenna {antenna.name} of {PROJECT_FILE}", record_digest(antenna)) for antenna in antennas)
 
     @property
     def cameras(self) -> Path:

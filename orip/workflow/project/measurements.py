@@ -7,8 +7,8 @@ from pathlib import Path
 from orip.files.stores.contents import observations, photos, templates
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import Stores
-from orip.records.measurement import Measured, no_observations
 from orip.records.names import record_key
+from orip.records.observations.measurement import Measured, no_observations
 from orip.workflow.project.folder import ProjectFolder
 
 

@@ -19,8 +19,8 @@ from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
 from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
-from orip.records.measurement import PhotoObservations, no_observations
-from orip.records.solution import Solution
+from orip.records.observations.measurement import PhotoObservations, no_observations
+from orip.records.results.solution import Solution
 from orip.report.trouble import suspect_rows
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from orip.arrays import FloatArray
 from orip.files.listings.preliminary import preliminary_listing
 from orip.prelim.project_coordinates import orientations_in_project, points_in_project
-from orip.records.control import PreliminaryPoint
 from orip.records.ground import GroundSystem
-from orip.records.preliminary import PreliminaryValues
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.results.preliminary import PreliminaryValues
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.text_output import TextOutput

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from orip.files.control.preliminary_text import preliminary_text, read_preliminary
 from orip.files.text.lines import read_lines
-from orip.records.control import PreliminaryPoint
 from orip.records.names import COMMENT_MARKS
+from orip.records.observations.control import PreliminaryPoint
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.text_output import EditedText, TextOutput, digest_of_text
 from orip.workflow.project.texts import raise_complaints

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable, Sequence
 
 from orip.files.stores.digest import record_digest
-from orip.records.measurement import PhotoObservations
+from orip.records.observations.measurement import PhotoObservations
 from orip.version import __version__
 
 _LENGTH = 12

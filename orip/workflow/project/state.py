@@ -19,9 +19,9 @@ from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior, interior_orientation
-from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.observations.measurement import Measured
+from orip.records.results.solution import Solution
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.measurements import measured_stores, read_marks, runs_of_measurements

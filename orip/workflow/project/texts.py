@@ -16,18 +16,19 @@ from typing import Any
 
 from orip.errors import Complaint, InputError
 from orip.files.control.preliminary_text import read_preliminary
-from orip.files.control.text import read_control
+from orip.files.control.stations_text import read_stations
+from orip.files.control.text import CONTROL_EXTENSIONS, read_control
 from orip.files.log.text import read_measurements
 from orip.files.project.file_names import is_pattern
 from orip.files.text.digest import file_digest
 from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
-from orip.records.control import Control, PreliminaryPoint
-from orip.records.measurement import LogRecord
+from orip.records.observations.control import Control, PreliminaryPoint
+from orip.records.observations.measurement import LogRecord
+from orip.records.observations.station import Station
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR")
 
 MOST_FILES = 10_000
 """Most files that a pattern may find; with more it probably covers the whole disk."""
@@ -84,6 +85,12 @@ class ProjectTexts:
     def control(self) -> Parsed[Control]:
         """Return the ground control."""
         return self._control_with_digests[1]
+
+    @cached_property
+    def stations(self) -> Parsed[tuple[Station, ...]]:
+        """Return the exposure stations alone, as they are written."""
+        base = self._project.definition.control_files
+        return read_stations(self._project.folder / f"{base}.STA", f"{base}.STA")
 
     def control_input(self, bundle: str) -> Parsed[ControlInput]:
         """Return the ground control with a bundle's preliminary coordinates; files that are missing are empty."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from orip.errors import Complaint, InputError
 from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
-from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import record_key
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.reconcile import AppliedChange, Conflict, Prefer, reconcile

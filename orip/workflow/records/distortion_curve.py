@@ -12,8 +12,8 @@ from orip.arrays import FloatArray
 from orip.errors import UsageError
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
 from orip.interior.fiducial_system import frame_corners
-from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.names import near_names, record_key
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.workflow.project.state import ProjectState
 
 DistortionForm = Literal["polynomial", "isp", "curve"]

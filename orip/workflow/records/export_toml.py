@@ -14,9 +14,9 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.regular_file import regular_bytes
-from orip.records.camera import without_radial_distortion
 from orip.records.names import record_key
-from orip.records.project import ProjectDefinition
+from orip.records.project.camera import without_radial_distortion
+from orip.records.project.definition import ProjectDefinition
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

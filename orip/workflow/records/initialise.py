@@ -9,7 +9,8 @@ from orip.errors import Complaint, ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.replay import replay
 from orip.progress import stage
-from orip.records.measurement import (
+from orip.records.names import record_key
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -18,7 +19,6 @@ from orip.records.measurement import (
     PointsRecord,
     TemplateRecord,
 )
-from orip.records.names import record_key
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

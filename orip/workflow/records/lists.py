@@ -10,9 +10,9 @@ from orip.files.project.record_values import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.table import Column, table_lines
-from orip.records.fields import headings_of
 from orip.records.names import record_key
-from orip.records.project import RECORD_TYPES
+from orip.records.project.definition import RECORD_TYPES
+from orip.records.project.fields import headings_of
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.state import ProjectState

@@ -14,8 +14,8 @@ from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
 from orip.files.text.regular_file import file_of
-from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
+from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.wording import counted
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.changes import Renaming

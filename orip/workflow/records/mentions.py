@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from orip.errors import ProjectWarning
-from orip.records.measurement import (
+from orip.records.names import record_key
+from orip.records.observations.control import Control
+from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -14,7 +16,6 @@ from orip.records.measurement import (
     TemplateRecord,
     TicksRecord,
 )
-from orip.records.names import record_key
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
@@ -33,8 +34,8 @@ def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> 
     if not gone:
         return
     project = state.project
-    log, elements = state.texts.log.value.records, state.texts.control.value.elements
-    control = f"{project.definition.control_files}.ELE"
+    log, control = state.texts.log.value.records, state.texts.control.value
+    base = project.definition.control_files
     for change in gone:
         name = change.old_name or change.name
         now = f"is called {change.name} now" if change.old_name else "is deleted"
@@ -45,10 +46,19 @@ def mention_warnings(state: ProjectState, changes: tuple[RecordChange, ...]) -> 
         ).items():
             text = f"{change.kind} {name} {now}, but is still measured here; correct it before the next 'orip measure'"
             yield ProjectWarning("still-in-measurements", f"{path}:{line}", text)
-        for element in elements:
-            if element.group.lower() == change.kind and record_key(element.name) == record_key(name):
-                text = f"{change.kind} {name} {now}, but is still observed here; correct this line"
-                yield ProjectWarning("still-in-control", f"{control}:{element.line}", text)
+        for extension, line in _observed(control, change.kind, name):
+            text = f"{change.kind} {name} {now}, but is still observed here; correct this line"
+            yield ProjectWarning("still-in-control", f"{base}.{extension}:{line}", text)
+
+
+def _observed(control: Control, kind: str, name: str) -> Iterator[tuple[str, int]]:
+    """Iterate over the lines of control texts, with the extension of the text, that observe a record."""
+    for element in control.elements:
+        if element.group.lower() == kind and record_key(element.name) == record_key(name):
+            yield "ELE", element.line
+    for station in control.stations:
+        if kind == "photo" and record_key(station.photo) == record_key(name):
+            yield "STA", station.line
 
 
 def _in_project_text(project: ProjectFolder, change: RecordChange, name: str, now: str) -> Iterator[ProjectWarning]:

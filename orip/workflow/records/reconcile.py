@@ -9,9 +9,9 @@ from typing import Any, Generic, Literal, TypeVar
 
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
-from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.names import record_key
-from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
 Prefer = Literal["text", "store"]

@@ -15,7 +15,7 @@ from orip.files.stores.transaction import Stores
 from orip.files.text.atomic import replace_bytes
 from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.wording import agreeing
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from orip.files.project.tables import TABLE_OF_KIND, keys_of
 from orip.files.project.toml_text import toml_value
-from orip.records.fields import GROUND_UNIT, units_of
-from orip.records.project import RECORD_TYPES
+from orip.records.project.definition import RECORD_TYPES
+from orip.records.project.fields import GROUND_UNIT, units_of
 from orip.workflow.records.references import RecordKind
 
 NOT_GIVEN = "-"

@@ -11,7 +11,8 @@ from scipy.sparse import csr_array
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.factorisation.elimination import BlockFactors
-from orip.adjustment.iteration import Adjustment, IterationSettings, adjust
+from orip.adjustment.iteration import Adjustment, adjust
+from orip.adjustment.iteration_state import IterationSettings
 from orip.adjustment.sparse_rows import SparseRows
 
 OFF = None

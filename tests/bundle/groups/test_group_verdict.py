@@ -13,7 +13,7 @@ from orip.bundle.groups.verdict import GroupVerdict
 from orip.bundle.groups.words import group_diagnosis, group_name
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 STATIONS_OFF = {"X0": 0.04 / 0.02, "Y0": -0.03 / 0.02, "Z0": 0.25 / 0.03}
 """In a-priori errors: stations of a survey receiver, 4, -3 and 25 cm off, with errors of 2, 2 and 3 cm."""

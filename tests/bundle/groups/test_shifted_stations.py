@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.camera import Camera
-from orip.records.control import ControlElement, ControlPoint
-from orip.records.photo import Photo
-from orip.records.project import BundleDefinition, Precision
-from orip.records.solution import Solution
+from orip.records.observations.control import ControlElement, ControlPoint
+from orip.records.project.camera import Camera
+from orip.records.project.definition import BundleDefinition, Precision
+from orip.records.project.photo import Photo
+from orip.records.results.solution import Solution
 
 SHIFT = np.array([0.04, -0.03, 0.25])
 """A wrong antenna offset and another height system, m."""

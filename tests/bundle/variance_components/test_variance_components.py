@@ -16,7 +16,7 @@ from orip.bundle.variance_components.estimation import EstimatedErrors, estimate
 from orip.bundle.variance_components.helmert import VarianceEquations, variance_equations
 from orip.bundle.variance_components.variance_groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
-from orip.records.variance_component import VarianceComponent
+from orip.records.results.variance_component import VarianceComponent
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")
 LEVEL, HEIGHT = VarianceGroup("control", "", "XY"), VarianceGroup("control", "", "Z")

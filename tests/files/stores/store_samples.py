@@ -8,14 +8,19 @@ from hypothesis import strategies as st
 
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
-from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.records.control import PointKind
-from orip.records.group_test import GroupKind, GroupTest
-from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation, TemplateOrientation
 from orip.records.names import name_fault, record_key
-from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
-from orip.records.project import BundleDefinition, Precision, StereoModel
-from orip.records.solution import (
+from orip.records.observations.control import PointKind
+from orip.records.observations.measurement import (
+    MeasuredMarks,
+    PhotoObservations,
+    PhotoOrientation,
+    TemplateOrientation,
+)
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.project.definition import BundleDefinition, Precision, StereoModel
+from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
+from orip.records.results.group_test import GroupKind, GroupTest
+from orip.records.results.solution import (
     Blunder,
     CheckPoint,
     Correlation,

@@ -16,8 +16,8 @@ from orip.files.stores.contents import observations, solutions, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
-from orip.records.measurement import PhotoObservations
-from orip.records.photo import Temtick
+from orip.records.observations.measurement import PhotoObservations
+from orip.records.project.photo import Temtick
 
 
 def observed(count: int) -> PhotoObservations:

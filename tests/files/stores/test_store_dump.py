@@ -18,8 +18,8 @@ from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.stores.transaction import reading, writing
-from orip.records.camera import Camera, Mark
-from orip.records.photo import Temtick
+from orip.records.project.camera import Camera, Mark
+from orip.records.project.photo import Temtick
 
 KINDS = ["C.CAM", "T.TIK", "Z.PHO", "Z.TEM", "Z.EXT", "MAIN.EXO"]
 

@@ -17,11 +17,11 @@ from orip.files.stores.contents import cameras, exterior, observations, photos, 
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
-from orip.records.camera import Camera, Mark
-from orip.records.measurement import MeasuredMarks, PhotoObservations
 from orip.records.names import record_key
-from orip.records.photo import Photo, Temtick
-from orip.records.project import BundleDefinition
+from orip.records.observations.measurement import MeasuredMarks, PhotoObservations
+from orip.records.project.camera import Camera, Mark
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo, Temtick
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
 exactly = settings(max_examples=25, deadline=None)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.files.stores.table import list_table, text
-from orip.records.project import BundleDefinition, StereoModel
+from orip.records.project.definition import BundleDefinition, StereoModel
 
 BUNDLE = definition_table("bundle", BundleDefinition)
 DATUM_POINT = list_table("datum_point", "bundle", (text("point"),))

@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import StoreTable, flag, list_table, real, text
-from orip.records.measurement import MeasuredMarks, TransformationKind
+from orip.records.observations.measurement import MeasuredMarks, TransformationKind
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
-from orip.records.measurement import PhotoObservations
-from orip.records.repeated import observed_before
+from orip.records.observations.measurement import PhotoObservations
+from orip.records.observations.repeated import observed_before
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))

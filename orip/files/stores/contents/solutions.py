@@ -10,12 +10,13 @@ import numpy as np
 
 from orip.files.stores.store import ColumnValues, Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
-from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import PointKind
-from orip.records.group_test import GroupKind, GroupTest
-from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import (
+from orip.records.observations.control import PointKind
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.group_test import GroupKind, GroupTest
+from orip.records.results.solution import (
     AdditionalEstimate,
+    AntennaEstimate,
     Blunder,
     CheckPoint,
     Correlation,
@@ -30,7 +31,7 @@ from orip.records.solution import (
     Status,
     ZeroDirection,
 )
-from orip.records.variance_component import VarianceComponent, VarianceGroupKind
+from orip.records.results.variance_component import VarianceComponent, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 
@@ -100,6 +101,10 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
     "zero_directions": (
         ZeroDirection,
         _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
+    ),
+    "antennas": (
+        AntennaEstimate,
+        _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
     ),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.records.camera import Camera
-from orip.records.photo import Stage, Temtick
+from orip.records.project.camera import Camera
+from orip.records.project.photo import Stage, Temtick
 
 TransformationKind = Literal["A", "C", "W"]
 """Plane transformations: A affine, C conform, W conform without scale."""

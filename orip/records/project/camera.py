@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
-from orip.records.fields import Field, Part
+from orip.records.project.fields import Field, Part
 
 CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
+from orip.records.observations.measurement import PhotoObservations
 
 
 def measured_before(photo: IntArray, point: IntArray) -> IntArray:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from orip.records.names import record_key
-from orip.records.photo import Photo, Stage, Template
-from orip.records.project import StereoModel
+from orip.records.project.definition import StereoModel
+from orip.records.project.photo import Photo, Stage, Template
 
 _OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.names import record_key
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 
 LENS_PLACES = tuple(place for place, name in enumerate(CAMERA_PARAMETERS) if name not in OWN_PARAMETERS)
 """Places of the lens's parameters among those of a camera."""

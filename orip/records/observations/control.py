@@ -1,9 +1,11 @@
-"""Ground control: points, observed unknowns, distances, theodolite directions."""
+"""Ground control: points, observed unknowns, distances, theodolite directions, exposure stations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
+
+from orip.records.observations.station import Station
 
 PointKind = Literal["control", "check", "rejected", "tie"]
 DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
@@ -89,6 +91,7 @@ class Control:
     elements: tuple[ControlElement, ...] = ()
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
+    stations: tuple[Station, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from orip.arrays import FloatArray
-from orip.records.measurement import MeasuredMarks, TransformationKind
-from orip.records.photo import Stage
-from orip.records.solution import InteriorSummary
+from orip.records.observations.measurement import MeasuredMarks, TransformationKind
+from orip.records.project.photo import Stage
+from orip.records.results.solution import InteriorSummary
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from orip.records.camera import Mark
-from orip.records.fields import GROUND_UNIT, Field, Part
+from orip.records.project.camera import Mark
+from orip.records.project.fields import GROUND_UNIT, Field, Part
 
 PHOTO_PARAMETERS = ("X0", "Y0", "Z0", "OMEGA", "PHI", "KAPPA")
 """Exterior orientation in the order of every array that holds it."""

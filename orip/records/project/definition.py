@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from orip.records.camera import Camera
-from orip.records.fields import Field
-from orip.records.photo import Photo, Template, Temtick
+from orip.records.project.antenna import Antenna
+from orip.records.project.camera import Camera
+from orip.records.project.fields import Field
+from orip.records.project.photo import Photo, Template, Temtick
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +119,4 @@ class ProjectDefinition:
     photos: tuple[Photo, ...] = ()
     bundles: tuple[BundleDefinition, ...] = ()
     gates: tuple[str, ...] = ()
+    antennas: tuple[Antenna, ...] = ()

@@ -1,0 +1,132 @@
+"""Exposure stations as text (.STA)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint
+from orip.files.text.field_reader import FieldReader
+from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.parsed import Parsed
+from orip.records.names import record_key
+from orip.records.observations.a_priori_error import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
+from orip.records.observations.station import NOT_GIVEN, Station
+from orip.units import RADIANS_PER_DEGREE
+
+STATION_KEYS = (
+    "photo", "X", "Y", "Z", "aX", "aY", "aZ", "OMEGA", "PHI", "KAPPA", "aOMEGA", "aPHI", "aKAPPA", "time", "strip",
+    "rXY", "rXZ", "rYZ",
+)  # fmt: skip
+"""Fields of a line; those after the seventh may be missing from the end, in the groups of `OPTIONAL_KEYS`."""
+
+OPTIONAL_KEYS = (STATION_KEYS[7:13], STATION_KEYS[13:14], STATION_KEYS[14:15], STATION_KEYS[15:])
+
+_FORM = "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ as far as known"
+_COUNTS = (7, 13, 14, 15, 18)
+_UNKNOWN = "-"
+
+Triple = tuple[float, float, float]
+
+
+def read_stations(path: Path, shown: str) -> Parsed[tuple[Station, ...]]:
+    """Read exposure stations: see `STATION_KEYS`; ground units, degrees, seconds.
+
+    A file that is absent has no records.
+    """
+    return parse_stations(read_lines(path, shown, may_be_absent=True), shown)
+
+
+def parse_stations(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Station, ...]]:
+    """Read a text as `read_stations` reads a file."""
+    stations: list[Station] = []
+    complaints: list[Complaint] = list(text.complaints)
+    first_lines: dict[str, int] = {}
+    for line in field_lines(text.value):
+        reader = FieldReader(line, shown)
+        station = _read_station(reader)
+        if station is not None:
+            first = first_lines.setdefault(record_key(station.photo), line.number)
+            if first != line.number:
+                reader.complain(f"photo '{reader.shown_text(0)}' is already on line {first}; keep one of the two lines")
+        complaints += reader.complaints
+        if station is not None and not reader.complaints:
+            stations.append(station)
+    return Parsed(tuple(stations), tuple(complaints))
+
+
+def _read_station(reader: FieldReader) -> Station | None:
+    if not reader.has_fields(_COUNTS, _FORM) or reader.is_heading(range(1, 7)):
+        return None
+    photo = reader.name(0)
+    position, position_error = _observed(reader, 1, GROUND_ERRORS, "position", "X, Y and Z")
+    angles, angle_error = NOT_GIVEN, NOT_GIVEN
+    if reader.count >= _COUNTS[1]:
+        angles, angle_error = _observed(reader, 7, ANGLE_ERRORS, "attitude", "OMEGA, PHI and KAPPA")
+    if math.isnan(position[0]) and math.isnan(angles[0]) and not reader.complaints:
+        reader.complain(f"photo '{reader.shown_text(0)}' has neither a position nor angles; remove the line")
+    time = reader.number_or_dash(13) if reader.count > 13 else None
+    strip = reader.text(14) if reader.count > 14 and reader.text(14) != _UNKNOWN else ""
+    return Station(
+        photo=photo,
+        position=position,
+        position_error=position_error,
+        angles=_radians(angles),
+        angle_error=_radians(angle_error),
+        covariance=_covariance(reader, position_error),
+        time=math.nan if time is None else time,
+        strip=strip,
+        line=reader.number,
+    )
+
+
+def _observed(reader: FieldReader, start: int, limits: ErrorLimits, what: str, keys: str) -> tuple[Triple, Triple]:
+    """Return three values and their a-priori errors, from a field on; all six are '-' where nothing was observed."""
+    fields = range(start, start + 6)
+    unknown = [reader.text(index) == _UNKNOWN for index in fields]
+    if all(unknown):
+        return NOT_GIVEN, NOT_GIVEN
+    if any(unknown):
+        index = fields[unknown.index(True)]
+        message = (
+            f"'-' for a part of the {what}; give {keys} and their errors, six numbers, or '-' for all six "
+            "(a single one is given as an element in the .ELE file)"
+        )
+        reader.complain(message, index)
+    values = [reader.number_or_dash(index) for index in fields[:3]]
+    errors = [reader.error_or_dash(index, limits) for index in fields[3:]]
+    return _triple(values), _triple(errors)
+
+
+def _triple(values: Sequence[float | None]) -> Triple:
+    first, second, third = (math.nan if value is None else value for value in values)
+    return first, second, third
+
+
+def _radians(angles: Triple) -> Triple:
+    return NOT_GIVEN if math.isnan(angles[0]) else _triple([angle * RADIANS_PER_DEGREE for angle in angles])
+
+
+def _covariance(reader: FieldReader, errors: Triple) -> tuple[Triple, ...] | None:
+    """Return the covariance matrix of the position from its errors and correlation coefficients."""
+    if reader.count < _COUNTS[-1] or all(reader.text(index) == _UNKNOWN for index in (15, 16, 17)):
+        return None
+    rxy, rxz, ryz = (reader.decimal(index) for index in (15, 16, 17))
+    correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
+    if not np.isfinite(correlation).all():
+        return None
+    if np.linalg.eigvalsh(correlation)[0] <= 0.0:
+        message = (
+            "coefficients of correlation rXY rXZ rYZ that no three errors can have; each is above -1 and below 1, and "
+            "together they make a positive definite matrix. Correct them, or write '-' for all three"
+        )
+        reader.complain(message, 15)
+        return None
+    if math.isnan(errors[0]) or 0.0 in errors:
+        reader.complain("coefficients of correlation need errors of X, Y and Z that are not 0; write '-' for them", 15)
+        return None
+    covariance = np.outer(np.abs(errors), np.abs(errors)) * correlation
+    return tuple(_triple(row) for row in covariance.tolist())
