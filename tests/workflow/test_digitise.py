@@ -400,7 +400,7 @@ def test_nothing_to_do(cliff):
         error.value
     )
     assert "point -: '-' is not allowed as a name" in str(error.value)
-    with pytest.raises(InputError, match="point 9999 is not measured in any photo that is meant"):
+    with pytest.raises(InputError, match="point 9999 is not measured in any of the photos that were chosen"):
         cliff.points("", points=("9999",), again=True)
     with pytest.raises(UsageError, match="bundle MAIN has no model 1-9; did you mean"):
         cliff.points("", model="1-9")
