@@ -20,7 +20,7 @@ from orip.report.ellipses import ellipse_views
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
-from orip.report.precision import photo_table, point_table, spreads, zero_direction_table
+from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
@@ -83,6 +83,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "points": point_table(solution),
         "photos": photo_table(solution),
         "zero_directions": zero_direction_table(solution),
+        "antennas": antenna_table(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
         "strong": STRONG,

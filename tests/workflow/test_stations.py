@@ -10,6 +10,8 @@ from workflow.commands import project_status
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project
 
+from orip.errors import InputError
+
 STATIONS = (
     "left 1070.02 2075.01 330.03 0.02 0.02 0.03\nRIGHT 1130 2075 330 0.02 0.02 0.03 0.1 0 0 0.05 0.05 0.05 8 S1\n"
 )
@@ -61,3 +63,58 @@ def test_a_photo_that_the_project_does_not_have_is_named_with_the_nearest_ones(p
     (outcome,) = run_quietly(project)
     warning = ("exposure station rihgt", "is not used: the bundle has no photo rihgt; did you mean right?")
     assert warning in [(place, text) for _, place, text in outcome.solution.warnings]
+
+
+ANTENNA = """
+[[antenna]]
+name = "GNSS"
+lever_arm = [0.0, 0.0, 0.1]
+lever_arm_error = [0.01, 0.01, 0.01]
+unknown = ["LZ"]
+shift = "session"
+shift_error = [0.1, 0.1, 0.1]
+"""
+
+
+def with_text(project: Path, text: str) -> None:
+    path = project / "orip.toml"
+    path.write_text(path.read_text() + text)
+
+
+def test_an_antenna_is_in_result_listing_and_stores(project: Path) -> None:
+    (project / "FIRST.STA").write_text(STATIONS)
+    with_text(project, ANTENNA)
+    (outcome,) = run_quietly(project)
+    document = json.loads((project / "result.json").read_text())
+    antenna = document["antennas"]["GNSS"]
+    assert set(antenna) == {"LX", "LY", "LZ", "BX", "BY", "BZ", "DT", "SX", "SY", "SZ", "strips"}
+    assert antenna["LX"] == {"value": 0.0, "sd": None}
+    # both are weighted by what is known of them, and nothing separates them
+    assert 0.0 < antenna["LZ"]["sd"] <= 0.0101 * outcome.solution.sigma0
+    assert "ANTENNAS: LEVER ARM" in (project / "BUNDLE_RESULT.OUT").read_text()
+    assert outcome.solution.antennas[2].name == "LZ"
+
+
+def test_a_changed_antenna_makes_the_solution_outdated(project: Path) -> None:
+    (project / "FIRST.STA").write_text(STATIONS)
+    run_quietly(project)
+    with_text(project, ANTENNA)
+    assert project_status(project).next_command == "orip solve"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ('unknown = ["LZ", "SX"]', "'SX' is no parameter"),
+        ('cameras = ["NONE"]', "NONE"),
+        ("lever_arm_error = [0.1, 0.0, 0.1]", "lever_arm_error"),
+        ('name = "GNSS2"\n[[antenna]]\nname = "GNSS"', "antenna 'GNSS2' too; give each its own cameras"),
+    ],
+)
+def test_a_wrong_antenna_is_told_with_its_line(project: Path, wrong: str, message: str) -> None:
+    key = wrong.partition(" ")[0]
+    lines = [line for line in ANTENNA.splitlines() if not line.startswith(f"{key} ")]
+    with_text(project, "\n".join([*lines, wrong, ""]))
+    with pytest.raises(InputError, match=r"orip\.toml:") as error:
+        run_quietly(project)
+    assert message in str(error.value)

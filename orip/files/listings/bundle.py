@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.files.listings.bundle_estimates import (
+    antenna_lines,
     camera_lines,
     check_point_lines,
     photo_lines,
@@ -50,9 +51,12 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
     yield from section("ITERATIONS", _iterations(solution))
     yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))
-    yield from section("CORRELATIONS OF CAMERA UNKNOWNS", _correlations(solution))
+    with_antennas = " AND ANTENNA" if solution.antennas else ""
+    yield from section(f"CORRELATIONS OF CAMERA{with_antennas} UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
     yield from section("POINTS", point_lines(solution))
+    if solution.antennas:
+        yield from section("ANTENNAS: LEVER ARM, BORESIGHT, SHIFTS AND DRIFTS", antenna_lines(solution))
     if solution.zero_directions:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))

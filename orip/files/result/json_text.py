@@ -61,6 +61,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "cameras": _cameras(solution),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": points,
+        "antennas": _antennas(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
@@ -151,6 +152,18 @@ def _cameras(solution: Solution) -> dict[str, dict[str, object]]:
     for parameter in solution.additional:
         cameras[parameter.camera][parameter.name] = _estimate(parameter.value, parameter.sd)
     return cameras
+
+
+def _antennas(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return the parameters of each antenna and its session, and those of its strips under ``strips``."""
+    found: dict[str, dict[str, object]] = {}
+    strips: dict[str, dict[str, dict[str, object]]] = {}
+    for row in solution.antennas:
+        own = found.setdefault(row.antenna, {})
+        of_strips = strips.setdefault(row.antenna, {})
+        holder = of_strips.setdefault(row.strip, {}) if row.strip else own
+        holder[row.name] = _estimate(row.value, row.sd)
+    return {name: {**own, "strips": strips[name]} for name, own in found.items()}
 
 
 def _points(solution: Solution) -> dict[str, dict[str, object]]:

@@ -16,6 +16,7 @@ from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupKind, GroupTest
 from orip.records.results.solution import (
     AdditionalEstimate,
+    AntennaEstimate,
     Blunder,
     CheckPoint,
     Correlation,
@@ -100,6 +101,10 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
     "zero_directions": (
         ZeroDirection,
         _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
+    ),
+    "antennas": (
+        AntennaEstimate,
+        _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
     ),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (
