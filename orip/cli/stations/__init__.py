@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -39,6 +39,9 @@ class FileOptions(NamedTuple):
     ] = None
     deviations: Annotated[
         Path | None, typer.Option("--deviations", metavar="FILE", help="Standard deviations of an SBET (SMRMSG).")
+    ] = None
+    mount: Annotated[
+        str | None, typer.Option("--mount", metavar="WHAT", help="Roll, pitch, heading turn a body, or a gimbal.")
     ] = None
     column: Annotated[
         list[str] | None, typer.Option("--column", metavar="KEY=HEADING", help="Which column of a table is what.")
@@ -104,7 +107,8 @@ def _register(group: typer.Typer) -> None:
         from orip.workflow.records.commands import read_records
         from orip.workflow.stations.imported import ImportFiles, ImportSettings, import_stations
 
-        named = ImportFiles(file, files.events, files.photos, files.deviations, _columns(files.column or []))
+        columns = _columns(files.column or [])
+        named = ImportFiles(file, files.events, files.photos, files.deviations, columns, _mount(files.mount))
         matching = Matching(
             match.names, match.offset, match.tolerance, _accepted(match.accept), finds_strips=not match.no_strips
         )
@@ -124,6 +128,13 @@ def _columns(words: list[str]) -> dict[str, str]:
             raise UsageError(message)
         columns[key] = heading
     return columns
+
+
+def _mount(word: str | None) -> Literal["body", "gimbal"] | None:
+    if word not in {None, "body", "gimbal"}:
+        message = f"--mount {word}: write body or gimbal"
+        raise UsageError(message)
+    return "gimbal" if word == "gimbal" else "body" if word else None
 
 
 def _accepted(word: str) -> tuple[Quality, ...]:

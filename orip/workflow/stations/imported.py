@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.exchange.stations.source import read_epochs
@@ -29,7 +30,7 @@ from orip.workflow.records.measurements import is_written
 
 @dataclass(frozen=True, slots=True)
 class ImportFiles:
-    """The files that stations are imported from; paths as the user gave them.
+    """The files that stations are imported from; relative to the project folder.
 
     Parameters
     ----------
@@ -43,6 +44,8 @@ class ImportFiles:
         SMRMSG file of an SBET.
     columns : mapping of str to str
         Headings of a table by key.
+    mount : {"body", "gimbal"} or None
+        What roll, pitch and heading turn; None: as usual for the format.
     """
 
     source: Path
@@ -50,6 +53,7 @@ class ImportFiles:
     photo_times: Path | None = None
     deviations: Path | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
+    mount: Literal["body", "gimbal"] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +120,7 @@ def import_stations(
     project = state.project
     known = [photo.name for photo in state.records.photos.values()]
     known += [photo.name for photo in project.definition.photos if record_key(photo.name) not in state.records.photos]
-    exposures, warnings = find_exposures(_read(files, known), settings.matching)
+    exposures, warnings = find_exposures(_read(project, files, known), settings.matching)
     if not exposures.photo:
         raise InputError([Complaint("no photo has an event", files.source.name), *_as_complaints(warnings)])
     stations, more = stations_in_project(
@@ -143,10 +147,15 @@ def import_stations(
     return Change(state, outcome, locks=locks, is_compared=False, edited_texts=tuple(texts))
 
 
-def _read(files: ImportFiles, photos: Sequence[str]) -> Sources:
-    source = read_epochs(files.source, str(files.source), files.columns, files.deviations)
-    events = None if files.events is None else read_epochs(files.events, str(files.events))
-    times = None if files.photo_times is None else read_epochs(files.photo_times, str(files.photo_times))
+def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> Sources:
+    def read(path: Path) -> Parsed[Epochs]:
+        there = project.folder / path
+        deviations = None if files.deviations is None else project.folder / files.deviations
+        return read_epochs(there, project.shown(there), files.columns, deviations)
+
+    source = read(files.source)
+    events = None if files.events is None else read(files.events)
+    times = None if files.photo_times is None else read(files.photo_times)
     found: list[Parsed[Epochs]] = [parsed for parsed in (source, events, times) if parsed is not None]
     complaints = [complaint for parsed in found for complaint in parsed.complaints]
     complaints += [
@@ -156,9 +165,10 @@ def _read(files: ImportFiles, photos: Sequence[str]) -> Sources:
     ]
     if complaints:
         raise InputError(complaints)
-    return Sources(
-        source.value, None if events is None else events.value, None if times is None else times.value, photos
-    )
+    solution = source.value
+    if files.mount is not None and solution.mount != "photo":
+        solution = replace(solution, mount=files.mount)
+    return Sources(solution, None if events is None else events.value, None if times is None else times.value, photos)
 
 
 def _as_complaints(warnings: Iterable[ProjectWarning]) -> Iterator[Complaint]:
