@@ -18,6 +18,11 @@ ANTENNA_PARAMETERS: Final = (*LEVER_ARM, *BORESIGHT, TIME_OFFSET)
 BORESIGHT_PLACES: Final = slice(3, 6)
 """Places of the boresight among them."""
 
+ANTENNA_KEYS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {"lever_arm": LEVER_ARM, "boresight": BORESIGHT, "time_offset": (TIME_OFFSET,)}
+)
+"""Keys of orip.toml that hold them."""
+
 SHIFT: Final = ("SX", "SY", "SZ")
 DRIFT: Final = ("VX", "VY", "VZ")
 """Parameters of a strip or session."""
