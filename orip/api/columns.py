@@ -110,7 +110,7 @@ class Columns:
         try:
             found = np.asarray(given)
         except ValueError:  # rows of different lengths
-            self.complain(f"is no array; its shape is {wanted}", column)
+            self.complain(f"is not an array; its shape is {wanted}", column)
             return None
         kinds = "b" if dtype is np.bool_ else "iuf"
         if found.dtype.kind not in kinds and found.size:

@@ -219,9 +219,9 @@ def _horizontal(whole: pyproj.CRS, shown: str) -> tuple[pyproj.CRS, pyproj.CRS]:
     if part.is_projected and geodetic is not None and geodetic.is_geographic:
         return part, geodetic
     message = (
-        f"crs {shown} ({whole.name}) is no projected system but: {part.type_name}; X and Y must be metres or feet on "
-        "a map grid. Name a projected crs and give the coordinates in it, or leave crs out where X, Y, Z are a plain "
-        "right-handed system"
+        f"crs {shown} ({whole.name}) is not a projected system but: {part.type_name}; X and Y must be metres or feet "
+        "on a map grid. Name a projected crs and give the coordinates in it, or leave crs out where X, Y, Z are a "
+        "plain right-handed system"
     )
     raise InputError.single(message)
 

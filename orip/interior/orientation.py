@@ -162,13 +162,13 @@ def _orient(
 
 
 def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given: FloatArray, square_sum: float) -> bool:
-    """Whether turning the film over makes a conform fit far better; two marks fit either way and cannot tell."""
+    """Whether turning the film over makes a conformal fit far better; two marks fit either way and cannot tell."""
     if kind == "A" or len(measured) < 3:
         return False
     turned = measured * [-1.0, 1.0]
     try:
         residuals = fit_plane_transformation(kind, turned, given).apply(turned) - given
     except ValueError:
-        # a square that lies right fits no conform transformation when it is turned over
+        # a square that lies right fits no conformal transformation when it is turned over
         return False
     return float(np.sum(residuals**2)) < _MIRROR_GAIN**2 * square_sum

@@ -74,7 +74,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "photo_points.xy: has the shape (2, 2); (3, 2) is needed as photo_points.photo has",
     ),
     (photo_points(xy=[["1", "2"]] * 3), "photo_points.xy: is an array of <U1; numbers are needed"),
-    (photo_points(xy=[[1.0, 2.0], [3.0]]), "photo_points.xy: is no array; its shape is (n, 2)"),
+    (photo_points(xy=[[1.0, 2.0], [3.0]]), "photo_points.xy: is not an array; its shape is (n, 2)"),
     (photo_points(xy=np.array(XY) * 1j), "photo_points.xy: is an array of complex128; numbers are needed"),
     (photo_points(point=["A", "B"]), "photo_points.point: has 2 rows; 3 are needed as photo_points.photo has them"),
     (photo_points(point="ABA"), "photo_points.point: has the shape (); a list of names is needed"),
@@ -122,7 +122,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (distance(end=["A"]), "distances.end[0]: distance 'L' goes from 'A' to itself; name two points"),
     (distance(code="ZY"), "distances.code[0]: 'ZY' is not a distance code"),
     (element(kind=["Z"]), "elements.kind[0]: 'Z' is not a kind of PHOTO"),
-    (camera(unknown=["C", "A2"]), "cameras[0]: unknown of camera 'C': 'A2' is no parameter"),
+    (camera(unknown=["C", "A2"]), "cameras[0]: unknown of camera 'C': 'A2' is not a parameter"),
     (
         {"cameras": [orip.Camera("C", 35.0), orip.Camera("C", 36.0)]},
         "cameras[1]: camera 'C' is already defined",

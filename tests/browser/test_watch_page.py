@@ -69,7 +69,8 @@ class Page:
     def active(self):
         """Return the names of the models that are drawn as active: one."""
         return [
-            each.get_attribute("data-model") for each in self.browser.find_elements("css selector", ".model.active")
+            element.get_attribute("data-model")
+            for element in self.browser.find_elements("css selector", ".model.active")
         ]
 
     def hand(self, right, up):
@@ -112,7 +113,7 @@ def test_a_click_across_a_frame_line_changes_the_model(browser, server):
     assert page.is_marked(21.0, 5.0)
     assert "photo P1-2 left, P1-3 right; optics swapped; the mark is inside it" in page.text("status")
     frames = browser.find_elements("css selector", ".frame.active")
-    assert sorted(each.get_attribute("data-photo") for each in frames) == ["P1-2", "P1-3"]
+    assert sorted(frame.get_attribute("data-photo") for frame in frames) == ["P1-2", "P1-3"]
     assert server.watch.state()["mark"][:2] == pytest.approx(page.mark(), abs=0.01)
     page.click(22.0, -40.0)
     page.wait(lambda: page.active == ["M2-2"])

@@ -24,7 +24,7 @@ def answers(section: str) -> dict[str, str]:
 @pytest.mark.parametrize("menu", MENUS)
 def test_every_key_has_an_answer(menu: str) -> None:
     found = answers(sections()[menu])
-    assert [key for key in MENUS[menu] if not any(key == each or each.startswith(f"{key} (") for each in found)] == []
+    assert [key for key in MENUS[menu] if not any(key == word or word.startswith(f"{key} (") for word in found)] == []
 
 
 def test_no_menu_is_made_up() -> None:

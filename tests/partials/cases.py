@@ -443,7 +443,7 @@ def _in_a_crs(block: Block) -> Block:
     the partials by the other axes are so small that a numerical derivative is nothing but rounding.
     """
     at_rest = {"P5": ("X0", "Y0", "Z0"), "P6": ("X0", "Y0", "Z0")}
-    stations = np.isin(block.point_names, [each.station for each in block.directions])
+    stations = np.isin(block.point_names, [direction.station for direction in block.directions])
     left_out = ("P1", "P2", block.point_names[11])
     position, xyz = (("X0", 400_000.0), ("Y0", 5_300_000.0), ("Z0", 1000.0)), "XYZ"
     observed, constant = block.point_names[2:4]
@@ -458,7 +458,7 @@ def _in_a_crs(block: Block) -> Block:
             replace(each, position_error=(0.0, 0.0, 0.0)) if each.photo == "P4" else each for each in block.stations
         ),
         elements=(
-            *(each for each in block.elements if each.name not in left_out),
+            *(element for element in block.elements if element.name not in left_out),
             *(ControlElement("P4", "PHOTO", kind, value, 0.1) for kind, value in position),
             *(ControlElement(observed, "POINT", kind, 0.0, 0.1) for kind in xyz),
         ),

@@ -105,7 +105,7 @@ def test_a_changed_antenna_makes_the_solution_outdated(project: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ('unknown = ["LZ", "SX"]', "'SX' is no parameter"),
+        ('unknown = ["LZ", "SX"]', "'SX' is not a parameter"),
         ('cameras = ["NONE"]', "NONE"),
         ("lever_arm_error = [0.1, 0.0, 0.1]", "lever_arm_error"),
         ('name = "GNSS2"\n[[antenna]]\nname = "GNSS"', "antenna 'GNSS2' too; give each its own cameras"),

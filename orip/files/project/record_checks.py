@@ -112,7 +112,10 @@ def parameter_names(place: KeyPath, given: Sequence[str], known: Sequence[str], 
         if name not in known:
             near = difflib.get_close_matches(name.upper()[:100], known, 1)
             guess = f"did you mean '{near[0]}'? " if near else ""
-            yield (*place, index), f"{where}: '{shown_token(name)}' is no parameter; {guess}Allowed: {', '.join(known)}"
+            yield (
+                (*place, index),
+                f"{where}: '{shown_token(name)}' is not a parameter; {guess}Allowed: {', '.join(known)}",
+            )
         elif name in given[:index]:
             yield (*place, index), f"{where}: '{name}' comes twice; name it once"
 

@@ -181,7 +181,7 @@ def _read_undo(file: Path) -> tuple[Path, bytes]:
     except (ValueError, KeyError, TypeError):
         pact, digest = file, ""
     if hashlib.sha256(content).hexdigest() != digest:
-        raise damage(_undo_of(file), "it is no copy of a store")
+        raise damage(_undo_of(file), "it is not a copy of a store")
     return pact, content
 
 
@@ -189,7 +189,7 @@ def _listed(pact: Path) -> list[Path]:
     try:
         return [_at(pact, name) for name in json.loads(regular_bytes(pact))]
     except (ValueError, TypeError):
-        raise damage(pact, "it is no list of stores") from None
+        raise damage(pact, "it is not a list of stores") from None
 
 
 def _undo_of(file: Path) -> Path:

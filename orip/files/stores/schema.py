@@ -45,6 +45,6 @@ def kind_of(path: Path) -> str:
     kind = path.suffix.removeprefix(".").upper()
     if kind not in TABLES_OF_KIND:
         known = ", ".join(f".{name}" for name in TABLES_OF_KIND)
-        message = f"'{path}' is no record store: stores end in {known}"
+        message = f"'{path}' is not a record store: stores end in {known}"
         raise UsageError(message)
     return kind

@@ -193,7 +193,7 @@ def not_utf8(path):
     [
         (foreign_text, "no record store; move it away"),
         (foreign_database, "belongs to another program"),
-        (other_kind, r"made as \.PHO and is no \.TIK"),
+        (other_kind, r"made as \.PHO and is not a \.TIK"),
         (newer, "newer orip .*update orip"),
         (older, r"older orip .schema 1, without checksums.*move it away: 'orip run' creates"),
         (without_table, "damaged .*tick.*last dump"),
@@ -239,7 +239,7 @@ def test_a_store_left_in_wal_mode_returns_to_the_rollback_journal(tik):
 
 def test_what_no_store_is_called_is_a_usage_error(tmp_path):
     with (
-        pytest.raises(UsageError, match=r"Z\.XYZ' is no record store: stores end in \.CAM"),
+        pytest.raises(UsageError, match=r"Z\.XYZ' is not a record store: stores end in \.CAM"),
         reading([tmp_path / "Z.XYZ"]),
     ):
         pass
