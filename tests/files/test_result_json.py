@@ -26,6 +26,7 @@ TOP = [
         "cameras",
         "photos",
         "points",
+        "antennas",
         "theodolites",
         "down_weighted",
         "singular",

@@ -9,7 +9,7 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -137,7 +137,7 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
     added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
     of_equations = equations.residual * error - added
-    residual = observed_residuals(solved, of_equations)
+    residual = solved.problem.as_observed(of_equations)
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
@@ -156,16 +156,6 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         redundancy_number=numbers,
         w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
     )
-
-
-def observed_residuals(solved: SolvedBlock, residual: FloatArray) -> FloatArray:
-    """Return the residuals (n,) of what was observed from those of all equations, in the units of the observations."""
-    found, first = residual.copy(), 0
-    for kind in solved.problem.observations:
-        part = slice(first, first + len(kind.rows.error))
-        found[part] = kind.as_observed(residual[part])
-        first = part.stop
-    return found
 
 
 def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ def names_in(path):
 def test_a_new_store_tells_what_it_is(tik):
     header = tik.read_bytes()[:100]
     assert header[68:72] == b"ORIP"
-    assert header[60:64] == (5).to_bytes(4, "big")
+    assert header[60:64] == (6).to_bytes(4, "big")
     assert header[18:20] == b"\x01\x01"  # rollback journal, not WAL
     with contextlib.closing(sqlite3.connect(tik)) as connection:
         tables = connection.execute("SELECT name, strict FROM pragma_table_list WHERE schema = 'main'").fetchall()
