@@ -95,6 +95,9 @@ def _stretches(block: Block, antenna: IntArray, extents: list[Extent]) -> tuple[
     for place, (station, row) in enumerate(zip(block.stations, antenna.tolist(), strict=True)):
         if row == NONE or extents[row] == "none" or not _is_observed(station) or block.is_free_network:
             continue
+        record = block.antennas[row]
+        if record.strips and station.strip not in record.strips:
+            continue
         stretch = Stretch(row, station.strip if extents[row] == "strip" else None)
         found[place] = rows.setdefault(stretch, len(rows))
     return found, tuple(rows)

@@ -74,6 +74,15 @@ class BlockProblem:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
 
+    def as_observed(self, residual: FloatArray) -> FloatArray:
+        """Return the residuals (n,) of what was observed from those of all equations, in the units observed."""
+        found, first = residual.copy(), 0
+        for kind in self.observations:
+            part = slice(first, first + len(kind.rows.error))
+            found[part] = kind.as_observed(residual[part])
+            first = part.stop
+        return found
+
     def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
         found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)

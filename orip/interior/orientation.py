@@ -24,7 +24,7 @@ from orip.records.project.photo import Stage
 from orip.records.results.interior import MarkAdjustment
 from orip.records.results.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
-from orip.wording import listed_names
+from orip.wording import counted, listed_names
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""
@@ -139,7 +139,7 @@ def _orient(
     what = "template" if group == "templates" else "photo"
     if (count := int(np.count_nonzero(used))) < MARKS_NEEDED[kind]:
         message = (
-            f"{what} {name} has {count} usable marks; transformation {kind} needs {MARKS_NEEDED[kind]}: "
+            f"{what} {name} has {counted(count, 'usable mark')}; transformation {kind} needs {MARKS_NEEDED[kind]}: "
             "measure more marks or include disregarded ones"
         )
         raise OrientationError(message)

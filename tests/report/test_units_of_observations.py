@@ -28,6 +28,11 @@ OBSERVATIONS = {
     ("distance", "XYZ"): "foot",
     ("constant distance", "XY"): "foot",
     ("direction", "zenith"): "degrees",
+    ("station", "Z"): "foot",
+    ("attitude", "PHI"): "degrees",
+    ("constant station", "X"): "foot",
+    ("constant attitude", "KAPPA"): "degrees",
+    ("antenna", "VX"): "foot/s",
 }
 """Unit by kind and component, in a project in feet."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -22,6 +22,7 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
@@ -32,6 +33,7 @@ from orip.records.results.solution import (
     CheckPoint,
     Correlation,
     Estimates,
+    Exposure,
     IterationPass,
     Remark,
     Residuals,
@@ -87,6 +89,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
         antennas=_antennas(solved),
+        exposures=_exposures(block),
         singular=_singular(solved),
         correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),
         check_points=_check_points(block, points),
@@ -137,7 +140,7 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
     added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
     of_equations = equations.residual * error - added
-    residual = observed_residuals(solved, of_equations)
+    residual = solved.problem.as_observed(of_equations)
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
@@ -156,16 +159,6 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         redundancy_number=numbers,
         w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
     )
-
-
-def observed_residuals(solved: SolvedBlock, residual: FloatArray) -> FloatArray:
-    """Return the residuals (n,) of what was observed from those of all equations, in the units of the observations."""
-    found, first = residual.copy(), 0
-    for kind in solved.problem.observations:
-        part = slice(first, first + len(kind.rows.error))
-        found[part] = kind.as_observed(residual[part])
-        first = part.stop
-    return found
 
 
 def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
@@ -207,6 +200,12 @@ def _antennas(solved: SolvedBlock) -> tuple[AntennaEstimate, ...]:
             for name, value, deviation in zip(names, *row, strict=True)
         ]
     return tuple(found)
+
+
+def _exposures(block: Block) -> tuple[Exposure, ...]:
+    """Return strips and times of the stations, photos as the block has their names."""
+    names = {record_key(photo.name): photo.name for photo in block.photos}
+    return tuple(Exposure(names[record_key(station.photo)], station.strip, station.time) for station in block.stations)
 
 
 def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:

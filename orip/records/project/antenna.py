@@ -18,6 +18,11 @@ ANTENNA_PARAMETERS: Final = (*LEVER_ARM, *BORESIGHT, TIME_OFFSET)
 BORESIGHT_PLACES: Final = slice(3, 6)
 """Places of the boresight among them."""
 
+ANTENNA_KEYS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {"lever_arm": LEVER_ARM, "boresight": BORESIGHT, "time_offset": (TIME_OFFSET,)}
+)
+"""Keys of orip.toml that hold them."""
+
 SHIFT: Final = ("SX", "SY", "SZ")
 DRIFT: Final = ("VX", "VY", "VZ")
 """Parameters of a strip or session."""
@@ -67,6 +72,8 @@ class Antenna:
         Whether all stations together, or those of each strip, have an unknown common error.
     shift_error : tuple of 3 float or None
         A-priori errors of zero shifts, ground unit; None: nothing is known of them.
+    strips : tuple of str
+        Those whose shifts and drifts are unknown; empty: all.
     drift : {"none", "session", "strip"}
         Whether the common error changes with time.
     drift_error : tuple of 3 float or None
@@ -99,6 +106,7 @@ class Antenna:
         tuple[float, float, float] | None,
         Field(above=0, units=_LENGTHS, example="[1.0, 1.0, 1.0]", elements=SHIFT),
     ] = None
+    strips: Annotated[tuple[str, ...], Field(example='["2"]')] = ()
     drift: Annotated[Extent, Field(heading="Drift", example='"none"')] = "none"
     drift_error: Annotated[
         tuple[float, float, float] | None,
