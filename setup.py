@@ -8,7 +8,20 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 SAMPLES = Path("sample_projects")
-PATTERNS = ("*.md", "*/*.md", "*/*.toml", "*/*.MEA", "*/*.PNT", "*/*.PRE", "*/*.LEN", "*/*.py", "*/truth.json")
+PATTERNS = (
+    "*.md",
+    "*/*.md",
+    "*/*.toml",
+    "*/*.MEA",
+    "*/*.PNT",
+    "*/*.PRE",
+    "*/*.LEN",
+    "*/*.STA",
+    "*/*.MRK",
+    "*/*.pos",
+    "*/*.py",
+    "*/truth.json",
+)
 """What a sample project is made of, and not what orip writes into its folder."""
 
 

@@ -53,8 +53,8 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
         definition=definition,
         cameras=(Camera("CAM", camera, unknown=("C", "DX", "DY", "A3", "A5"), frame=FRAME_MM),),
         photos=tuple(
-            Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[each[:3], np.degrees(each[3:])].tolist()))
-            for row, each in enumerate(start)
+            Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[place[:3], np.degrees(place[3:])].tolist()))
+            for row, place in enumerate(start)
         ),
         photo_camera=np.zeros(photos, dtype=np.int64),
         photo_orientation=start,
@@ -95,8 +95,8 @@ def _images(orientations: np.ndarray, ground: np.ndarray) -> tuple[np.ndarray, n
     """Return photo (n,), point (n,) and true photo coordinates (n, 2) of points that two photos show at least."""
     reach = 0.7 * np.hypot(*FRAME_MM) * FLYING_HEIGHT / PRINCIPAL_DISTANCE_MM
     near = cKDTree(ground[:, :2]).query_ball_point(orientations[:, :2], reach)
-    photo = np.repeat(np.arange(len(orientations)), [len(each) for each in near])
-    point = np.concatenate([np.sort(np.array(each, dtype=np.int64)) for each in near])
+    photo = np.repeat(np.arange(len(orientations)), [len(neighbours) for neighbours in near])
+    point = np.concatenate([np.sort(np.array(neighbours, dtype=np.int64)) for neighbours in near])
     rotation = Rotation.from_euler("XYZ", orientations[:, 3:]).as_matrix()
     u = np.einsum("nji,nj->ni", rotation[photo], ground[point] - orientations[photo, :3])
     ideal = -TRUE_CAMERA[0] * u[:, :2] / u[:, 2:]

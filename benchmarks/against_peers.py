@@ -54,11 +54,9 @@ def run_orip(case: str, points: int | None = None, threads: int = 1) -> Figures:
 def best(runs: list[Figures]) -> Figures:
     """Return the smallest of each figure; of texts the first, and whether all results were the same bit for bit."""
     first = runs[0]
-    found = {
-        key: min(each[key] for each in runs) if isinstance(value, float) else value for key, value in first.items()
-    }
+    found = {key: min(run[key] for run in runs) if isinstance(value, float) else value for key, value in first.items()}
     if "digest" in found:
-        found["identical"] = len({each["digest"] for each in runs}) == 1
+        found["identical"] = len({run["digest"] for run in runs}) == 1
         found["runs"] = len(runs)
     return found
 
@@ -82,14 +80,14 @@ def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
             # it takes long, and its evaluations are many
             if "scipy" in runs and repetition == 0:
                 runs["scipy"].append(run(peer, str(HERE / "scipy_peer.py"), problem))
-    return {name: best(each) for name, each in runs.items()}
+    return {name: best(run) for name, run in runs.items()}
 
 
 def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
     """Return the figures of a case."""
     kind, _, size = case.partition(":")
     if kind == "Zurich":
-        wall, cpu = (min(each) for each in zip(*(zurich() for _ in range(given.repetitions)), strict=True))
+        wall, cpu = (min(times) for times in zip(*(zurich() for _ in range(given.repetitions)), strict=True))
         return {"orip": {"run": wall, "run_cpu": cpu, "help": help_cpu()}}
     if kind == "solve":
         whole = (sys.executable, str(HERE / "whole_solve.py"), size)
@@ -132,8 +130,8 @@ def main() -> None:
     if given.cases:
         print(tables(found), requirement_table(found), sep="\n\n")
     slower = list(grown_slower(found, baseline))
-    for each in slower:
-        print("slower than the baseline:", each, file=sys.stderr)
+    for case in slower:
+        print("slower than the baseline:", case, file=sys.stderr)
     if given.table:
         write_tables(given.table, {**baseline, **found} if given.write else baseline)
     if slower and not given.write:

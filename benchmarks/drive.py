@@ -164,8 +164,8 @@ def main() -> None:
             )
     print("DRIVE commands a second over TCP, emulator and client on one core")
     for name, points in (("raster", raster()), ("at random", scattered())):
-        each, at_once = over_tcp(block("ideal"), points)
-        print(f"{name:9s}  each after the last reply {each:7.0f}   pipelined {at_once:7.0f}")
+        single, at_once = over_tcp(block("ideal"), points)
+        print(f"{name:9s}  each after the last reply {single:7.0f}   pipelined {at_once:7.0f}")
 
 
 if __name__ == "__main__":

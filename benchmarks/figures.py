@@ -94,19 +94,21 @@ def _against_pycolmap(found: Results) -> Iterator[Requirement]:
 def _against_itself(found: Results) -> Iterator[Requirement]:
     if "500" in found and "2000" in found:
         ours = [found[case]["orip"] for case in ("500", "2000")]
-        small, large = (_iteration(each) / each["photo_points"] for each in ours)
+        small, large = (_iteration(run) / run["photo_points"] for run in ours)
         what = "2000 photos: time of an observation and iteration to that at 500"
         yield Requirement(what, large / small, 1.5, 1.2, more=False)
-    for case, each in found.items():
+    for case, programs in found.items():
         if case.startswith("threads:"):
-            ratio = each["two threads"]["minimum_wall"] / each["orip"]["minimum_wall"]
+            ratio = programs["two threads"]["minimum_wall"] / programs["orip"]["minimum_wall"]
             what = f"{_title(case.partition(':')[2])}: time of two threads to that of one"
             yield Requirement(what, ratio, 1.1, 1.0, more=False)
 
 
 def differing(found: Results) -> list[str]:
     """Return the cases whose runs did not all have the same results bit for bit."""
-    return [case for case, programs in found.items() for each in programs.values() if not each.get("identical", True)]
+    return [
+        case for case, programs in found.items() for program in programs.values() if not program.get("identical", True)
+    ]
 
 
 def grown_slower(found: Results, baseline: Results) -> Iterator[str]:
@@ -116,7 +118,7 @@ def grown_slower(found: Results, baseline: Results) -> Iterator[str]:
         now, then = found[case], baseline[case]
         for key in ("minimum", "precision"):
             if "pycolmap" in now and "pycolmap" in then and key in now["pycolmap"] and key in then["pycolmap"]:
-                ratio, before = (each["pycolmap"][key] / each["orip"][key] for each in (now, then))
+                ratio, before = (figures["pycolmap"][key] / figures["orip"][key] for figures in (now, then))
                 if _SLOWER * ratio < before:
                     yield f"{case}, {key}: {ratio:.1f} times as fast as pycolmap; then {before:.1f}"
         for key in ("minimum", "precision", "run_cpu", "init_cpu", "measure_cpu", "solve_cpu"):
@@ -133,11 +135,14 @@ def tables(found: Results) -> str:
 def requirement_table(found: Results) -> str:
     """Return what is asked for, what was found, and whether results differed from run to run."""
     lines = ["| | found | must | aim | reached |", "|---|---|---|---|---|"]
-    for each in requirements(found):
-        sign = "≥" if each.more else "≤"
-        shown = f"{each.found:.2f}" if np.isfinite(each.found) else "another minimum"
-        lines.append(f"| {each.what} | {shown} | {sign} {each.must:g} | {sign} {each.aim:g} | {each.verdict()} |")
-    runs = sum(each.get("runs", 0) for programs in found.values() for each in programs.values())
+    for requirement in requirements(found):
+        sign = "≥" if requirement.more else "≤"
+        shown = f"{requirement.found:.2f}" if np.isfinite(requirement.found) else "another minimum"
+        lines.append(
+            f"| {requirement.what} | {shown} | {sign} {requirement.must:g} | {sign} {requirement.aim:g} "
+            f"| {requirement.verdict()} |"
+        )
+    runs = sum(program.get("runs", 0) for programs in found.values() for program in programs.values())
     other = differing(found)
     text = f"in {', '.join(other)} they differed" if other else "all runs of a case agreed"
     return "\n".join(lines) + (f"\n\nResults bit for bit, {runs} runs of orip: {text}." if runs else "")
@@ -173,15 +178,15 @@ def _adjustments(found: Results) -> str:
         ours = found[case]["orip"]
         for program in ("orip", "pycolmap"):
             if program in found[case]:
-                each = found[case][program]
+                figures = found[case][program]
                 name = f"{ours['photos']:.0f} photos" if case != "BAL" else "BAL"
-                times = [_time_and_ratio(each, ours, key) for key in ("minimum", "precision")]
-                if not _same_minimum(case, ours, each):
-                    times[0] = f"{each['minimum']:.3f} | another minimum"
+                times = [_time_and_ratio(figures, ours, key) for key in ("minimum", "precision")]
+                if not _same_minimum(case, ours, figures):
+                    times[0] = f"{figures['minimum']:.3f} | another minimum"
                 lines.append(
                     f"| {name} | {_thousands(ours['points'])} | {_thousands(ours['photo_points'])} | {program} "
-                    f"| {each['iterations']:.0f} | {times[0]} | {times[1]} | {each['peak']:.0f} "
-                    f"| {_rounded(each.get('peak_precision'))} | {each['cost']:.10g} |"
+                    f"| {figures['iterations']:.0f} | {times[0]} | {times[1]} | {figures['peak']:.0f} "
+                    f"| {_rounded(figures.get('peak_precision'))} | {figures['cost']:.10g} |"
                 )
     return "\n".join(lines) if len(lines) > 2 else ""
 
@@ -205,9 +210,9 @@ def _threads(found: Results) -> str:
     lines = ["| photos | threads | minimum, s on the clock | covariances, s on the clock |", "|---|---|---|---|"]
     for case, programs in found.items():
         if case.startswith("threads:"):
-            for threads, each in ((1, programs["orip"]), (2, programs["two threads"])):
-                times = f"{each['minimum_wall']:.3f} | {each['precision_wall']:.3f}"
-                lines.append(f"| {each['photos']:.0f} | {threads} | {times} |")
+            for threads, program in ((1, programs["orip"]), (2, programs["two threads"])):
+                times = f"{program['minimum_wall']:.3f} | {program['precision_wall']:.3f}"
+                lines.append(f"| {program['photos']:.0f} | {threads} | {times} |")
     return "\n".join(lines) if len(lines) > 2 else ""
 
 
@@ -215,9 +220,9 @@ def _whole(found: Results) -> str:
     lines = ["| photos | command | CPU s | s on the clock | peak, MB |", "|---|---|---|---|---|"]
     for case, programs in found.items():
         if case.startswith("solve:"):
-            each = programs["orip"]
+            figures = programs["orip"]
             for command in ("init", "measure", "solve"):
-                cpu, wall, peak = (each[f"{command}_{key}"] for key in ("cpu", "wall", "peak"))
+                cpu, wall, peak = (figures[f"{command}_{key}"] for key in ("cpu", "wall", "peak"))
                 lines.append(f"| {case.partition(':')[2]} | `orip {command}` | {cpu:.1f} | {wall:.1f} | {peak:.0f} |")
     return "\n".join(lines) if len(lines) > 2 else ""
 
@@ -225,13 +230,13 @@ def _whole(found: Results) -> str:
 def _startup(found: Results) -> str:
     if "Zurich" not in found:
         return ""
-    each = found["Zurich"]["orip"]
-    run = f"{each['run']:.2f} s on the clock, {each['run_cpu']:.2f} s CPU"
-    return f"`orip run` on Zurich City Hall: {run}; `orip --help`: {each['help']:.2f} s CPU."
+    startup = found["Zurich"]["orip"]
+    run = f"{startup['run']:.2f} s on the clock, {startup['run_cpu']:.2f} s CPU"
+    return f"`orip run` on Zurich City Hall: {run}; `orip --help`: {startup['help']:.2f} s CPU."
 
 
-def _time_and_ratio(each: Figures, ours: Figures, key: str) -> str:
-    return f"{each[key]:.3f} | {each[key] / ours[key]:.1f}" if key in each else "— | —"
+def _time_and_ratio(peer: Figures, ours: Figures, key: str) -> str:
+    return f"{peer[key]:.3f} | {peer[key] / ours[key]:.1f}" if key in peer else "— | —"
 
 
 def _thousands(count: float) -> str:

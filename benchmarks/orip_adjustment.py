@@ -68,8 +68,8 @@ def digest(adjusted: Adjustment[BlockState], precise: Cofactors) -> str:
     """Return the SHA-256 of everything that was found."""
     state = adjusted.state
     found = hashlib.sha256()
-    for each in (state.cameras, state.centres, state.rotations, state.points, precise.blocks, precise.leverage):
-        found.update(np.ascontiguousarray(each).tobytes())
+    for array in (state.cameras, state.centres, state.rotations, state.points, precise.blocks, precise.leverage):
+        found.update(np.ascontiguousarray(array).tobytes())
     found.update(adjusted.equations.residual.tobytes())
     return found.hexdigest()
 

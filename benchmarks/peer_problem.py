@@ -50,7 +50,7 @@ def save_for_peer(case: str, path: Path) -> None:
     """
     block, pixel = block_of(case), pixel_mm(case)
     state = starting_state(block)
-    width, height = _BAL_SIZE if case == BAL else (round(each / pixel) for each in FRAME_MM)
+    width, height = _BAL_SIZE if case == BAL else (round(side / pixel) for side in FRAME_MM)
     turned = np.diag([1.0, -1.0, -1.0]) @ np.swapaxes(state.rotations, 1, 2)
     c, a3, a5 = (state.cameras[:, place] for place in (0, 4, 5))
     middle = np.full(len(c), width / 2.0), np.full(len(c), height / 2.0)

@@ -44,11 +44,11 @@ def reconstruction(problem: dict[str, np.ndarray]) -> pycolmap.Reconstruction:
     for row, xyz in enumerate(problem["points"]):
         mine = by_point[ends[row] : ends[row + 1]]
         track = pycolmap.Track()
-        for each in mine:
-            track.add_element(int(photo[each]) + 1, int(number[each]))
+        for seen in mine:
+            track.add_element(int(photo[seen]) + 1, int(number[seen]))
         made.add_point3D_with_id(row + 1, pycolmap.Point3D(xyz=xyz, track=track))
-        for each in mine:
-            made.image(int(photo[each]) + 1).set_point3D_for_point2D(int(number[each]), row + 1)
+        for seen in mine:
+            made.image(int(photo[seen]) + 1).set_point3D_for_point2D(int(number[seen]), row + 1)
     return made
 
 

@@ -49,7 +49,7 @@ def zurich() -> tuple[float, float]:
 def main() -> None:
     """Measure and print."""
     print(f"orip --help          {min(help_cpu() for _ in range(TIMES)):.3f} s CPU")
-    wall, cpu = (min(each) for each in zip(*(zurich() for _ in range(TIMES)), strict=True))
+    wall, cpu = (min(times) for times in zip(*(zurich() for _ in range(TIMES)), strict=True))
     print(f"Zurich City Hall run {wall:.3f} s wall, {cpu:.3f} s CPU")
 
 

@@ -35,7 +35,7 @@ def write_project(block: Block, folder: Path) -> None:
     (folder / "orip.toml").write_text("\n".join(_tables(block)), encoding="utf-8")
     (folder / "BENCH.MEA").write_text("\n".join(_measured(block)) + "\n", encoding="utf-8")
     control = [
-        " ".join([point.name, *(f"{each:.4f}" for each in (*point.coordinates, *point.errors))])
+        " ".join([point.name, *(f"{value:.4f}" for value in (*point.coordinates, *point.errors))])
         for point in block.control_points
     ]
     (folder / "BENCH.PNT").write_text("\n".join(control) + "\n", encoding="utf-8")

@@ -42,4 +42,4 @@ def is_group(command: Any) -> bool:
 
 def options_of(command: Any) -> set[str]:
     """Return all options that a command takes, in all spellings."""
-    return {text for each in command.params for text in (*each.opts, *each.secondary_opts) if text.startswith("-")}
+    return {text for param in command.params for text in (*param.opts, *param.secondary_opts) if text.startswith("-")}

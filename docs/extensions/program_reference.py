@@ -43,11 +43,11 @@ class CommandsDirective(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Return a section for each command."""
         wanted = " ".join(self.arguments[0].split())
-        found = {words: each for words, each in commands().items() if f"{words} ".startswith(f"{wanted} ")}
+        found = {words: command for words, command in commands().items() if f"{words} ".startswith(f"{wanted} ")}
         if not found:
             message = f"orip has no command '{wanted}'"
             raise self.error(message)
-        text = "\n".join(line for words, each in found.items() for line in _section(words, each))
+        text = "\n".join(line for words, command in found.items() for line in _section(words, command))
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
@@ -58,7 +58,7 @@ class OptionsDirective(SphinxDirective):
         """Return the table."""
         whole = program()
         wanted = SHARED | {"--project", "--version"}
-        lines = _parameters(whole, typer.Context(whole), lambda each: bool(wanted & set(each.opts)))
+        lines = _parameters(whole, typer.Context(whole), lambda parameter: bool(wanted & set(parameter.opts)))
         return self.parse_text_to_nodes("\n".join(lines))
 
 
@@ -81,7 +81,7 @@ def _section(words: str, command: Any) -> Iterator[str]:
     if not is_group(command) or command.invoke_without_command:
         pieces = " ".join(map(_plain, command.collect_usage_pieces(context)))
         yield f"```text\norip {words} {pieces}\n```\n"
-    yield from _parameters(command, context, lambda each: not SHARED & set(each.opts))
+    yield from _parameters(command, context, lambda parameter: not SHARED & set(parameter.opts))
     if example:
         yield f"{label} `{' '.join(example.split())}`\n"
 
@@ -89,10 +89,10 @@ def _section(words: str, command: Any) -> Iterator[str]:
 def _parameters(command: Any, context: Any, is_wanted: Callable[[Any], bool]) -> Iterator[str]:
     """Yield a table of parameters as `--help` has them."""
     rows = []
-    for each in filter(is_wanted, command.params):
-        if record := each.get_help_record(context):
+    for parameter in filter(is_wanted, command.params):
+        if record := parameter.get_help_record(context):
             spelling, meaning = record
-            is_argument = each.param_type_name == "argument"
+            is_argument = parameter.param_type_name == "argument"
             rows.append((f"`{_plain(spelling.partition(' <')[0]) if is_argument else spelling}`", meaning))
     if rows:
         yield from _table(("", "meaning"), rows)

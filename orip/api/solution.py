@@ -57,8 +57,11 @@ class Solution:
     zero_directions : tuple of ZeroDirection
         Of each set of theodolite directions: `set`, `value` (R: the azimuth of a reading of 0), `sd`; degrees. The sd
         is NaN for a constant and infinite for what nothing determines.
+    antennas : tuple of AntennaEstimate
+        Parameters of each antenna, and shifts and drifts: `antenna`, `strip`, `name`, `value`, `sd`; ground unit,
+        degrees, seconds. The sd is NaN for a constant and infinite for what nothing determines.
     correlations : tuple of Correlation
-        Between the parameters of each camera.
+        Between the parameters of each camera, and of each antenna.
     singular : tuple of SingularUnknown
         Unknowns that nothing determines.
     diagnosis : tuple of Diagnosis
@@ -90,6 +93,7 @@ class Solution:
         self.check_points = record.check_points
         self.variance_components = record.variance_components
         self.zero_directions = record.zero_directions
+        self.antennas = record.antennas
         self.correlations = record.correlations
         self.singular = record.singular
         self.diagnosis = record.diagnosis

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import FloatArray
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.starting_points import with_starting_points
-from orip.bundle.station_elements import station_elements
+from orip.bundle.station_orientations import with_orientations_of_stations
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
@@ -19,6 +20,8 @@ from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.records.observations.station import Station
+from orip.records.project.antenna import Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
@@ -47,6 +50,8 @@ class BlockInput:
         The project's coordinate reference system; None: ground coordinates are a plain right-handed system.
     warnings : tuple of ProjectWarning
         What is known to be doubtful already.
+    antennas : tuple of Antenna
+        All of the project.
     """
 
     definition: BundleDefinition
@@ -58,6 +63,7 @@ class BlockInput:
     ground_unit: str = "m"
     crs: str | None = None
     warnings: tuple[ProjectWarning, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
 
     @property
     def observations(self) -> PhotoObservations:
@@ -95,7 +101,7 @@ def gather(inputs: BlockInput) -> Block:
     block = _block_in_project(keys, inputs)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
-    return photos_in_frame(block)
+    return with_orientations_of_stations(photos_in_frame(block))
 
 
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
@@ -136,12 +142,19 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
         distances=ground.distances,
         directions=ground.directions,
         stations=ground.stations,
-        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, orientation[:, :3]),
+        antennas=inputs.antennas,
+        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
         preliminary=inputs.preliminary,
         ground_unit=inputs.ground_unit,
         defined_cameras=tuple(inputs.records.cameras.values()),
         warnings=inputs.warnings,
     )
+
+
+def _places(orientation: FloatArray, stations: Sequence[Station]) -> FloatArray:
+    """Return where photos were taken (n, 3), in the project."""
+    observed = [station.position for station in stations]
+    return np.vstack([orientation[:, :3], np.array(observed, dtype=np.float64).reshape(-1, 3)])
 
 
 def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
@@ -158,7 +171,7 @@ def _photo_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint
                 f"(PHOTO {photo.name} A ... in a .MEA file)"
             )
             complaints.append(Complaint(text))
-        given = _photo_with_elements(photo, _elements(inputs.control))
+        given = _photo_with_elements(photo, inputs.control.elements)
         unplaced = [kind for kind in given.constant if given.orientation[PHOTO_PARAMETERS.index(kind)] is None]
         if unplaced:
             text = f"photo {photo.name} has {', '.join(unplaced)} constant, but without a value; give it in orip.toml"
@@ -185,19 +198,13 @@ def _set_complaints(keys: Sequence[str], inputs: BlockInput) -> list[Complaint]:
 
 def _with_constant_elements(keys: Sequence[str], inputs: BlockInput) -> tuple[tuple[Photo, ...], tuple[Camera, ...]]:
     """Return photos and their cameras with observed elements as starting values, constant where the error is 0."""
-    elements = _elements(inputs.control)
-    photos = tuple(_photo_with_elements(inputs.records.photos[key], elements) for key in keys)
+    photos = tuple(_photo_with_elements(inputs.records.photos[key], inputs.control.elements) for key in keys)
     camera_keys = dict.fromkeys(record_key(photo.camera) for photo in photos)
     lenses = {key: lens_key(camera) for key, camera in inputs.records.cameras.items()}
     cameras = tuple(
         _camera_with_elements(inputs.records.cameras[key], inputs.control.elements, lenses) for key in camera_keys
     )
     return photos, cameras
-
-
-def _elements(control: Control) -> tuple[ControlElement, ...]:
-    """Return the observed elements, those of exposure stations included."""
-    return (*control.elements, *station_elements(control.stations))
 
 
 def _photo_with_elements(photo: Photo, elements: Sequence[ControlElement]) -> Photo:
@@ -257,7 +264,7 @@ def _ground_observations(
 
     return Control(
         tuple(point for point in control.points if point.name in points),
-        tuple(element for element in _elements(control) if has(element)),
+        tuple(element for element in control.elements if has(element)),
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),

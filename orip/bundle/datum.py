@@ -185,12 +185,27 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
     """
     generator = movement_generator(state, unknowns)
     allowed = abs(design) @ np.maximum(generator.max(axis=1), -generator.min(axis=1))
-    by_observations = (design @ generator) / np.where(allowed > 0.0, allowed, 1.0)[:, None]
+    scale = np.where(allowed > 0.0, allowed, 1.0)[:, None]
+    by_observations = _beyond_antennas((design @ generator) / scale, design, scale, unknowns)
     determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
     # only the square matters: n rows would make a needlessly large decomposition
     triangle = np.linalg.qr(determined, mode="r")
     _, values, movements = np.linalg.svd(np.vstack([triangle, np.zeros((7, 7))]))
     return np.asarray(movements[int(np.count_nonzero(values > _DETERMINED)) :].T)
+
+
+def _beyond_antennas(
+    by_observations: FloatArray, design: csr_array, scale: FloatArray, unknowns: Unknowns
+) -> FloatArray:
+    """Return the part of the changes (n, 7) of observations that unknown antenna parameters do not absorb."""
+    columns = np.concatenate([unknowns.antennas.ravel(), unknowns.shifts.ravel(), unknowns.drifts.ravel()])
+    columns = columns[columns != CONSTANT]
+    if not len(columns) or not len(by_observations):
+        return by_observations
+    absorbing = design[:, columns].toarray() / scale
+    left, values, _ = np.linalg.svd(absorbing, full_matrices=False)
+    left = left[:, values > _DETERMINED * values.max(initial=0.0)]
+    return by_observations - left @ (left.T @ by_observations)
 
 
 def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
+from orip.bundle.antenna_diagnosis import antenna_diagnosis, cause_of_antenna
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -56,6 +57,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
         *_unsettled(solved),
         *_principal_distance_and_scale(solved),
         *calibration_diagnosis(solved),
+        *antenna_diagnosis(solved),
         *_behind(solved),
         *_errors_far_off(solved),
         *_as_a_whole(solved),
@@ -74,6 +76,8 @@ def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
     where = f"bundle {solved.block.definition.name}"
     count = _control_count(solved.block)
     because = f"{count or 'no'} {agreeing(count, 'control point')}"
+    if len(solved.state.shifts):
+        because += ", and unknown shifts of the stations"
     turns = int(np.linalg.matrix_rank(movements[3:6], tol=1e-6))
     parts = []
     if (shifts := free - turns - int(_scale_is_free(movements))) > 0:
@@ -138,9 +142,10 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
     for (group, name), members in groupby(columns, key=record):
         listed = list(members)
-        kinds = ", ".join(found.kind for column in listed if (found := names[column]) is not None)
+        of_record = [found.kind for column in listed if (found := names[column]) is not None]
+        kinds = ", ".join(of_record)
         digits = max(float(normals.lost_digits[column]) for column in listed)
-        cause, remedy = _cause(solved, group, name)
+        cause, remedy = cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name)
         text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
 

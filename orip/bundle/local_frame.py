@@ -65,9 +65,11 @@ def frame_complaints(block: Block) -> list[Complaint]:
     names = [f"photo {photo.name}" for photo in block.photos]
     names += [f"control point {point.name}" for point in block.control_points]
     names += [f"preliminary point {point.name}" for point in block.preliminary]
+    names += [f"exposure station {station.photo}" for station in block.stations]
     given = [tuple(centre) for centre in block.photo_orientation[:, :3].tolist()]
     given += [point.coordinates for point in block.control_points]
     given += [point.coordinates for point in block.preliminary]
+    given += [station.position for station in block.stations]
     xyz = np.array(given, dtype=np.float64)
     outside = np.isfinite(xyz).all(axis=1) & np.isnan(block.ground.to_local(xyz)).any(axis=1)
     complaints = [
@@ -101,11 +103,13 @@ def _free_network_complaints(block: Block) -> Iterator[Complaint]:
 def photos_in_frame(block: Block) -> Block:
     """Return the block with its photos' orientations taken from the project to the frame.
 
-    A photo with an unknown element has NaN for all of them.
+    A photo with an unknown coordinate has NaN for all elements, one with an unknown angle for all three angles.
     """
     if block.ground is PLAIN:
         return block
     orientation = np.full_like(block.photo_orientation, np.nan)
+    placed = np.isfinite(block.photo_orientation[:, :3]).all(axis=1)
+    orientation[placed, :3] = block.ground.to_local(block.photo_orientation[placed, :3])
     known = np.isfinite(block.photo_orientation).all(axis=1)
     centres, angles = block.photo_orientation[known, :3], block.photo_orientation[known, 3:]
     rotation = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ rotation_from_angles(angles)

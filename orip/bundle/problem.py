@@ -15,6 +15,7 @@ from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.antennas import station_places
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
 from orip.bundle.datum import FreeDatum, free_datum
@@ -33,7 +34,9 @@ from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
+from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
 from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
+from orip.units import RADIANS_PER_DEGREE
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,15 @@ class BlockProblem:
     def defect(self) -> int:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
+
+    def as_observed(self, residual: FloatArray) -> FloatArray:
+        """Return the residuals (n,) of what was observed from those of all equations, in the units observed."""
+        found, first = residual.copy(), 0
+        for kind in self.observations:
+            part = slice(first, first + len(kind.rows.error))
+            found[part] = kind.as_observed(residual[part])
+            first = part.stop
+        return found
 
     def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
@@ -274,9 +286,13 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
 
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
+    places = station_places(block)
     return BlockState(
         cameras=_camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
+        antennas=_antenna_parameters(block),
+        shifts=np.zeros((len(places.shifts), 3)),
+        drifts=np.zeros((len(places.drifts), 3)),
         centres=block.photo_orientation[:, :3].copy(),
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
         points=block.point_start.copy(),
@@ -286,6 +302,14 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
+
+
+def _antenna_parameters(block: Block) -> FloatArray:
+    """Return the values of all antennas (n, 7), boresight in radians."""
+    values = np.array([antenna.values for antenna in block.antennas], dtype=np.float64)
+    values = values.reshape(-1, len(ANTENNA_PARAMETERS))
+    values[:, BORESIGHT_PLACES] *= RADIANS_PER_DEGREE
+    return values
 
 
 def _camera_parameters(block: Block) -> FloatArray:

@@ -35,6 +35,10 @@ class BlockState:
     rotations : array (number of photos, 3, 3)
         Photo to ground.
     points : array (number of points, 3)
+    antennas : array (number of antennas, 7)
+        In the order of `ANTENNA_PARAMETERS`, boresight in radians.
+    shifts, drifts : arrays (k, 3)
+        Of the stretches of `StationPlaces`, along the project's axes.
     theodolites : array (number of theodolite sets,)
         Zero directions, radians.
     turned_by_angles : array (number of photos,) of bool
@@ -51,6 +55,9 @@ class BlockState:
     centres: FloatArray
     rotations: FloatArray
     points: FloatArray
+    antennas: FloatArray
+    shifts: FloatArray
+    drifts: FloatArray
     theodolites: FloatArray
     turned_by_angles: NDArray[np.bool_]
     left_out: NDArray[np.bool_]
@@ -78,6 +85,9 @@ class BlockState:
             self,
             cameras=self.cameras + entries_at(correction, unknowns.cameras),
             additional=self.additional + entries_at(correction, unknowns.additional),
+            antennas=self.antennas + entries_at(correction, unknowns.antennas),
+            shifts=self.shifts + entries_at(correction, unknowns.shifts),
+            drifts=self.drifts + entries_at(correction, unknowns.drifts),
             centres=self.centres + entries_at(correction, unknowns.photos[:, :3]),
             rotations=rotations,
             points=self.points + entries_at(correction, unknowns.points),

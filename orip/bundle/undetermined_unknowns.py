@@ -133,6 +133,9 @@ def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, Float
     return [
         (unknowns.cameras, state.cameras),
         (unknowns.additional, state.additional),
+        (unknowns.antennas, state.antennas),
+        (unknowns.shifts, state.shifts),
+        (unknowns.drifts, state.drifts),
         (unknowns.theodolites, state.theodolites),
         (unknowns.photos[:, :3], state.centres),
         (unknowns.photos[:, 3:], state.angles()),
@@ -147,7 +150,7 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
         return np.where(padded[columns], started, values)
 
-    cameras, additional, theodolites, centres, angles, points = (
+    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, points = (
         table(columns, values, started)
         for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
     )
@@ -155,6 +158,6 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     turned = padded[unknowns.photos[:, 3:]].any(axis=1)
     rotations[turned] = rotation_from_angles(angles[turned])
     return replace(
-        state, cameras=cameras, additional=additional, theodolites=theodolites, centres=centres, rotations=rotations,
-        points=points, memory={},
+        state, cameras=cameras, additional=additional, antennas=antennas, shifts=shifts, drifts=drifts,
+        theodolites=theodolites, centres=centres, rotations=rotations, points=points, memory={},
     )  # fmt: skip

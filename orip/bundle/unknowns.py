@@ -1,4 +1,4 @@
-"""The unknowns and their order: cameras, theodolites, photos, tied points; all other points are eliminated.
+"""The unknowns and their order: cameras, antennas, theodolites, photos, tied points; other points are eliminated.
 
 Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined,
 OMEGA or PHI is reported, and not KAPPA.
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
+from orip.bundle.antennas import name_of_stretch, station_places
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
+from orip.records.project.antenna import ANTENNA_PARAMETERS, DRIFT, SHIFT
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
@@ -28,7 +30,7 @@ _PHOTO_ORDER = ("X0", "Y0", "Z0", "KAPPA", "OMEGA", "PHI")
 
 
 class UnknownName(NamedTuple):
-    """An unknown in the user's names: group (CAMERA, THEODOLITE, PHOTO, POINT), record or point, kind."""
+    """An unknown in the user's names: group (CAMERA, ANTENNA, THEODOLITE, PHOTO, POINT), record or point, kind."""
 
     group: str
     name: str
@@ -80,6 +82,10 @@ class Unknowns:
         Cameras with the same lens have the same columns but for their principal points.
     additional : array (number of cameras, k)
         Parameters of the cameras' sets; k that of the largest set.
+    antennas : array (number of antennas, 7)
+        In the order of `ANTENNA_PARAMETERS`.
+    shifts, drifts : arrays (k, 3)
+        Those of the stretches of `StationPlaces`.
     theodolites : array (number of theodolite sets,)
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`.
@@ -91,6 +97,9 @@ class Unknowns:
 
     cameras: IntArray
     additional: IntArray
+    antennas: IntArray
+    shifts: IntArray
+    drifts: IntArray
     theodolites: IntArray
     photos: IntArray
     points: IntArray
@@ -122,6 +131,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         cameras[row, list(LENS_PLACES)] = cameras[first[row], list(LENS_PLACES)]
         unheld = {name for name in set_ if (camera.name, name) not in block.held_additional}
         additional[row, : len(set_)] = _number("CAMERA", camera.name, set_, unheld, names)
+    antennas, shifts, drifts = _number_antennas(block, names)
     theodolites = np.array(
         [
             _number("THEODOLITE", set_.name, ("R",), () if set_.constant else ("R",), names)[0]
@@ -150,12 +160,37 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     return Unknowns(
         cameras,
         additional,
+        antennas,
+        shifts,
+        drifts,
         theodolites,
         photos,
         points,
         Layout(reduced, len(eliminated), fixed),
         UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
     )
+
+
+def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the columns of antennas (n, 7), shifts and drifts (k, 3); a free network has none of these unknowns."""
+    places = station_places(block)
+
+    def table(rows: list[list[int]], width: int) -> IntArray:
+        return np.array(rows, dtype=np.int64).reshape(-1, width)
+
+    used = {row for row in places.antenna.tolist() if not block.is_free_network}
+    antennas = [
+        _number("ANTENNA", antenna.name, ANTENNA_PARAMETERS, antenna.unknown if row in used else (), names)
+        for row, antenna in enumerate(block.antennas)
+    ]
+    shifts, drifts = (
+        [
+            _number("ANTENNA", name_of_stretch(block.antennas[stretch.antenna], stretch), kinds, kinds, names)
+            for stretch in stretches
+        ]
+        for stretches, kinds in ((places.shifts, SHIFT), (places.drifts, DRIFT))
+    )
+    return table(antennas, len(ANTENNA_PARAMETERS)), table(shifts, 3), table(drifts, 3)
 
 
 def set_names(camera: Camera) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli import adjust, control, digitise, drive, observations, project, records
+from orip.cli import adjust, control, digitise, drive, observations, project, records, stations
 from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
@@ -46,6 +46,7 @@ for group in (
     records.commands,
     records.camera_plot,
     control,
+    stations,
     project.export_toml,
 ):
     group.register(app)

@@ -121,10 +121,7 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
         If the system is unknown, not projected, mirrored or turned to the south, in another unit than the project, if
         the origin is not in it, or if its heights cannot be taken to the ellipsoid with what is installed.
     """
-    whole = _known(crs)
-    if whole.is_bound and whole.source_crs is not None:
-        whole = whole.source_crs
-    shown = crs if len(crs) <= _LONGEST_SHOWN else whole.name
+    whole, shown = _whole(crs)
     horizontal, geodetic = _horizontal(whole, shown)
     complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
     if complaints:
@@ -139,6 +136,39 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
     elif len(whole.axis_info) == 2:
         warnings.append(_heights_warning(shown))
     return replace(result, warnings=tuple(warnings))
+
+
+def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray:
+    """Return the X, Y, Z (3,) of a place in the project's system, its height taken as it is.
+
+    Good for the `origin` of `ground_crs`, where nothing else is known than a place by longitude, latitude (radians,
+    from the system's own prime meridian) and height (metres).
+
+    Raises
+    ------
+    InputError
+        If the system is unknown, not projected or has no such place.
+    """
+    whole, shown = _whole(crs)
+    horizontal, geodetic = _horizontal(whole, shown)
+    complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
+    if complaints:
+        raise InputError(complaints)
+    result = _of_ellipsoid(whole, horizontal, geodetic, shown)
+    place = result.from_geographic(geographic[None])[0]
+    if not np.isfinite(place).all():
+        longitude, latitude = degrees_at(result, geographic)
+        message = f"crs {shown} ({whole.name}) does not reach {longitude:.6f}° E {latitude:.6f}° N; check crs"
+        raise InputError.single(message)
+    return np.asarray(place)
+
+
+def _whole(crs: str) -> tuple[pyproj.CRS, str]:
+    """Return a system without a transformation to another datum bound to it, and how it is shown."""
+    whole = _known(crs)
+    if whole.is_bound and whole.source_crs is not None:
+        whole = whole.source_crs
+    return whole, crs if len(crs) <= _LONGEST_SHOWN else whole.name
 
 
 def degrees_at(crs: GroundCrs, place: FloatArray) -> tuple[float, float]:
@@ -189,9 +219,9 @@ def _horizontal(whole: pyproj.CRS, shown: str) -> tuple[pyproj.CRS, pyproj.CRS]:
     if part.is_projected and geodetic is not None and geodetic.is_geographic:
         return part, geodetic
     message = (
-        f"crs {shown} ({whole.name}) is no projected system but: {part.type_name}; X and Y must be metres or feet on "
-        "a map grid. Name a projected crs and give the coordinates in it, or leave crs out where X, Y, Z are a plain "
-        "right-handed system"
+        f"crs {shown} ({whole.name}) is not a projected system but: {part.type_name}; X and Y must be metres or feet "
+        "on a map grid. Name a projected crs and give the coordinates in it, or leave crs out where X, Y, Z are a "
+        "plain right-handed system"
     )
     raise InputError.single(message)
 

@@ -118,12 +118,20 @@ class GroundFrame:
         and for a conformal projection the grid's own right angle is left as it is, at any height. Where a projection is
         not conformal, its angular distortion is shared evenly between the two axes.
         """
-        geographic = self.crs.to_geographic(xyz)
-        angle = _turn(self._by_place(geographic)[:, :2, :2])
+        return np.asarray(self.grid_axes_at(xyz) @ self._place_of_local(self.crs.to_geographic(xyz)))
+
+    def grid_axes_at(self, xyz: FloatArray) -> FloatArray:
+        """Return the rotations (n, 3, 3) from east, north, up to grid east, grid north, up: the meridian convergence.
+
+        Parameters
+        ----------
+        xyz : array (n, 3)
+            In the project's coordinates.
+        """
+        angle = _turn(self._by_place(self.crs.to_geographic(xyz))[:, :2, :2])
         sine, cosine, zero, one = np.sin(angle), np.cos(angle), np.zeros_like(angle), np.ones_like(angle)
         rows = [[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]
-        to_grid = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        return np.asarray(to_grid @ self._place_of_local(geographic))
+        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
     def jacobian_at(self, xyz: FloatArray) -> FloatArray:
         """Return the partials of the project's coordinates by local ones at places.

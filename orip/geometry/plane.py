@@ -1,4 +1,4 @@
-"""Plane transformations: affine, conform, and conform without scale, fitted to points in closed form."""
+"""Plane transformations: affine, conformal, and conformal without scale, fitted to points in closed form."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ that its width is a thousandth of its length."""
 
 _NO_INVERSE = 1e-2
 """Smallest scale, as part of the one expected from the extents; a square turned over leaves a scale of measuring errors
-alone, some 1e-4, to a conform transformation."""
+alone, some 1e-4, to a conformal transformation."""
 
 
 @dataclass(frozen=True, slots=True)

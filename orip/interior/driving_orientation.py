@@ -1,8 +1,8 @@
 """Orientation for driving: where to look for marks and points while too few marks are measured for an adjustment.
 
 An instrument has to drive somewhere before all marks are measured. With fewer marks than its transformation needs, a
-film is oriented by what there is: none, as it was oriented before; one, as before and shifted; two, by a conform
-transformation. Such an orientation is no final one: no photo coordinate may come from it.
+film is oriented by what there is: none, as it was oriented before; one, as before and shifted; two, by a conformal
+transformation. Such an orientation is not final: no photo coordinate may come from it.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from orip.records.observations.measurement import (
     TransformationKind,
 )
 from orip.records.project.camera import Camera, Mark
+from orip.wording import counted
 
 
 class DrivingOrientation(NamedTuple):
@@ -77,7 +78,7 @@ def _drive(
 ) -> DrivingOrientation:
     used = ~marks.disregarded
     measured, target = marks.measured[used], given[used]
-    fault = f"{len(measured)} usable marks, and transformation {kind} needs {MARKS_NEEDED[kind]}"
+    fault = f"{counted(len(measured), 'usable mark')}, and transformation {kind} needs {MARKS_NEEDED[kind]}"
     if len(measured) >= MARKS_NEEDED[kind]:
         try:
             return DrivingOrientation(fit_plane_transformation(kind, measured, target), None)
@@ -86,7 +87,7 @@ def _drive(
     fewer: TransformationKind = "W" if kind == "W" else "C"
     try:
         found = fit_plane_transformation(fewer, measured, target)
-        instead = "the conform transformation of these marks"
+        instead = "the conformal transformation of these marks"
     except ValueError:
         found, instead = _shifted(measured, target, stored)
     text = f"{fault}: driven by {instead}; as an orientation it is not valid, measure more marks"

@@ -24,7 +24,7 @@ from orip.records.project.photo import Stage
 from orip.records.results.interior import MarkAdjustment
 from orip.records.results.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
-from orip.wording import listed_names
+from orip.wording import counted, listed_names
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""
@@ -49,6 +49,7 @@ def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> 
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_template(orientation, ticks)
     return _orient(
@@ -68,6 +69,7 @@ def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: boo
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_photo(orientation, camera)
     system: Literal["plate", "template"] = "template" if on_template else "plate"
@@ -137,7 +139,7 @@ def _orient(
     what = "template" if group == "templates" else "photo"
     if (count := int(np.count_nonzero(used))) < MARKS_NEEDED[kind]:
         message = (
-            f"{what} {name} has {count} usable marks; transformation {kind} needs {MARKS_NEEDED[kind]}: "
+            f"{what} {name} has {counted(count, 'usable mark')}; transformation {kind} needs {MARKS_NEEDED[kind]}: "
             "measure more marks or include disregarded ones"
         )
         raise OrientationError(message)
@@ -162,13 +164,13 @@ def _orient(
 
 
 def _fits_better_mirrored(kind: TransformationKind, measured: FloatArray, given: FloatArray, square_sum: float) -> bool:
-    """Whether turning the film over makes a conform fit far better; two marks fit either way and cannot tell."""
+    """Whether turning the film over makes a conformal fit far better; two marks fit either way and cannot tell."""
     if kind == "A" or len(measured) < 3:
         return False
     turned = measured * [-1.0, 1.0]
     try:
         residuals = fit_plane_transformation(kind, turned, given).apply(turned) - given
     except ValueError:
-        # a square that lies right fits no conform transformation when it is turned over
+        # a square that lies right fits no conformal transformation when it is turned over
         return False
     return float(np.sum(residuals**2)) < _MIRROR_GAIN**2 * square_sum

@@ -319,7 +319,7 @@ def _take_role(link: PlateProcessorLink, take: Callable[[PlateProcessorLink], No
 
 def _no_processor(url: str, said: str) -> LinkError:
     shown = ascii(said[:60])
-    return LinkError(f"what answers at {url} is no plate processor: it said {shown}; check --link")
+    return LinkError(f"what answers at {url} is not a plate processor: it said {shown}; check --link")
 
 
 def _request_bytes(line: str) -> bytes:

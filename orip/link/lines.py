@@ -47,7 +47,7 @@ def open_line(url: str, timeout_s: float) -> tuple[LinkLine, str]:
         return _open_serial(url, timeout_s)
     found = _TCP.fullmatch(url)
     if found is None or int(found[4]) > 65535:
-        message = f"'{url}' is no link; write for example tcp://127.0.0.1:4788"
+        message = f"'{url}' is not a link; write for example tcp://127.0.0.1:4788"
         raise LinkError(message)
     line = SocketLine(found[2] or found[3], int(found[4]), without_token(url), timeout_s)
     first = line.greeting()
@@ -107,7 +107,9 @@ class SocketLine:
         deadline = time.monotonic() + (self._timeout_s if timeout_s is None else timeout_s)
         while b"\n" not in self._received:
             if len(self._received) > LONGEST_REPLY:
-                message = f"what answers at {self._url} is no plate processor: it sends lines without end; check --link"
+                message = (
+                    f"what answers at {self._url} is not a plate processor: it sends lines without end; check --link"
+                )
                 raise LinkError(message)
             self._received += self._more(deadline)
         line, _, self._received = self._received.partition(b"\n")
@@ -204,7 +206,7 @@ def _open_serial(url: str, timeout_s: float) -> tuple[LinkLine, str]:
     try:
         port = serial.serial_for_url(url, timeout=timeout_s, write_timeout=timeout_s)
     except ValueError as error:
-        message = f"'{url}' is no link ({error}); write for example tcp://127.0.0.1:4788 or /dev/ttyS0"
+        message = f"'{url}' is not a link ({error}); write for example tcp://127.0.0.1:4788 or /dev/ttyS0"
         raise LinkError(message) from error
     except OSError as error:
         raise ConnectionError(str(error)) from error

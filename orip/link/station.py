@@ -134,7 +134,7 @@ def bare_stages(*, is_paced: bool = False, stages: Stages | None = None) -> Stat
         DrivePhoto("RIGHT", "-", None, "LOWER", (1.0, 0.0, 1.0), level, unit),
     )
     model = DriveModel(NO_MODEL, 1, 1, "LEFT", "RIGHT", "NORMAL")
-    table = DriveTable("-", "-", "mm", "-", upper, lower, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
+    table = DriveTable("-", "-", "", "mm", "-", upper, lower, (camera,), (), photos, (model,), (0.0, 0.0, 0.0))
     state = ProcessorState(0, (_middle(upper), _middle(lower)), None, "IN", guide="UPPER")
     return Station(oriented_block(table), state, is_paced=is_paced, stages=stages)
 

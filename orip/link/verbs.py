@@ -58,7 +58,7 @@ def guide(station: Station, words: Words) -> Outcome:
     """Choose the guiding system."""
     system = panel.guide_named(words[0])
     if system is None:
-        text = f"'{shown(words[0])}' is no guiding system: {', '.join(GUIDES)}, their first letters, or 1 to 5"
+        text = f"'{shown(words[0])}' is not a guiding system: {', '.join(GUIDES)}, their first letters, or 1 to 5"
         raise Refused(DriveCode.BAD_KEYWORD, text)
     if system in ("MODEL", "OBJECT"):
         require_table(station)

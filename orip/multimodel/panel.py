@@ -82,7 +82,7 @@ def foot(block: OrientedBlock, state: ProcessorState, side: Side) -> Setting:
 def key(block: OrientedBlock, state: ProcessorState, name: str) -> Setting:
     """Queue a key of the keypad: 0 to 15, ENTER or ZERO."""
     if name.upper() not in KEYS:
-        return state, DriveFault(DriveCode.BAD_KEYWORD, f"'{name}' is no key; allowed: 0 to 15, ENTER, ZERO")
+        return state, DriveFault(DriveCode.BAD_KEYWORD, f"'{name}' is not a key; allowed: 0 to 15, ENTER, ZERO")
     return _set(block, _queued(state, Event("KEY", name.upper())))
 
 

@@ -112,6 +112,7 @@ def drive_table(ingredients: TableIngredients) -> DriveTable:
     return DriveTable(
         block=record_key(solution.bundle),
         project=solution.project,
+        user=solution.user,
         plate_unit="px" if digital else "mm",
         object_unit=solution.ground_unit,
         upper=upper,

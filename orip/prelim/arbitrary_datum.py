@@ -37,7 +37,7 @@ def with_arbitrary_datum(
         A sentence that says what the system is.
     """
     first = int(np.flatnonzero(grown.oriented)[0])
-    ratios = _ratios(grown, rays, distances)
+    ratios = ratios_of_distances(grown, rays, distances)
     if ratios:
         scale = float(np.median(ratios))
         size = f"its scale comes from {counted(len(ratios), 'distance')}"
@@ -51,8 +51,8 @@ def with_arbitrary_datum(
     return grown.transformed(similarity), finding
 
 
-def _ratios(grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
-    """Return given over computed lengths."""
+def ratios_of_distances(grown: GrowingBlock, rays: ImageRays, distances: Sequence[ControlDistance]) -> list[float]:
+    """Return given over computed lengths of spatial distances between known points."""
     place = {name: row for row, name in enumerate(rays.points)}
     known = grown.known
     ratios = []

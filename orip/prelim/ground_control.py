@@ -7,6 +7,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
+from orip.records.names import record_key
 
 
 def known_points(block: Block) -> KnownPositions:
@@ -52,11 +53,32 @@ def approximate_points(block: Block) -> KnownPositions:
 
 
 def known_centres(block: Block) -> KnownPositions:
-    """Return the projection centres that are given, in the frame of the block, without a-priori errors."""
-    centres = block.photo_orientation[:, :3]
+    """Return the projection centres that are given, in the frame of the block.
+
+    Those of exposure stations have their a-priori errors, all others none. The lever arm counts as an error: without
+    attitudes it is not known where it points to.
+    """
+    centres = block.photo_orientation[:, :3].copy()
+    errors = np.full_like(centres, np.nan)
+    row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
+    for station in block.stations:
+        if station.has_position and min(station.position_error) >= 0.0:
+            row = row_of[record_key(station.photo)]
+            if np.isnan(centres[row]).any():
+                centres[row] = block.ground.to_local(np.array([station.position]))[0]
+            errors[row] = np.hypot(station.position_error, _length_of_arm(block, row))
     rows = np.flatnonzero(np.isfinite(centres).all(axis=1))
     names = tuple(block.photos[row].name for row in rows)
-    return KnownPositions(names, centres[rows], np.full((len(rows), 3), np.nan))
+    return KnownPositions(names, centres[rows], errors[rows])
+
+
+def _length_of_arm(block: Block, photo: int) -> float:
+    """Return the length of the lever arm of a photo's antenna, 0 without one."""
+    key = record_key(block.cameras[block.photo_camera[photo]].name)
+    for antenna in block.antennas:
+        if not antenna.cameras or key in map(record_key, antenna.cameras):
+            return float(np.linalg.norm(antenna.lever_arm))
+    return 0.0
 
 
 def _in_frame(block: Block, given: FloatArray) -> FloatArray:

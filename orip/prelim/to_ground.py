@@ -16,6 +16,7 @@ from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
+from orip.prelim.similarity_of_photo import similarity_of_photo
 from orip.records.results.preliminary import ControlReading, NotOriented, SimilarityStep
 from orip.wording import counted, first_names
 
@@ -105,7 +106,11 @@ def _absolute(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Out
         grown = _with_all_control(measured, grown)
         again = _joined_to_ground(measured, grown)
         if not isinstance(again, Joined):
-            return Outcome(route, grown, False, None, found.reason)
+            by_photo = similarity_of_photo(measured, grown)
+            if by_photo is None:
+                return Outcome(route, grown, False, None, found.reason)
+            grown = grown.transformed(by_photo.similarity)
+            return Outcome(route, grown, True, None, "", findings=(f"{found.reason}: {by_photo.finding}",))
         found = again
     return Outcome(route, grown.transformed(found.similarity), True, found.step, "")
 

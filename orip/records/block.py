@@ -18,6 +18,7 @@ from orip.records.observations.control import (
     PreliminaryPoint,
 )
 from orip.records.observations.station import Station
+from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
@@ -88,6 +89,8 @@ class Block:
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
     theodolites : tuple of TheodoliteSet
+    antennas : tuple of Antenna
+        That of a camera is the first one for all cameras or for it.
     held_additional : set of (camera, parameter)
         Additional parameters that are held at zero.
     ground : GroundSystem
@@ -119,6 +122,7 @@ class Block:
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
+    antennas: tuple[Antenna, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()

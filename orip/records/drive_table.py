@@ -152,8 +152,8 @@ class DriveTable:
 
     Parameters
     ----------
-    block, project : str
-        Names of the bundle adjustment and of the project.
+    block, project, user : str
+        Names of the bundle adjustment, of the project, and of who works on it (may be empty).
     plate_unit : {"mm", "px"}
     object_unit : str
     upper, lower : StageLimits
@@ -164,6 +164,7 @@ class DriveTable:
 
     block: str
     project: str
+    user: str
     plate_unit: PlateUnit
     object_unit: str
     upper: StageLimits

@@ -20,10 +20,11 @@ from orip.report.ellipses import ellipse_views
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
-from orip.report.precision import photo_table, point_table, spreads, zero_direction_table
+from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
+from orip.report.stations import station_charts, station_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
 from orip.report.variance_components import variance_component_table
@@ -83,6 +84,9 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "points": point_table(solution),
         "photos": photo_table(solution),
         "zero_directions": zero_direction_table(solution),
+        "antennas": antenna_table(solution),
+        "stations": station_table(solution),
+        "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
         "strong": STRONG,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Estimates, Solution
@@ -90,6 +91,23 @@ def zero_direction_table(solution: Solution) -> PageTable | None:
         PageColumn("sd R", [deviation(row.sd, decimals) for row in rows], "°", "R.sd"),
     ]
     return PageTable("theodolites", "Theodolite sets: zero directions", columns)
+
+
+def antenna_table(solution: Solution) -> PageTable | None:
+    """Return the parameters of antennas, shifts and drifts; None where there are no antennas."""
+    rows = solution.antennas
+    if not rows:
+        return None
+    decimals = [decimals_for([row.sd]) for row in rows]
+    columns = [
+        PageColumn("Antenna", [row.antenna for row in rows], words=True),
+        PageColumn("Strip", [row.strip for row in rows], words=True),
+        PageColumn("Parameter", [row.name for row in rows], words=True),
+        PageColumn("Value", [fixed(row.value, own) for row, own in zip(rows, decimals, strict=True)], "", "value"),
+        PageColumn("sd", [deviation(row.sd, own) for row, own in zip(rows, decimals, strict=True)], "", "sd"),
+        PageColumn("Unit", [unit_of_unknown(row.name, solution.ground_unit) for row in rows], words=True),
+    ]
+    return PageTable("antennas", "Antennas: lever arm, boresight, shifts and drifts", columns)
 
 
 def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> PageColumn:

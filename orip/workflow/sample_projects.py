@@ -15,11 +15,12 @@ from orip.workflow.project.folder import PROJECT_FILE
 SAMPLES: Mapping[str, str] = {
     "zurich_city_hall": "15 terrestrial photos of a building, control and check points: data that do not fit",
     "dcs260_calibration": "5 photos of a grid plate: calibration of a camera",
+    "drone_rtk": "60 photos of a drone with RTK, simulated: one bad fix, one shifted strip",
     "small_frame_block": "12 hand-held photos of a cliff, simulated: from film to drive table, with two blunders",
 }
 """Name and description."""
 
-_SUFFIXES = {".toml", ".md", ".MEA", ".PNT", ".PRE", ".LEN", ".py"}
+_SUFFIXES = {".toml", ".md", ".MEA", ".PNT", ".PRE", ".LEN", ".STA", ".MRK", ".pos", ".py"}
 _TRUTH = "truth.json"
 
 

@@ -92,7 +92,7 @@ def draw_ripple(random: np.random.RandomState) -> Ripple:
     swing, direction, phase = random.uniform(0, 2 * np.pi, size=3)
     kx, ky = 2 * np.pi / random.uniform(*RIPPLE_LENGTH_MM) * np.array([np.cos(direction), np.sin(direction)])
     ax, ay = RIPPLE_MM * np.sqrt(2) * np.array([np.cos(swing), np.sin(swing)])
-    return Ripple((round(float(ax), 7), round(float(ay), 7)), *(round(float(each), 6) for each in (kx, ky, phase)))
+    return Ripple((round(float(ax), 7), round(float(ay), 7)), *(round(float(value), 6) for value in (kx, ky, phase)))
 
 
 def cliff(X: float, Z: float) -> float:

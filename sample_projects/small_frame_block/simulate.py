@@ -146,7 +146,7 @@ class Operator:
 
     def __init__(self, random: np.random.RandomState, project: Project, truth: Truth) -> None:
         self.random, self.project, self.truth = random, project, truth
-        self.template_of = {photo: each["name"] for each in project["template"] for photo in each["photos"]}
+        self.template_of = {photo: template["name"] for template in project["template"] for photo in template["photos"]}
         self.mounting: dict[str, tuple[float, float, float]] = {}
         self.log: list[str] = []
 
@@ -214,7 +214,7 @@ def measure_strip(operator: Operator, row: int, images: Images, blunders: Blunde
     """Measure model by model; in the left photo there is left to do what the model before did not have."""
     named = with_misnumbered_point(images, blunders)
     done: dict[str, set[str]] = {photo: set() for photo in images}
-    for model in (each for each in operator.project["bundle"][0]["model"] if each["row"] == row):
+    for model in (model for model in operator.project["bundle"][0]["model"] if model["row"] == row):
         operator.log += ["", f"! Model {model['name']}"]
         for photo in (model["left"], model["right"]):
             todo = [name for name in in_both(images, model) if name in named[photo] and name not in done[photo]]
@@ -258,11 +258,11 @@ def truth_json(truth: Truth, blunders: Blunders) -> str:
     parts = {
         "seed": SEED,
         "camera": CAMERA,
-        "photos": {name: list(each) for name, each in truth.orientations.items()},
-        "points": {name: list(each) for name, each in truth.points.items()},
-        "prints": {name: list(each) for name, each in truth.prints.items()},
+        "photos": {name: list(orientation) for name, orientation in truth.orientations.items()},
+        "points": {name: list(point) for name, point in truth.points.items()},
+        "prints": {name: list(places) for name, places in truth.prints.items()},
         "film_scale": FILM_SCALE,
-        "ripples": {name: [asdict(each) for each in ripples] for name, ripples in truth.ripples.items()},
+        "ripples": {name: [asdict(ripple) for ripple in ripples] for name, ripples in truth.ripples.items()},
         "mountings": [{"log": f"{day}.MEA", "template": name, "place": at} for (day, name), at in MOUNTINGS.items()],
         "blunders": [
             {"photo": MISPOINTED_PHOTO, "point": blunders.mispointed, "mispointed_by": MISPOINTED_BY},

@@ -86,5 +86,5 @@ def test_a_problem_that_converges_quickly_is_not_changed():
     with without_acceleration():
         plain = adjusted(problem, start, settings(enp_stop=9.0))
     assert converged(fast)
-    assert [each.enp for each in fast.iterations] == [each.enp for each in plain.iterations]
+    assert [iteration.enp for iteration in fast.iterations] == [iteration.enp for iteration in plain.iterations]
     assert np.array_equal(fast.state, plain.state)

@@ -184,7 +184,7 @@ def test_constants_are_not_accelerated_as_their_equations_change_after_each_iter
     with patch.object(Acceleration, "step", lambda _, normals, __: AcceleratedStep(normals.correction, Acceleration())):
         plain = adjusted(held_sum(5.0, 0.5), np.zeros(4), chosen)
     assert len(plain.iterations) > 5
-    assert [each.enp for each in found.iterations] == [each.enp for each in plain.iterations]
+    assert [iteration.enp for iteration in found.iterations] == [iteration.enp for iteration in plain.iterations]
 
 
 def test_termination_by_the_number_of_iterations():
@@ -217,5 +217,5 @@ def test_corrections_that_grow_are_divergence():
 
 def test_passes_count_from_one_and_sigma0_settles():
     found = adjusted(line({}), np.array([100.0, 3.0]), settings())
-    assert [each.iteration for each in found.iterations] == list(range(1, len(found.iterations) + 1))
+    assert [iteration.iteration for iteration in found.iterations] == list(range(1, len(found.iterations) + 1))
     assert found.iterations[-1].sigma0 == pytest.approx(1.0, abs=0.4)

@@ -74,7 +74,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "photo_points.xy: has the shape (2, 2); (3, 2) is needed as photo_points.photo has",
     ),
     (photo_points(xy=[["1", "2"]] * 3), "photo_points.xy: is an array of <U1; numbers are needed"),
-    (photo_points(xy=[[1.0, 2.0], [3.0]]), "photo_points.xy: is no array; its shape is (n, 2)"),
+    (photo_points(xy=[[1.0, 2.0], [3.0]]), "photo_points.xy: is not an array; its shape is (n, 2)"),
     (photo_points(xy=np.array(XY) * 1j), "photo_points.xy: is an array of complex128; numbers are needed"),
     (photo_points(point=["A", "B"]), "photo_points.point: has 2 rows; 3 are needed as photo_points.photo has them"),
     (photo_points(point="ABA"), "photo_points.point: has the shape (); a list of names is needed"),
@@ -113,7 +113,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     # names
     (photo_points(photo=["1", "1", "3"]), "photo_points.photo[2]: photo 3 is not defined; known are: 1, 2"),
     (photo_points(point=["A", "B C", "A"]), "photo_points.point[1]: 'B C' has a blank; names are one word"),
-    (photo_points(point=["A", 7, "A"]), "photo_points.point[1]: 7 is no text; a name is a text"),
+    (photo_points(point=["A", 7, "A"]), "photo_points.point[1]: 7 is not text; a name is text"),
     (photo_points(point=["A", "A", "A"]), "photo_points[1]: point 'A' of photo '1' is already in row 0"),
     (photos(name=["1", ""]), "photos.name[1]: an empty name; choose another name"),
     (photos(name=["a", "A"]), "photos[1]: photo 'A' differs from 'a' in row 0 only in case"),
@@ -122,7 +122,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (distance(end=["A"]), "distances.end[0]: distance 'L' goes from 'A' to itself; name two points"),
     (distance(code="ZY"), "distances.code[0]: 'ZY' is not a distance code"),
     (element(kind=["Z"]), "elements.kind[0]: 'Z' is not a kind of PHOTO"),
-    (camera(unknown=["C", "A2"]), "cameras[0]: unknown of camera 'C': 'A2' is no parameter"),
+    (camera(unknown=["C", "A2"]), "cameras[0]: unknown of camera 'C': 'A2' is not a parameter"),
     (
         {"cameras": [orip.Camera("C", 35.0), orip.Camera("C", 36.0)]},
         "cameras[1]: camera 'C' is already defined",

@@ -76,7 +76,9 @@ def test_covariances_between_records() -> None:
     assert found.covariance("105") == pytest.approx(found.points["105"].covariance, rel=1e-6, abs=1e-15)
     # C of a camera between points around an object: its correlations are those of the record
     r = joint[9, 10] / np.sqrt(joint[9, 9] * joint[10, 10])
-    (wanted,) = [each.r for each in found.correlations if (each.a, each.b) == ("CAM.C", "CAM.DX")]
+    (wanted,) = [
+        correlation.r for correlation in found.correlations if (correlation.a, correlation.b) == ("CAM.C", "CAM.DX")
+    ]
     assert r == pytest.approx(wanted, abs=1e-6)
 
 
@@ -138,8 +140,8 @@ def test_what_is_not_determined_and_what_is_constant() -> None:
     assert np.isinf(undetermined.deviations).any()
     assert np.isnan(undetermined.covariance).any()
     assert np.array_equal(np.isnan(found.covariance(once)), np.isnan(undetermined.covariance))
-    assert "105" not in [each.name for each in found.singular]
-    assert once in [each.name for each in found.singular]
+    assert "105" not in [unknown.name for unknown in found.singular]
+    assert once in [unknown.name for unknown in found.singular]
 
 
 def test_a_block_belongs_to_no_project() -> None:

@@ -73,32 +73,32 @@ def sort(browser, records, key):
 def test_the_page_is_shown_without_an_error_and_from_nowhere_else(browser, shown, name):
     shown(name)
     # plotly reads its canvas back for the mouse, which Chromium remarks upon; remarks are no errors
-    assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
-    requests = [each["message"] for each in browser.get_log("performance") if "requestWillBeSent" in each["message"]]
-    assert [each for each in requests if '"url":"http' in each] == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    requests = [entry["message"] for entry in browser.get_log("performance") if "requestWillBeSent" in entry["message"]]
+    assert [request for request in requests if '"url":"http' in request] == []
 
 
 def test_no_button_takes_a_project_elsewhere(browser, shown):
     shown("small_frame_block")
     buttons = browser.execute_script(
-        "return [...document.querySelectorAll('.modebar-btn')].map(each => each.dataset.title)"
+        "return [...document.querySelectorAll('.modebar-btn')].map(element => element.dataset.title)"
     )
     assert "Download plot as a PNG" in buttons
-    assert not [each for each in buttons if "share" in each.lower() or "cloud" in each.lower()]
+    assert not [button for button in buttons if "share" in button.lower() or "cloud" in button.lower()]
     assert browser.execute_script("return [view._context.showSendToCloud, view._context.plotlyServerURL]") == [
         False,
         "",
     ]
-    links = browser.execute_script("return [...document.links].map(each => each.getAttribute('href'))")
-    assert [each for each in links if not each.startswith("#")] == []
+    links = browser.execute_script("return [...document.links].map(element => element.getAttribute('href'))")
+    assert [link for link in links if not link.startswith("#")] == []
 
 
 def test_the_block_is_drawn_with_photos_points_and_rays_on_demand(browser, shown):
     result = shown("small_frame_block")
     traces = browser.execute_script(
-        "return view.data.map(trace => [trace.name, trace.x.filter(each => each !== null).length])"
+        "return view.data.map(trace => [trace.name, trace.x.filter(element => element !== null).length])"
     )
-    kinds = [each["kind"] for each in result["points"].values()]
+    kinds = [point["kind"] for point in result["points"].values()]
     # nine places for the three lines of a pyramid over its frame
     assert dict(traces[:1]) == {"photo frames": 11 * 12}
     assert dict(traces)["photo"] == 12
@@ -113,7 +113,7 @@ def test_the_block_is_drawn_with_photos_points_and_rays_on_demand(browser, shown
 
 def rays_drawn(browser):
     return browser.execute_script(
-        "return view.data.find(trace => trace.name === 'rays').x.filter(each => each === null).length"
+        "return view.data.find(trace => trace.name === 'rays').x.filter(element => element === null).length"
     )
 
 
@@ -123,7 +123,7 @@ def test_the_block_fits_on_paper(browser, shown):
     try:
         sides = browser.execute_script(
             "return ['.gl-container canvas', '.main-svg'].map("
-            "each => document.querySelector('#view ' + each).getBoundingClientRect().width)"
+            "element => document.querySelector('#view ' + element).getBoundingClientRect().width)"
         )
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
@@ -168,8 +168,8 @@ def test_long_names_do_not_widen_the_page(browser, tmp_path):
     browser.get(path.as_uri())
     assert browser.execute_script("return document.documentElement.scrollWidth") <= 1280
     covered = browser.execute_script(
-        "return [...document.querySelectorAll('.words')].filter(each => each.scrollWidth > each.clientWidth)"
-        ".map(each => each.textContent)"
+        "return [...document.querySelectorAll('.words')].filter(element => element.scrollWidth > element.clientWidth)"
+        ".map(element => element.textContent)"
     )
     assert covered == [], "words that run over the next column"
 
@@ -180,12 +180,12 @@ def test_it_prints_all_rows_of_its_tables(browser, opened):
     try:
         hidden = browser.execute_script(
             "return [...document.querySelectorAll('.table')]"
-            ".filter(each => each.scrollHeight > each.clientHeight + 1).length"
+            ".filter(element => element.scrollHeight > element.clientHeight + 1).length"
         )
         assert hidden == 0
         assert not browser.find_element("css selector", "nav").is_displayed()
         buttons = browser.execute_script(
-            "return [...document.querySelectorAll('thead button')].map(each => getComputedStyle(each).display)"
+            "return [...document.querySelectorAll('thead button')].map(element => getComputedStyle(element).display)"
         )
         assert set(buttons) == {"contents"}, "a head with boxes of buttons is not repeated on the next page"
     finally:

@@ -69,7 +69,8 @@ class Page:
     def active(self):
         """Return the names of the models that are drawn as active: one."""
         return [
-            each.get_attribute("data-model") for each in self.browser.find_elements("css selector", ".model.active")
+            element.get_attribute("data-model")
+            for element in self.browser.find_elements("css selector", ".model.active")
         ]
 
     def hand(self, right, up):
@@ -112,7 +113,7 @@ def test_a_click_across_a_frame_line_changes_the_model(browser, server):
     assert page.is_marked(21.0, 5.0)
     assert "photo P1-2 left, P1-3 right; optics swapped; the mark is inside it" in page.text("status")
     frames = browser.find_elements("css selector", ".frame.active")
-    assert sorted(each.get_attribute("data-photo") for each in frames) == ["P1-2", "P1-3"]
+    assert sorted(frame.get_attribute("data-photo") for frame in frames) == ["P1-2", "P1-3"]
     assert server.watch.state()["mark"][:2] == pytest.approx(page.mark(), abs=0.01)
     page.click(22.0, -40.0)
     page.wait(lambda: page.active == ["M2-2"])
@@ -169,6 +170,22 @@ def test_foot_switches_and_keys(browser, server):
     page.wait(lambda: page.text("pressed").endswith("left foot switch, 7, 0, ENTER, ZERO"))
     assert pressed == ["RIGHT", "15", "ENTER", "LEFT", "7", "0", "ENTER", "ZERO"]
     assert page.quiet()
+
+
+def test_the_page_fits_a_telephone(browser, server):
+    """What is operated comes right below the plan, and nothing is wider than the screen."""
+    screen = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    try:
+        page = Page(browser, server.url)
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+        names = ["place", "status", "panel", "readout", "upper"]
+        tops = [browser.find_element("id", name).rect["y"] for name in names]
+        assert tops == sorted(tops)
+        assert browser.find_element("css selector", "[data-foot=RIGHT]").rect["y"] < 844
+        assert page.quiet()
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_what_is_refused_is_said(browser, server):

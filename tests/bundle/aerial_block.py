@@ -53,8 +53,8 @@ def aerial_block(geometry: str, points_along_a_side: int = 9, **settings: object
         definition=BundleDefinition(geometry, Precision(PRECISION_MM), **settings),
         cameras=(Camera("CAM", tuple(camera.tolist()), frame=(FRAME_MM, FRAME_MM)),),
         photos=tuple(
-            Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[each[:3], np.degrees(each[3:])].tolist()))
-            for row, each in enumerate(orientations)
+            Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[orientation[:3], np.degrees(orientation[3:])].tolist()))
+            for row, orientation in enumerate(orientations)
         ),
         photo_camera=np.zeros(len(orientations), dtype=np.int64),
         photo_orientation=orientations.copy(),

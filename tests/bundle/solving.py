@@ -33,7 +33,7 @@ def redefined(block: Block, **settings: object) -> Block:
 
 
 def singular(found: Solution) -> list[tuple[str, str]]:
-    return [(each.name, each.kind) for each in found.singular]
+    return [(unknown.name, unknown.kind) for unknown in found.singular]
 
 
 def rows(found: Solution, kind: str) -> np.ndarray:
@@ -72,7 +72,7 @@ def with_rays(made: SyntheticBlock, least: int) -> SyntheticBlock:
         point_names=names,
         point_start=block.point_start[stays],
         constant_points=block.constant_points[stays],
-        control_points=tuple(each for each in block.control_points if each.name in names),
+        control_points=tuple(point for point in block.control_points if point.name in names),
     )
     return replace(made, block=kept, points=made.points[stays])
 
@@ -109,8 +109,8 @@ def noisy(made: SyntheticBlock, seed: int) -> Block:
     random = np.random.default_rng(seed)
     points = made.block.photo_points
     control = tuple(
-        replace(each, coordinates=tuple((np.array(each.coordinates) + each.errors * random.normal(size=3)).tolist()))
-        for each in made.block.control_points
+        replace(point, coordinates=tuple((np.array(point.coordinates) + point.errors * random.normal(size=3)).tolist()))
+        for point in made.block.control_points
     )
     xy = points.xy + points.error * random.normal(size=points.xy.shape)
     return replace(made.block, photo_points=replace(points, xy=xy), control_points=control)

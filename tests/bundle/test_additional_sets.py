@@ -37,14 +37,14 @@ def test_a_deformation_is_absorbed(name):
     assert found.status == "converged"
     assert found.sigma0 == pytest.approx(1.0, abs=0.06)
     assert len(found.additional) == SETS[name]
-    off = [np.sqrt(np.mean((each.points.values - MADE.points) ** 2)) for each in (without, found)]
+    off = [np.sqrt(np.mean((solved.points.values - MADE.points) ** 2)) for solved in (without, found)]
     assert off[1] < 0.6 * off[0]
     assert abs(np.nansum(found.residuals.redundancy_number) - found.redundancy) < 1e-8
 
 
 def test_parameters_of_ebner_are_those_of_the_deformation():
     block, unit = deformed(0.03)
-    found = {each.name: each for each in solution(with_set(block, "EBNER")).additional}
+    found = {parameter.name: parameter for parameter in solution(with_set(block, "EBNER")).additional}
     wanted = dict.fromkeys(found, 0.0) | {"EBNER.7": unit, "EBNER.9": 0.5 * unit}
     for name, value in wanted.items():
         assert found[name].value == pytest.approx(value, abs=4.0 * found[name].sd), name
@@ -56,7 +56,7 @@ def test_without_a_deformation_no_parameter_is_far_from_zero(name):
     found = solution(with_set(redefined(noisy(MADE, 2), **OFF), name))
     assert found.status == "converged"
     assert found.sigma0 == pytest.approx(1.0, abs=0.06)
-    ratios = np.array([abs(each.value) / each.sd for each in found.additional])
+    ratios = np.array([abs(parameter.value) / parameter.sd for parameter in found.additional])
     assert ratios.max() < 4.0
     assert found.singular == ()
 
@@ -67,6 +67,6 @@ def test_held_parameters_stay_zero_and_are_no_unknowns():
     held = frozenset(("CAM", f"EBNER.{number}") for number in range(1, 13) if number not in (7, 9))
     found, all_free = solution(replace(whole, held_additional=held)), solution(whole)
     assert found.unknowns == all_free.unknowns - 10
-    values = {each.name: (each.value, each.sd) for each in found.additional}
+    values = {parameter.name: (parameter.value, parameter.sd) for parameter in found.additional}
     assert all(values[name][0] == 0.0 and np.isnan(values[name][1]) for _, name in held)
     assert found.sigma0 == pytest.approx(1.0, abs=0.06)

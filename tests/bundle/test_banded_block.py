@@ -60,7 +60,7 @@ def test_without_control_seven_unknowns_of_photos_are_removed():
     full, _, _ = solved_normals(block, streamed=False, banded=False)
     assert isinstance(normals.factor, BandFactor)
     assert np.count_nonzero(full.removed) == 7
-    assert [unknowns.names[each].group for each in np.flatnonzero(normals.removed)] == ["PHOTO"] * 7
+    assert [unknowns.names[place].group for place in np.flatnonzero(normals.removed)] == ["PHOTO"] * 7
     # the residuals left are the same whatever movements are held
     assert normals.reduced_square_sum == pytest.approx(full.reduced_square_sum, rel=1e-8)
 

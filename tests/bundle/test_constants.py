@@ -97,13 +97,13 @@ def with_negative_errors(block, name, wrong):
         block,
         control_points=tuple(
             replace(
-                each,
-                errors=tuple(-error for error in each.errors),
-                coordinates=tuple(value + wrong for value in each.coordinates),
+                point,
+                errors=tuple(-error for error in point.errors),
+                coordinates=tuple(value + wrong for value in point.coordinates),
             )
-            if each.name == name
-            else each
-            for each in block.control_points
+            if point.name == name
+            else point
+            for point in block.control_points
         ),
     )
 
@@ -113,7 +113,9 @@ def test_a_check_point_is_compared_and_has_no_influence():
     block = noisy(made, 1)
     name = block.control_points[2].name
     found = solution(with_negative_errors(block, name, 7.0))
-    without = solution(replace(block, control_points=tuple(each for each in block.control_points if each.name != name)))
+    without = solution(
+        replace(block, control_points=tuple(point for point in block.control_points if point.name != name))
+    )
     assert np.array_equal(found.points.values, without.points.values)
     assert (found.sigma0, found.redundancy) == (without.sigma0, without.redundancy)
     (check,) = found.check_points
@@ -194,7 +196,7 @@ def test_a_point_behind_its_camera_is_left_out_and_named():
     assert (found.observations, found.redundancy) == (without.observations, without.redundancy)
     last = 2 * len(points.photo)
     assert np.isnan(found.residuals.weight_factor[[last, last + 1]]).all()
-    (named,) = [each for each in found.diagnosis if each.code == "behind"]
+    (named,) = [diagnosis for diagnosis in found.diagnosis if diagnosis.code == "behind"]
     assert named.where == f"photo P1 point {block.point_names[behind]}"
 
 
@@ -207,6 +209,6 @@ def test_a_point_that_starts_behind_its_camera_comes_to_lie_in_front():
     assert found.status == "converged"
     # all of its rays are left out at first, and nothing moves it
     if found.singular:
-        assert {each.name for each in found.singular} == {block.point_names[5]}
+        assert {unknown.name for unknown in found.singular} == {block.point_names[5]}
     else:
         assert np.abs(found.points.values[5] - made.points[5]).max() < 0.5

@@ -48,8 +48,8 @@ def test_without_control_seven_unknowns_of_photos_are_singular(scene, name, shif
     found = solution(block)
     assert found.status == "converged"
     assert len(found.singular) == 7
-    assert {each.group for each in found.singular} == {"PHOTO"}
-    assert [each.singular for each in found.iterations] == [7] * len(found.iterations)
+    assert {unknown.group for unknown in found.singular} == {"PHOTO"}
+    assert [iteration.singular for iteration in found.iterations] == [7] * len(found.iterations)
     assert found.redundancy == found.observations - found.unknowns + 7
     # the residuals do not depend on the ground system
     assert found.sigma0 == pytest.approx(solution(redefined(block, datum="free")).sigma0, rel=1e-4)
@@ -73,7 +73,7 @@ def test_two_blocks_that_share_no_point_have_fourteen_singular_unknowns_without_
     found = solution(replace(started_off(made, noisy(made, 1), 2), control_points=()))
     assert found.status == "converged"
     assert len(found.singular) == 14
-    assert {each.name for each in found.singular} <= {"P2", "P3", "P5", "P6"}
+    assert {unknown.name for unknown in found.singular} <= {"P2", "P3", "P5", "P6"}
 
 
 def two_points(made, axis):
@@ -97,7 +97,10 @@ def test_two_control_points_leave_the_rotation_about_the_line_between_them(name,
     found = solution(controlled(made, block, two_points(made, axis), error))
     assert found.status == "converged"
     assert singular(found) == [("P15", kind)]
-    assert any(each.code == "undetermined" and "P15" in each.text and kind in each.text for each in found.diagnosis)
+    assert any(
+        diagnosis.code == "undetermined" and "P15" in diagnosis.text and kind in diagnosis.text
+        for diagnosis in found.diagnosis
+    )
 
 
 def test_three_control_points_determine_everything():
@@ -112,21 +115,21 @@ def test_one_ray_leaves_one_coordinate_of_its_point(scene):
     tie = next(
         place
         for place, name in enumerate(block.point_names)
-        if name not in {each.name for each in block.control_points}
+        if name not in {point.name for point in block.control_points}
     )
     mine = np.flatnonzero(block.photo_points.point == tie)
     keep = np.ones(len(block.photo_points.point), dtype=bool)
     keep[mine[1:]] = False
     found = solution(with_photo_points(block, keep))
     assert found.status == "converged"
-    assert [each.name for each in found.singular] == [block.point_names[tie]]
+    assert [unknown.name for unknown in found.singular] == [block.point_names[tie]]
     assert found.point_rays[tie] == 1
     if scene == "aerial":
         # the coordinate along which the ray runs
         assert found.singular[0].kind == "Z"
     # the others follow from it along the ray
     assert np.isinf(found.points.sd[tie]).all()
-    assert any(each.code == "undetermined" and "one ray" in each.text for each in found.diagnosis)
+    assert any(diagnosis.code == "undetermined" and "one ray" in diagnosis.text for diagnosis in found.diagnosis)
 
 
 def test_a_point_without_any_ray_is_named_with_its_three_coordinates():

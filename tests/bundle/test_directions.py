@@ -115,7 +115,9 @@ def test_a_constant_zero_direction_turns_a_block_that_one_point_and_heights_hold
 def test_disregarded_directions_are_listed_without_influence(error):
     without = solution(redefined(noisy(MADE, 1), **OFF))
     block = block_with(error=error, zenith_error=error)
-    block = replace(block, directions=tuple(replace(each, zenith=each.zenith + 5.0) for each in block.directions))
+    block = replace(
+        block, directions=tuple(replace(direction, zenith=direction.zenith + 5.0) for direction in block.directions)
+    )
     found = solution(block)
     zenith = of_component(found, "zenith")
     assert np.allclose(found.residuals.residual[zenith], -5.0, atol=0.01)
@@ -143,7 +145,7 @@ def test_two_sets_have_zero_directions_of_their_own():
     more = directions_from(MADE, block, "123", ("102", "111"), zero=100.0).directions
     both = replace(
         block,
-        directions=block.directions + tuple(replace(each, set="T") for each in more),
+        directions=block.directions + tuple(replace(direction, set="T") for direction in more),
         theodolites=(*block.theodolites, second),
     )
     found = solution(both)

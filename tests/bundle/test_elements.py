@@ -91,7 +91,7 @@ def test_the_zero_direction_of_a_theodolite_set():
     assert found.residuals.component[row[0]] == "R"
     assert found.residuals.residual[row] == pytest.approx([0.0], abs=1e-3)
     # the directions are a third of a degree off, against the photos that know better
-    direction = [each for each in rows(found, "direction") if found.residuals.component[each] == "direction"]
+    direction = [row for row in rows(found, "direction") if found.residuals.component[row] == "direction"]
     assert np.allclose(found.residuals.residual[direction], -0.3, atol=0.02)
 
 

@@ -101,8 +101,8 @@ def test_control_is_listed_without_influence():
     spoilt = replace(
         block,
         control_points=tuple(
-            replace(each, coordinates=tuple(value + 100.0 for value in each.coordinates))
-            for each in block.control_points
+            replace(point, coordinates=tuple(value + 100.0 for value in point.coordinates))
+            for point in block.control_points
         ),
     )
     found, other = solution(block), solution(spoilt)

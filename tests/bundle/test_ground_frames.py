@@ -84,7 +84,7 @@ def test_with_a_crs_the_block_is_true_everywhere(error: float) -> None:
 @pytest.mark.parametrize("error", [0.01, 0.0], ids=["weighted", "constant"])
 def test_without_a_crs_check_points_show_the_curvature(error: float) -> None:
     solution = solved(aerial().assembled(control(corners(error, error, error)), crs=None))
-    height = {each.name: each.dZ for each in solution.check_points}
+    height = {point.name: point.dZ for point in solution.check_points}
     names = aerial().point_names
     # d² / 2R: 7071 m from the corners, and 5000 m along a side
     assert height[names[aerial().middle]] == pytest.approx(3.92, abs=0.02)
@@ -95,7 +95,7 @@ def test_without_a_crs_check_points_show_the_curvature(error: float) -> None:
 def test_check_points_are_compared_in_the_crs() -> None:
     solution = solved(aerial().assembled(control(corners(0.01, 0.01, 0.01))))
     assert len(solution.check_points) == len(aerial().points) - 4
-    differences = [(each.dX, each.dY, each.dZ) for each in solution.check_points]
+    differences = [(point.dX, point.dY, point.dZ) for point in solution.check_points]
     np.testing.assert_allclose(differences, 0.0, atol=EXACT)
     np.testing.assert_allclose(residuals_of(solution, "control"), 0.0, atol=EXACT)
 
@@ -146,7 +146,7 @@ def test_what_a_removed_unknown_belongs_to_has_no_deviations() -> None:
     (singular,) = solution.singular
     assert (singular.group, singular.name) == ("POINT", name)
     assert np.isinf(deviations_of(solution, aerial().middle)).all()
-    assert name not in [each.name for each in solution.check_points]
+    assert name not in [point.name for point in solution.check_points]
 
 
 # constants
@@ -298,9 +298,9 @@ def test_snooping_finds_a_wrong_coordinate_along_the_axis_of_the_project() -> No
     found = snoop(
         aerial().assembled(Control(points=tuple(points))), SnoopingSettings(), lambda _: None, lambda: False
     ).blunders
-    assert {(each.kind, each.point) for each in found} == {("control", aerial().point_names[60])}
+    assert {(blunder.kind, blunder.point) for blunder in found} == {("control", aerial().point_names[60])}
     # size is what the observation has too much
-    assert {each.component: round(each.size, 4) for each in found} == {"X": 0.0, "Y": 2.0, "Z": 0.0}
+    assert {blunder.component: round(blunder.size, 4) for blunder in found} == {"X": 0.0, "Y": 2.0, "Z": 0.0}
 
 
 def test_an_observation_far_from_its_place_is_named() -> None:
@@ -335,10 +335,10 @@ def project(tmp_path: Path) -> Path:
 def test_orip_run_with_a_crs(project: Path) -> None:
     said = orip(project, "run", "--json")
     assert said.code == 0, said.err
-    differences = [each[axis] for each in said.document["check_points"] for axis in ("dX", "dY", "dZ")]
+    differences = [point[axis] for point in said.document["check_points"] for axis in ("dX", "dY", "dZ")]
     # photo coordinates are written to a millionth of a millimetre, 0.02 mm on the ground
     assert np.abs(differences).max() < 0.001
-    assert [each["code"] for each in said.document["warnings"]].count("crs-without-heights") == 1
+    assert [warning["code"] for warning in said.document["warnings"]].count("crs-without-heights") == 1
     listing = (project / "BUNDLE_RESULT.OUT").read_text()
     assert "GROUND SYSTEM" in listing
     assert "Coordinates are in crs EPSG:25832 (ETRS89 / UTM zone 32N)" in listing
@@ -362,7 +362,7 @@ def test_heights_that_need_a_missing_grid_are_refused(project: Path) -> None:
     assert orip(project, "measure").code == 0
     replace_in(project / "orip.toml", "EPSG:25832", "EPSG:25832+7837")
     folders = [*pyproj.datadir.get_data_dir().split(":"), pyproj.datadir.get_user_data_dir()]
-    if pyproj.network.is_network_enabled() or any((Path(each) / "de_bkg_gcg2016.tif").exists() for each in folders):
+    if pyproj.network.is_network_enabled() or any((Path(folder) / "de_bkg_gcg2016.tif").exists() for folder in folders):
         pytest.skip("PROJ has, or may fetch, the grid")
     said = orip(project, "solve")
     assert said.code == 3

@@ -33,14 +33,14 @@ def moved(block, shift, turn):
     """Return the block in another ground system. Errors of control are the same in all directions."""
     rotations = turn @ Rotation.from_euler("XYZ", block.photo_orientation[:, 3:]).as_matrix()
     # at phi = ±90 scipy warns of what docs/conventions.md says: kappa is arbitrary
-    angles = np.array([angles_of(each) for each in rotations])
+    angles = np.array([angles_of(rotation) for rotation in rotations])
     return replace(
         block,
         photo_orientation=np.hstack([block.photo_orientation[:, :3] @ turn.T + shift, angles]),
         point_start=block.point_start @ turn.T + shift,
         control_points=tuple(
-            replace(each, coordinates=tuple((turn @ np.array(each.coordinates) + shift).tolist()))
-            for each in block.control_points
+            replace(point, coordinates=tuple((turn @ np.array(point.coordinates) + shift).tolist()))
+            for point in block.control_points
         ),
     )
 
@@ -93,11 +93,11 @@ def test_the_unit_of_the_ground_does_not_matter():
         point_start=block.point_start * feet,
         control_points=tuple(
             replace(
-                each,
-                coordinates=tuple(value * feet for value in each.coordinates),
-                errors=tuple(error * feet for error in each.errors),
+                point,
+                coordinates=tuple(value * feet for value in point.coordinates),
+                errors=tuple(error * feet for error in point.errors),
             )
-            for each in block.control_points
+            for point in block.control_points
         ),
     )
     here, there = solution(block), solution(scaled)

@@ -12,7 +12,7 @@ from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_
 
 def test_every_kind_with_equations_is_in_the_table_and_the_other_way_round() -> None:
     problem = pose_problem(aerial_block("kinds").block)
-    assert [each.rows.kind for each in problem.observations] == list(OBSERVATION_KINDS.values())
+    assert [observation.rows.kind for observation in problem.observations] == list(OBSERVATION_KINDS.values())
     assert len(KINDS) == len(OBSERVATION_KINDS)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime_CAPI  # type: ignore[attr-defined]
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,11 @@ from orip.records.block import Block
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
-PATTERN, OWN = 16, 26
-"""Where the arguments of the pattern begin, and those that each loop has for itself: orip/bundle/compiled/module.c."""
-ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(PATTERN, PATTERN + 6)
-FUNCTIONS = ("residuals", "points", "eliminate", "precision", "forward", "backward")
+OWN = 13
+"""Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
+OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
+"""Arguments of a layout."""
+FUNCTIONS = ("layout", "residuals", "points", "eliminate", "precision", "forward", "backward")
 MAX_LOST = 12.0
 
 
@@ -65,26 +67,68 @@ def assert_refused(name: str, arguments: list[Any], first: int = 0) -> None:
     function = getattr(photo_loop.compiled, name)
     assert call(function, arguments) is None
     written = written_by(function, arguments)
-    assert written
+    assert bool(written) == (name != "layout")
     for wrong in (*wrong_calls(arguments, written, first), *overlapping(arguments, written)):
         fault = call(function, wrong.arguments)
         assert wrong.refused is None or (fault is not None) == wrong.refused, wrong.what
 
 
 @pytest.mark.parametrize("place", [0, -1])
-@pytest.mark.parametrize("argument", [*range(11, 14), ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS])
+@pytest.mark.parametrize(
+    "argument", [OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS]
+)
 def test_indices_that_lead_elsewhere_are_refused(argument: int, place: int, calls: dict[str, list[Any]]) -> None:
     for number in (-1, 10**6, -(2**31), 2**31 - 1):
-        arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+        arguments = [given.copy() for given in calls["layout"]]
         arguments[argument][place] = number
-        assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError), number
+        assert refused_by(arguments, calls["backward"]), number
+
+
+def refused_by(indices: list[Any], backward: list[Any]) -> bool:
+    """Return whether a layout, or a loop with it, is refused: how many points there are is known to the loop alone."""
+    try:
+        layout = photo_loop.compiled.layout(*indices)
+    except ValueError:
+        return True
+    return isinstance(call(photo_loop.compiled.backward, [layout, *backward[1:]]), ValueError)
 
 
 def test_a_photo_that_is_not_among_the_runs_of_its_group_is_refused(calls: dict[str, list[Any]]) -> None:
     """Its unknowns would be looked for without end."""
-    arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+    arguments = [given.copy() for given in calls["layout"]]
     arguments[RUNS][-1] = arguments[RUNS][-2]
-    assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError)
+    assert isinstance(call(photo_loop.compiled.layout, arguments), ValueError)
+
+
+def test_places_beyond_the_reduced_system_are_refused(calls: dict[str, list[Any]]) -> None:
+    cameras, photos = OWN - 2, OWN - 1
+    for argument in (cameras, photos):
+        arguments = [given.copy() if isinstance(given, np.ndarray) else given for given in calls["backward"]]
+        arguments[argument].flat[0] = arguments[OWN + 2].size
+        assert isinstance(call(photo_loop.compiled.backward, arguments), ValueError)
+
+
+def test_indices_changed_after_they_were_checked_have_no_effect(calls: dict[str, list[Any]]) -> None:
+    indices = [given.copy() for given in calls["layout"]]
+    layout = photo_loop.compiled.layout(*indices)
+    found = []
+    for wrong in (None, 2**31 - 1):
+        for array in indices if wrong else ():
+            array[...] = min(wrong or 0, np.iinfo(array.dtype).max) if array.dtype != bool else True
+        arguments = [given.copy() for given in calls["backward"][1:]]
+        photo_loop.compiled.backward(layout, *arguments)
+        found.append(arguments[-1])
+    assert np.array_equal(*found)
+
+
+def test_another_capsule_is_no_layout(calls: dict[str, list[Any]]) -> None:
+    assert isinstance(call(photo_loop.compiled.backward, [datetime_CAPI, *calls["backward"][1:]]), TypeError)
+
+
+def test_a_layout_of_another_block_is_refused(calls: dict[str, list[Any]]) -> None:
+    with pytest.MonkeyPatch.context() as patched:
+        other = recorded(photo_loop.compiled, lambda: everything(BANDED), patched)["backward"][0]
+    assert isinstance(call(photo_loop.compiled.backward, [other, *calls["backward"][1:]]), ValueError)
 
 
 def test_every_function_is_called(calls: dict[str, list[Any]]) -> None:

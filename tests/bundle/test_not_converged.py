@@ -17,7 +17,7 @@ def test_the_photo_that_is_farthest_from_its_end_is_named():
     end = solved(redefined(block, max_iterations=30, start_down_weight=30))
     broken_off = solved(redefined(block, max_iterations=2, start_down_weight=2))
     assert broken_off.reason is TerminationReason.MAX_ITERATIONS
-    (told,) = [each for each in diagnose(broken_off) if each.code == "not-converged"]
+    (told,) = [diagnosis for diagnosis in diagnose(broken_off) if diagnosis.code == "not-converged"]
     columns = end.problem.unknowns.photos[:, :3]
     deviations = end.deviation_scale * np.sqrt(np.diag(end.cofactors.reduced)[columns])
     here, there = broken_off.state.centres, end.state.centres
@@ -26,4 +26,4 @@ def test_the_photo_that_is_farthest_from_its_end_is_named():
     # corrections tell where the end is to first order; the axes of rotations are not compared
     named = [photo.name for photo in end.block.photos].index(told.where.removeprefix("photo "))
     assert off[named] > 0.5 * off.max()
-    assert all(each.code != "not-converged" for each in diagnose(end))
+    assert all(diagnosis.code != "not-converged" for diagnosis in diagnose(end))

@@ -53,15 +53,15 @@ def test_a_shifted_control_point_is_named_though_all_photos_agree(seed):
     shifted = block.control_points[3 * seed]
     shift = np.array([0.5, -0.7, 0.9])
     wrong = tuple(
-        replace(each, coordinates=tuple((np.array(each.coordinates) + shift).tolist()))
-        if each.name == shifted.name
-        else each
-        for each in block.control_points
+        replace(point, coordinates=tuple((np.array(point.coordinates) + shift).tolist()))
+        if point.name == shifted.name
+        else point
+        for point in block.control_points
     )
     found = snooped(replace(block, control_points=wrong), STRICT)
-    assert {(each.kind, each.point) for each in found.blunders} == {("control", shifted.name)}
-    assert [each.component for each in found.blunders] == ["X", "Y", "Z"]
-    assert {each.order for each in found.blunders} == {1}
+    assert {(blunder.kind, blunder.point) for blunder in found.blunders} == {("control", shifted.name)}
+    assert [blunder.component for blunder in found.blunders] == ["X", "Y", "Z"]
+    assert {blunder.order for blunder in found.blunders} == {1}
     for blunder, moved in zip(found.blunders, shift, strict=True):
         assert blunder.sd > CONTROL_ERROR * 0.9
         assert abs(blunder.size - moved) < 3.5 * blunder.sd
@@ -74,11 +74,11 @@ def test_a_point_whose_three_shifts_are_each_too_small_is_found_as_a_group():
     by = 3.2 * CONTROL_ERROR * np.array([1.0, 1.0, -1.0])
     true = MADE["aerial"].points[block.point_index()[first.name]]
     wrong = tuple(
-        replace(each, coordinates=tuple((true + by).tolist())) if each is first else each
-        for each in block.control_points
+        replace(point, coordinates=tuple((true + by).tolist())) if point is first else point
+        for point in block.control_points
     )
     found = snooped(replace(block, control_points=wrong), APRIORI)
-    assert first.name in {each.point for each in found.blunders if each.kind == "control"}
+    assert first.name in {blunder.point for blunder in found.blunders if blunder.kind == "control"}
 
 
 @pytest.mark.slow
@@ -107,8 +107,8 @@ def test_several_blunders_are_all_found_and_the_solution_is_that_without_them():
     for place, (component, size) in wrong.items():
         spoilt = with_error(spoilt, place, component, size)
     found = snooped(spoilt, STRICT)
-    assert {(each.photo, each.point) for each in found.blunders} == {names_of(block, place) for place in wrong}
-    assert sorted(each.order for each in found.blunders) == [1, 2, 3, 4, 5]
+    assert {(blunder.photo, blunder.point) for blunder in found.blunders} == {names_of(block, place) for place in wrong}
+    assert sorted(blunder.order for blunder in found.blunders) == [1, 2, 3, 4, 5]
     used = block.photo_points.used.copy()
     used[list(wrong)] = False
     clean = solution(
@@ -128,7 +128,7 @@ def test_constant_control_cannot_be_named_but_shows_in_the_photos():
     start = block.point_start.copy()
     start[place] += [0.0, 0.0, 3.0]
     found = snooped(replace(block, point_start=start))
-    assert {each.kind for each in found.blunders} == {"photo"}
+    assert {blunder.kind for blunder in found.blunders} == {"photo"}
     assert found.blunders[0].point == block.point_names[place]
 
 
@@ -158,6 +158,6 @@ def test_many_blunders_need_few_adjustments() -> None:
         lambda record: adjustments.append(record.iteration) if record.iteration == 1 else None,
         lambda: False,
     )
-    assert len({each.order for each in found.blunders}) >= 28
+    assert len({blunder.order for blunder in found.blunders}) >= 28
     # the first, one without the large blunders and one without the small ones; perhaps one with what is taken back
     assert len(adjustments) <= 5

@@ -83,8 +83,10 @@ def with_wrong_element(block: Block) -> Block:
 
 def with_wrong_station(block: Block) -> Block:
     elements = [
-        replace(each, value=each.value + 12 * ELEMENT_ERROR) if each.name == block.elements[0].name else each
-        for each in block.elements
+        replace(element, value=element.value + 12 * ELEMENT_ERROR)
+        if element.name == block.elements[0].name
+        else element
+        for element in block.elements
     ]
     return replace(block, elements=tuple(elements))
 
@@ -145,7 +147,7 @@ def test_the_rays_of_a_point_in_two_photos_are_named_together_and_its_loss_is_to
     tie = next(
         index
         for index, name in enumerate(made.block.point_names)
-        if name not in {each.name for each in made.block.control_points} and np.sum(points.point == index) == 2
+        if name not in {point.name for point in made.block.control_points} and np.sum(points.point == index) == 2
     )
     ray = int(np.flatnonzero(points.point == tie)[0])
     # across the base: that direction alone is checked
@@ -169,7 +171,7 @@ def test_control_that_alone_fixes_the_scale_is_kept_and_told() -> None:
     chosen = [some[0], some[4], some[8]]
     wrong = replace(chosen[1], coordinates=tuple(value + 0.2 for value in chosen[1].coordinates))
     block = replace(made.block, control_points=(chosen[0], wrong, chosen[2]))
-    assert all(each.name in place for each in chosen)
+    assert all(name.name in place for name in chosen)
     found = snooped(block)
     assert found.blunders == ()
     assert found.solved.normals.removed.sum() == 0
@@ -194,8 +196,8 @@ def test_cofactors_are_those_of_the_adjustment_with_constant_distances_too() -> 
     block = observed_block(1).block
     first, *others = block.distances
     held = replace(block, distances=(replace(first, error=0.0), *others))
-    for each in (block, held):
-        solved = solve_block(each, lambda _: None, lambda: False)
+    for tested in (block, held):
+        solved = solve_block(tested, lambda _: None, lambda: False)
         rows = np.arange(len(solved.equations.residual))
         effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
         ordinary = ~solved.equations.exact

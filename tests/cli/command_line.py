@@ -5,12 +5,23 @@ from __future__ import annotations
 import io
 import json
 import sys
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import typer.main
+
 from orip.cli.main import main
+
+_tree = cache(typer.main.get_command)
+
+
+def commands_put_together_once() -> AbstractContextManager[object]:
+    """Let all runs of a process have the same commands: putting them together takes longer than most of them."""
+    return patch.object(typer.main, "get_command", _tree)
 
 
 @dataclass(frozen=True)
@@ -35,7 +46,7 @@ def orip(folder: Path, *arguments: str) -> Said:
     """Run ``orip -C folder arguments``."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     words = ["orip", "-C", str(folder), *arguments]
-    with patch.multiple(sys, argv=words, stdout=out, stderr=err):
+    with patch.multiple(sys, argv=words, stdout=out, stderr=err), commands_put_together_once():
         try:
             main()
         except SystemExit as end:

@@ -77,7 +77,7 @@ def test_no_gate_at_all(project: Path) -> None:
 def test_a_malformed_expression_is_wrong_usage(project: Path) -> None:
     said = orip(project, "check", "sigma0<1", "sigma0=1")
     assert said.code == 2
-    assert "error: 'sigma0=1' is no gate; write name operator number, for example 'sigma0<=1.5'" in said.err
+    assert "error: 'sigma0=1' is not a gate; write name operator number, for example 'sigma0<=1.5'" in said.err
     assert said.out == ""
     assert orip(project, "check", "sigma0", "--json").document["exit_code"] == 2
 
@@ -89,7 +89,7 @@ def test_malformed_gates_of_the_text_are_bad_input_with_their_lines(project: Pat
     assert said.code == 3
     for wrong in ("sigma0", "enp > four"):
         line = lines.index(f"  '{wrong}',") + 1
-        assert f"error: orip.toml:{line}: gates of [check]: '{wrong}' is no gate; write name operator" in said.err
+        assert f"error: orip.toml:{line}: gates of [check]: '{wrong}' is not a gate; write name operator" in said.err
     assert len(said.document["errors"]) == 2
 
 

@@ -165,7 +165,7 @@ def test_what_is_no_result_is_3(project: Path, text: bytes, sentence: str) -> No
 def test_a_result_with_a_fault_says_where(project: Path, change: Callable[[Any], object], where: str) -> None:
     said = orip(project, "compare", "result.json", changed(project, change))
     assert said.code == 3
-    assert f"error: other.json: this is no result of an adjustment: {where}" in said.err
+    assert f"error: other.json: this is not the result of an adjustment: {where}" in said.err
 
 
 def test_files_and_folders_that_are_not_there(project: Path, tmp_path: Path) -> None:

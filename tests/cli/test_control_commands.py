@@ -197,7 +197,7 @@ def test_distances_and_directions(project: Path) -> None:
     said = done(project, "distances add D from=1 to=P1 code=XYZ distance=120.5 a=0.01", "--json")
     assert said.document["warnings"] == []
     said = done(project, "distances add D from=1 to=Q code=xy distance=120.5 a=0.01", "--json")
-    assert [each["text"] for each in said.document["warnings"]] == ["point 'Q' is not measured in any photo"]
+    assert [warning["text"] for warning in said.document["warnings"]] == ["point 'Q' is not measured in any photo"]
     said = orip(project, "control", "distances", "kill", "D 1 Q")
     assert said.code == 2
     assert "Kill D 1 Q of distances? Say so with --yes" in said.err
@@ -238,8 +238,8 @@ def test_preliminary_coordinates_of_several_bundles(tmp_path: Path) -> None:
         ("points add 5", "point '5' has no coordinate at all"),
         ("points add 5 X=1,5 aX=1", "'1,5' has a decimal comma"),
         ("points add 5 X=nan aX=1", "'nan' is not allowed"),
-        ("points add 5 W=1", "W=1: this is no KEY=VALUE of a control point; its keys are: name, X, Y, Z, aX, aY, aZ"),
-        ("points add 5 X", "X: this is no KEY=VALUE of a control point"),
+        ("points add 5 W=1", "W=1: this is not KEY=VALUE of a control point; its keys are: name, X, Y, Z, aX, aY, aZ"),
+        ("points add 5 X", "X: this is not KEY=VALUE of a control point"),
         ("points add 5 X=!1 aX=1", "a value is one word without blanks, and no comment"),
         ("points add - X=1 aX=1", "'-' is not allowed as a name"),
         ("points edit 1 name=2", "FIRST.PNT:4: point '2' is already on line 2"),
@@ -289,7 +289,7 @@ def test_a_file_of_the_same_name_in_other_letters(project: Path) -> None:
 
 def test_names_that_look_alike_are_told_once(project: Path) -> None:
     said = done(project, "points add 01 X=1 aX=1", "--json")
-    assert "similar-names" in [each["code"] for each in said.document["warnings"]]
+    assert "similar-names" in [warning["code"] for warning in said.document["warnings"]]
     said = done(project, "points edit 2 X=1", "--json")
     assert said.document["warnings"] == []
 

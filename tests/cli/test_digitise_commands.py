@@ -55,7 +55,7 @@ def numbers(value):
     if isinstance(value, dict):
         return [number for key in sorted(value) for number in numbers(value[key])]
     if isinstance(value, list):
-        return [number for each in value for number in numbers(each)]
+        return [number for part in value for number in numbers(part)]
     return [value] if isinstance(value, float) else []
 
 

@@ -292,7 +292,7 @@ def test_coordinates_of_a_crs(tmp_path):
             download(client)
         other = orip(folder, "drive", "goto", *map(str, xyz), *link)
         assert other.code == 7
-        assert "has another table than that of this project's bundle MAIN" in other.err
+        assert "has a table other than that of bundle MAIN of this project" in other.err
         assert "run 'orip drive download' first" in other.err
 
 

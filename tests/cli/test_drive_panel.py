@@ -61,9 +61,9 @@ def test_the_panel_by_commands(tmp_path, port):
 
 def test_what_the_panel_refuses(tmp_path, port):
     for words, code, text in [
-        (("guide", "sky"), 7, "error 104: 'SKY' is no guiding system"),
+        (("guide", "sky"), 7, "error 104: 'SKY' is not a guiding system"),
         (("move", "1"), 2, "a movement has two or three increments, not 1"),
-        (("key", "16"), 7, "error 104: '16' is no key"),
+        (("key", "16"), 7, "error 104: '16' is not a key"),
         (("prism", "45"), 2, "45"),
         (("foot", "both"), 2, "both"),
     ]:

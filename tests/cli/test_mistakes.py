@@ -45,7 +45,7 @@ def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
         (("results",), "Missing argument 'WHAT'"),
         (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'theodolites', 'residuals'"),
         (("solve", "NIX"), "there is no bundle 'NIX'; the project's bundles are: MAIN"),
-        (("dump", "orip.toml"), "is no record store: stores end in .CAM"),
+        (("dump", "orip.toml"), "is not a record store: stores end in .CAM"),
     ],
 )
 def test_wrong_usage_is_2_also_as_json(project: Path, words: tuple[str, ...], sentence: str) -> None:
@@ -206,7 +206,7 @@ def test_a_store_of_another_program(project: Path) -> None:
 @pytest.mark.parametrize("name", ["CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO", "FIRST.TEM"])
 def test_a_lost_or_emptied_store_is_noticed_and_rebuilt(project: Path, name: str) -> None:
     orip(project, "run")
-    after = {each: orip(project, "dump", each).out for each in ("CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO")}
+    after = {name: orip(project, "dump", name).out for name in ("CAMERAS.CAM", "FIRST.PHO", "FIRST.EXT", "MAIN.EXO")}
     for lose in (Path.unlink, lambda path: path.write_bytes(b"")):
         lose(project / name)
         assert "next     nothing" not in orip(project, "status").out
@@ -214,7 +214,7 @@ def test_a_lost_or_emptied_store_is_noticed_and_rebuilt(project: Path, name: str
         assert said.code in (0, 3)
         assert "internal" not in said.err
         assert orip(project, "run").code == 0
-        assert after == {each: orip(project, "dump", each).out for each in after}
+        assert after == {name: orip(project, "dump", name).out for name in after}
 
 
 def test_text_and_store_changed_both(project: Path) -> None:

@@ -37,7 +37,7 @@ def refused(folder: Path, code: int, sentence: str, *words: str) -> None:
     assert said.out == ""
     document = observe(folder, *words, "--json").document
     assert document["exit_code"] == code
-    assert any(sentence in each["message"] for each in document["errors"])
+    assert any(sentence in fault["message"] for fault in document["errors"])
     assert contents(folder) == before
 
 
@@ -91,7 +91,7 @@ def test_list_in_json_agrees_with_the_residuals_of_the_adjustment(film: Path) ->
 def test_list_of_one_photo_one_point_or_all(film: Path) -> None:
     def rows(*words: str) -> list[tuple[str, str]]:
         found = observe(film, "list", "--json", *words).document["observations"]
-        return [(each["photo"], each["point"]) for each in found]
+        return [(observation["photo"], observation["point"]) for observation in found]
 
     assert len(rows("--all")) == 10
     assert rows("--all", "--point", "P1") == [("left", "P1"), ("right", "P1")]
@@ -278,7 +278,7 @@ def test_bundle_has_to_be_named_where_there_are_several(tmp_path: Path) -> None:
     said = observe(folder, "disregard", "point", "left", "1", "--bundle", "again")
     assert "added    DISREGARD POINT AGAIN left 1" in said.err
     listed = observe(folder, "list", "--all", "--bundle", "MAIN", "--json").document["observations"]
-    assert not any(each["disregarded"] for each in listed)
+    assert not any(observation["disregarded"] for observation in listed)
 
 
 def test_project_without_stores(tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_todo_on_stdout_and_in_a_file(film: Path) -> None:
     refused(film, 2, "again.txt already exists", "todo", "--output", "again.txt")
     assert observe(film, "todo", "--output", "again.txt", "--force").code == 0
     document = observe(film, "todo", "--json").document
-    assert [(each["photo"], each["point"], each["why"]) for each in document["points"]] == [
+    assert [(point["photo"], point["point"], point["why"]) for point in document["points"]] == [
         (wrong_photo(film), "P1", "down-weighted")
     ]
     assert document["file"] is None

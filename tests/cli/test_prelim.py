@@ -56,7 +56,7 @@ def cells(text: str, first: str) -> list[str]:
 
 def headed(text: str, *headings: str) -> bool:
     """Whether a line of headings has these, in this order."""
-    pattern = re.compile(r"^ *" + r" +".join(re.escape(each) for each in headings) + r" *$", re.MULTILINE)
+    pattern = re.compile(r"^ *" + r" +".join(re.escape(heading) for heading in headings) + r" *$", re.MULTILINE)
     return pattern.search(text) is not None
 
 
@@ -86,10 +86,10 @@ def test_relative_orientation_of_one_model_lists_points_and_parameters(folder: P
     for point in common:
         _, *numbers = cells(said.out, point)
         photo_coordinates = [*made.images["P2"][point], *made.images["P3"][point]]
-        assert [float(each) for each in numbers[:4]] == pytest.approx(photo_coordinates, abs=6e-5)  # four decimals
+        assert [float(number) for number in numbers[:4]] == pytest.approx(photo_coordinates, abs=6e-5)  # four decimals
         assert abs(float(numbers[4])) < 5 * np.sqrt(2) * NOISE_MM
         assert 0.0 < float(numbers[5]) < 0.003 * np.sqrt(2)
-    base = [float(each) for each in cells(said.out, "value")[1:4]]
+    base = [float(cell) for cell in cells(said.out, "value")[1:4]]
     # in the system of the left photo, as long as makes the mean of 1 / depth that of 1 / C
     truth = left_system(made, "P2", "P3")
     assert np.array(base) / np.linalg.norm(base) == pytest.approx(truth / np.linalg.norm(truth), abs=0.01)
@@ -122,7 +122,7 @@ def test_absolute_orientation_lists_control_in_ground_units(folder: Path, made: 
     said = orip(folder, "prelim", "absolute")
     assert "Block of model 1-1 to the ground:  pnt 5" in said.out
     for name, xyz in made.control.items():
-        found = [float(each) for each in cells(said.out, name)[1:]]
+        found = [float(cell) for cell in cells(said.out, name)[1:]]
         assert found[:3] == pytest.approx(xyz, abs=1e-4)
         # 3 micrometres are 6 mm on the ground, and 20 mm in height
         assert np.abs(found[3:]).max() < 0.1
@@ -145,9 +145,9 @@ def test_show_lists_the_systems_that_there_are_after_each_step(folder: Path, mad
         stage: orip(folder, "prelim", "show", "--after", stage, "--json").document["systems"]
         for stage in ("relative", "bridged", "connected", "absolute")
     }
-    assert [each["name"] for each in systems["relative"]] == list(MODELS)
-    assert [list(each["photos"]) for each in systems["bridged"]] == [["P1", "P2", "P3"], ["P4", "P5", "P6"]]
-    assert [list(each["photos"]) for each in systems["connected"]] == [[f"P{number}" for number in range(1, 7)]]
+    assert [system["name"] for system in systems["relative"]] == list(MODELS)
+    assert [list(system["photos"]) for system in systems["bridged"]] == [["P1", "P2", "P3"], ["P4", "P5", "P6"]]
+    assert [list(system["photos"]) for system in systems["connected"]] == [[f"P{number}" for number in range(1, 7)]]
     (ground,) = systems["absolute"]
     for name, truth in made.true_orientations.items():
         # 20 mm in control and 3 micrometres in the photos; tilt and centre of a photo make up for each other
@@ -164,7 +164,7 @@ def test_show_lists_the_systems_that_there_are_after_each_step(folder: Path, mad
 
 def stored_photos(folder: Path) -> dict[str, list[float]]:
     photos = orip(folder, "photo", "list", "--json").document["records"]
-    return {each["name"]: [each.get(kind) for kind in ELEMENTS] for each in photos}
+    return {photo["name"]: [photo.get(kind) for kind in ELEMENTS] for photo in photos}
 
 
 @pytest.mark.parametrize("words", [("prelim",), ("prelim", "update")])
@@ -190,7 +190,7 @@ def test_the_chain_keeps_photos_and_points_and_lists_how(
     assert max(map(len, listing.splitlines())) <= 110
     lines = (folder / "MAIN.PRE").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "! Preliminary coordinates, m: name X Y Z [sX sY sZ]; project STRIPS"
-    points = {fields[0]: [float(each) for each in fields[1:]] for fields in map(str.split, lines[1:])}
+    points = {fields[0]: [float(field) for field in fields[1:]] for fields in map(str.split, lines[1:])}
     assert points.keys() == made.points.keys()
     for name, (x, y, z, *deviations) in points.items():
         assert len(deviations) == 3
@@ -230,9 +230,9 @@ def test_points_that_were_not_computed_and_comments_at_the_head_stay(folder: Pat
     assert "kept     1 points of MAIN.PRE that were not computed" in said.err
     lines = (folder / "MAIN.PRE").read_text(encoding="utf-8").splitlines()
     assert lines[:3] == ["! by hand", "", "! and eye"]
-    assert [float(each) for each in cells("\n".join(lines), "999")[1:]] == [1.5, 2.5, 3.5]
-    assert [float(each) for each in cells("\n".join(lines), "998")[1:4]] == [1.0, 2.0, 3.0]
-    assert [float(each) for each in cells("\n".join(lines), "105")[1:]] == [0.0, 0.0, 0.0]
+    assert [float(cell) for cell in cells("\n".join(lines), "999")[1:]] == [1.5, 2.5, 3.5]
+    assert [float(cell) for cell in cells("\n".join(lines), "998")[1:4]] == [1.0, 2.0, 3.0]
+    assert [float(cell) for cell in cells("\n".join(lines), "105")[1:]] == [0.0, 0.0, 0.0]
 
 
 def test_json(folder: Path, made: StripsProject) -> None:
@@ -245,7 +245,7 @@ def test_json(folder: Path, made: StripsProject) -> None:
     assert {point["point"] for point in absolute["points"]} == set(made.control)
     whole = orip(folder, "prelim", "--json").document
     assert whole["photos"].keys() == made.images.keys()
-    assert all(each["oriented"] for each in whole["photos"].values())
+    assert all(photo["oriented"] for photo in whole["photos"].values())
     assert whole["points"].keys() == made.points.keys()
     assert whole["findings"] == []
     assert whole["listing"] == "PRELIM_RESULT.OUT"
@@ -497,8 +497,8 @@ def test_projection_centres_serve_as_control(made: StripsProject, tmp_path: Path
     assert "projection centres are used as control" in said.out
     for name, truth in made.true_orientations.items():
         (line,) = [line.split() for line in said.out.splitlines() if line.split()[:2] == ["photo", name]]
-        assert [float(each) for each in line[2:5]] == pytest.approx(truth[:3], abs=1e-3)
-        assert np.abs([float(each) for each in line[5:8]]).max() < 0.3
+        assert [float(number) for number in line[2:5]] == pytest.approx(truth[:3], abs=1e-3)
+        assert np.abs([float(number) for number in line[5:8]]).max() < 0.3
     assert orip(folder, "prelim").code == 0
     for name, values in stored_photos(folder).items():
         assert values[:3] == list(made.true_orientations[name][:3])
@@ -562,7 +562,7 @@ def test_distances_give_a_free_network_its_scale(made: StripsProject, tmp_path: 
     said = orip(folder, "prelim", "--json")
     assert said.code == 0
     assert "its scale comes from 2 distances" in said.document["findings"][0]
-    found = {name: [each[axis] for axis in "XYZ"] for name, each in said.document["points"].items()}
+    found = {name: [point[axis] for axis in "XYZ"] for name, point in said.document["points"].items()}
     for (start, end), length in lengths.items():
         # a thousandth of 50 m is what some micrometres in the photo are
         assert np.linalg.norm(np.subtract(found[start], found[end])) == pytest.approx(length, rel=1e-3)

@@ -18,9 +18,9 @@ KINDS = ("camera", "temtick", "photo", "template", "bundle", "model")
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("prepared")
-    for each in (first_project(folder / "first"), film_project(folder / "film")):
-        assert orip(each, "init").code == 0
-        assert orip(each, "measure").code == 0
+    for made in (first_project(folder / "first"), film_project(folder / "film")):
+        assert orip(made, "init").code == 0
+        assert orip(made, "measure").code == 0
     return folder
 
 
@@ -66,11 +66,11 @@ def unchanged(folder: Path, *words: str) -> None:
 
 def values(folder: Path, kind: str, name: str) -> dict[str, object]:
     document = done(orip(folder, kind, "show", name, "--json")).document
-    return {each["key"]: each["value"] for each in document["values"]}
+    return {value["key"]: value["value"] for value in document["values"]}
 
 
 def names(folder: Path, kind: str) -> list[str]:
-    return [each["name"] for each in done(orip(folder, kind, "list", "--json")).document["records"]]
+    return [record["name"] for record in done(orip(folder, kind, "list", "--json")).document["records"]]
 
 
 # list and show
@@ -101,11 +101,11 @@ def test_lists_are_data_of_records_or_none(project: Path, kind: str) -> None:
 def test_units_stand_beside_the_values(film: Path) -> None:
     done(orip(film, "camera", "edit", "C35", "distortion.A3=1e-5"))
     document = done(orip(film, "camera", "show", "C35", "--json")).document
-    units = {each["key"]: each["unit"] for each in document["values"]}
+    units = {value["key"]: value["unit"] for value in document["values"]}
     assert units["c"] == units["fiducials.1.x"] == "mm"
     assert units["distortion.A3"] == "1/mm^2"
     document = done(orip(film, "photo", "show", "left", "--json")).document
-    units = {each["key"]: each["unit"] for each in document["values"]}
+    units = {value["key"]: value["unit"] for value in document["values"]}
     assert (units["X0"], units["KAPPA"]) == ("m", "degrees")
 
 
@@ -174,11 +174,11 @@ def test_added_before_another(project: Path) -> None:
         ("camera add O c=-1", "c of camera 'O' is -1, but a number above 0 is required"),
         ("camera add O c=nan", "but a finite number is required"),
         ("camera add O cc=1", "camera 'O' has the unknown key 'cc'; did you mean 'c'?"),
-        ("camera add O c", "c: this is no KEY=VALUE"),
-        ("camera add O =1", "this is no KEY=VALUE"),
+        ("camera add O c", "c: this is not KEY=VALUE"),
+        ("camera add O =1", "this is not KEY=VALUE"),
         ("camera add O c=1 name=P", "give the record another one with 'orip camera rename'"),
         ("camera add O c=1 frame=[1", "this is not TOML"),
-        ("camera add O c=1 unknown=C,A2", "'A2' is no parameter"),
+        ("camera add O c=1 unknown=C,A2", "'A2' is not a parameter"),
         ("camera add O c=1 fiducials.1=5", "write the values in braces"),
         ("camera add O c=1 fiducials.1.x=5", "has no y; it is required"),
         ("camera add O c=1 distortion_curve.1=5", "have no names; write all of them in one list"),
@@ -211,7 +211,7 @@ def test_what_may_not_be_added(project: Path, words: str, sentence: str) -> None
 def test_all_faults_at_once(project: Path) -> None:
     said = refused(project, "3 errors; nothing was written", *typed("photo add P camera=C35 X0=east colour=red x"))
     assert "unknown key 'colour'" in said
-    assert "x: this is no KEY=VALUE" in said
+    assert "x: this is not KEY=VALUE" in said
 
 
 def test_two_models_cannot_have_one_place(project: Path) -> None:
@@ -323,7 +323,7 @@ def test_init_shows_the_difference(project: Path) -> None:
     said = done(orip(project, "init"))
     assert "         camera C35: c 35.0 -> 35.2\n         photo left: X0 1070.0 -> 1071.0\n" in said.err
     document = done(orip(copy, "init", "--json")).document
-    assert [each["values"][0]["new"] for each in document["differences"]] == [35.2, 1071.0]
+    assert [difference["values"][0]["new"] for difference in document["differences"]] == [35.2, 1071.0]
 
 
 def test_changed_in_text_and_store_is_a_conflict(project: Path) -> None:
@@ -354,7 +354,7 @@ def test_models_that_share_a_stage_are_a_warning(film: Path) -> None:
     done(orip(film, *typed("model add M1 left=left right=right row=1 column=1")))
     done(orip(film, "photo", "edit", "left", "stage=UPPER"))
     said = done(orip(film, "photo", "edit", "right", "stage=UPPER", "--json"))
-    assert [each["code"] for each in said.document["warnings"]] == ["shared-stage"]
+    assert [warning["code"] for warning in said.document["warnings"]] == ["shared-stage"]
     said = done(orip(film, "photo", "edit", "right", "X0=5", "--json"))
     assert said.document["warnings"] == [], "it was said before"
 
@@ -489,6 +489,23 @@ def test_copies_of_templates_and_models(film: Path) -> None:
 # delete
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("camera", "C36"), ("temtick", "T"), ("photo", "left"), ("template", "T9"), ("bundle", "MAIN"), ("model", "M")],
+)
+def test_delete_asks(film: Path, kind: str, name: str) -> None:
+    for words in (
+        "camera add C36 c=36", "temtick add T ticks.1={x=1,y=2}", "template add T9 temtick=T",
+        "model add M left=left right=right row=1 column=1",
+    ):  # fmt: skip
+        done(orip(film, *words.split()))
+    refused(film, f"Delete {kind} {name}", kind, "delete", name, "--with-referents", code=2)
+    assert "Say so with --yes" in orip(film, kind, "delete", name, "--with-referents").err
+    assert name in names(film, kind)
+    done(orip(film, kind, "delete", name, "--with-referents", "--yes"))
+    assert name not in names(film, kind)
+
+
 def test_delete_what_nothing_refers_to(project: Path) -> None:
     done(orip(project, "camera", "add", "O", "c=8.5"))
     said = done(orip(project, "camera", "delete", "o", "--yes", "--json"))
@@ -506,7 +523,7 @@ def test_delete_what_others_refer_to(film: Path) -> None:
     said = done(orip(film, "photo", "delete", "left", "--with-referents", "--dry-run"))
     assert contents(film) == before
     said = done(orip(film, "photo", "delete", "left", "--with-referents", "--yes", "--json"))
-    assert [(each["kind"], each["name"]) for each in said.document["changes"]] == [
+    assert [(change["kind"], change["name"]) for change in said.document["changes"]] == [
         ("photo", "left"),
         ("model", "MAIN M1"),
     ]
@@ -514,7 +531,7 @@ def test_delete_what_others_refer_to(film: Path) -> None:
         "4 measured fiducial marks of photo left",
         "5 measured photo points of MAIN of photo left",
     ]
-    assert [each["code"] for each in said.document["warnings"]] == ["still-in-text", "still-in-measurements"]
+    assert [warning["code"] for warning in said.document["warnings"]] == ["still-in-text", "still-in-measurements"]
     with reading([film / "FIRST.PHO", film / "MAIN.EXO"]) as stores:
         assert set(photos.read_orientations(stores[film / "FIRST.PHO"])) == {"RIGHT"}
         observed = observations.read(stores[film / "MAIN.EXO"])

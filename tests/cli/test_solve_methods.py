@@ -30,7 +30,7 @@ def test_a_blunder_is_named_with_its_size(calibration: Path) -> None:
     assert first["component"] == "x"
     assert first["size"] == pytest.approx(40 * 7.5078 / 1536, abs=3 * first["sd"])
     assert first["statistic"] > first["limit"] > 3.0
-    (advice,) = [each for each in said.document["diagnosis"] if each["where"] == "photo st1 point 14"]
+    (advice,) = [diagnosis for diagnosis in said.document["diagnosis"] if diagnosis["where"] == "photo st1 point 14"]
     assert advice["code"] == "blunder"
     assert "measure it again" in advice["remedy"]
     rows = (calibration / "residuals.csv").read_text().splitlines()
@@ -60,9 +60,9 @@ def test_pruning_holds_a_useless_parameter_at_zero(calibration: Path) -> None:
     assert orip(calibration, "run").code == 0
     said = orip(calibration, "solve", "--prune", "--json")
     camera = said.document["cameras"]["DCS"]
-    assert {kind for kind, each in camera.items() if each["sd"] is not None} == {"C", "DX", "DY"}
+    assert {kind for kind, parameter in camera.items() if parameter["sd"] is not None} == {"C", "DX", "DY"}
     assert camera["A3"] == {"value": 0.0, "sd": None}
-    pruned = [each["text"] for each in said.document["diagnosis"] if each["code"] == "pruned"]
+    pruned = [diagnosis["text"] for diagnosis in said.document["diagnosis"] if diagnosis["code"] == "pruned"]
     assert len(pruned) == 2
     # what is left is the adjustment without the two
     replace_in(calibration / "orip.toml", '"C", "DX", "DY", "A3", "B1"]', '"C", "DX", "DY"]')

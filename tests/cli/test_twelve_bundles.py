@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cli.command_line import orip
-from workflow.small_projects import first_project
+from workflow.small_projects import first_project, many_bundles
 
 from orip.workflow.project.state import read_project
 
@@ -11,12 +11,7 @@ BUNDLES = [f"B{number:02d}" for number in range(12)]
 
 
 def test_twelve_bundles(tmp_path):
-    folder = first_project(tmp_path / "first")
-    toml, log = (folder / "orip.toml").read_text(), (folder / "FIRST.MEA").read_text()
-    bundle = toml[toml.index("[[bundle]]") :]
-    texts = [bundle.replace('"MAIN"', f'"{name}"') for name in BUNDLES]
-    (folder / "orip.toml").write_text(toml.replace(bundle, "\n".join(texts)))
-    (folder / "FIRST.MEA").write_text("".join(log.replace("MAIN", name) for name in BUNDLES))
+    folder = many_bundles(first_project(tmp_path / "first"), BUNDLES)
     assert orip(folder, "init").code == 0
     said = orip(folder, "measure")
     assert said.code == 0, said.err

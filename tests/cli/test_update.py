@@ -35,7 +35,7 @@ def refused(said: Said, code: int, sentence: str) -> None:
 def orientation(folder: Path, name: str) -> tuple[float | None, ...]:
     with reading([folder / "FIRST.PHO"]) as stores:
         records = photos.read(stores[folder / "FIRST.PHO"])
-    return next(each.record.orientation for each in records if each.record.name == name)
+    return next(record.record.orientation for record in records if record.record.name == name)
 
 
 def set_status(folder: Path, status: str) -> None:
@@ -56,7 +56,7 @@ def test_photos_take_their_adjusted_values(project: Path) -> None:
     assert "update   FIRST.PHO: 2 of 2 photos have new values" in said.err
     result = orip(project, "results", "photos", "--json").document["photos"]
     for name in ("left", "right"):
-        assert orientation(project, name) == tuple(each["value"] for each in result[name].values())
+        assert orientation(project, name) == tuple(element["value"] for element in result[name].values())
 
 
 def test_points_go_into_the_text_with_their_deviations(project: Path) -> None:
@@ -68,7 +68,7 @@ def test_points_go_into_the_text_with_their_deviations(project: Path) -> None:
     for line in lines[1:]:
         name, *numbers = line.split()
         estimates = [result[name][axis] for axis in "XYZ"]
-        assert list(map(float, numbers)) == [each[what] for what in ("value", "sd") for each in estimates]
+        assert list(map(float, numbers)) == [estimate[what] for what in ("value", "sd") for estimate in estimates]
 
 
 @pytest.mark.parametrize("what", KINDS)
@@ -165,7 +165,11 @@ def test_a_camera_survives_the_next_run_and_the_adjustment_stays(tmp_path: Path)
     assert orip(folder, "compare", "../before.json", ".", "--relative=1e-5").code == 0
 
 
-def test_zurich_from_its_own_results_takes_two_iterations_at_most(tmp_path: Path) -> None:
+def test_zurich_from_its_own_results_takes_two_iterations_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # what Zurich's wrong control points are taken for is not what is compared, and needs many adjustments
+    monkeypatch.setattr("orip.solving.solve.explain_misfit", lambda *_: [])
     folder = sample(ZURICH, tmp_path / "zurich")
     shutil.copy(folder / "result.json", tmp_path / "before.json")
     assert len(orip(folder, "solve", "--json").document["iterations"]) > 10

@@ -98,4 +98,4 @@ def test_commands_and_options_exist(page: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_found(line: str, fault: str | None) -> None:
-    assert [each for words in named_commands(line) if (each := fault_of(words))] == ([fault] if fault else [])
+    assert [found for words in named_commands(line) if (found := fault_of(words))] == ([fault] if fault else [])

@@ -76,12 +76,12 @@ def inner_keys(document: dict[str, Any]) -> set[str]:
     """Return the keys of what is listed in a result."""
     lists = [rows[0] for rows in document.values() if isinstance(rows, list) and rows]
     interior = [record for group in document["interior"].values() for record in group.values()]
-    return {key for each in (*lists, *interior) for key in each}
+    return {key for keys in (*lists, *interior) for key in keys}
 
 
 def test_exit_codes() -> None:
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", reference("exit-codes"), re.MULTILINE)}
-    assert codes == {0, OripError.exit_code, INTERRUPTED, *(each.exit_code for each in OripError.__subclasses__())}
+    assert codes == {0, OripError.exit_code, INTERRUPTED, *(error.exit_code for error in OripError.__subclasses__())}
 
 
 def test_sections_of_listings(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_sections_of_listings(tmp_path: Path) -> None:
         section = text.partition(f"## {listing.name}\n")[2].partition("\n## ")[0]
         headings = re.findall(r"^([A-Z][A-Z ,]+)\n=+$", listing.read_text(encoding="utf-8"), re.MULTILINE)
         assert headings
-        assert [each for each in headings if f"| {each} |" not in section] == [], listing.name
+        assert [heading for heading in headings if f"| {heading} |" not in section] == [], listing.name
 
 
 def test_every_command_has_its_place() -> None:

@@ -229,7 +229,7 @@ def load_complaints(store: Path, text: str) -> list[str] | None:
     try:
         load(text.splitlines(keepends=True), store)
     except InputError as error:
-        return [each.message for each in error.complaints]
+        return [complaint.message for complaint in error.complaints]
     return None
 
 

@@ -44,26 +44,27 @@ def faults_after(old, new, count=1):
 
 def test_the_form():
     lines = drive_table_text(vertical_block(rows=1, columns=1)).splitlines()
-    assert lines[:8] == [
+    assert lines[:9] == [
         "ORIPDRIVE 1",
         "BLOCK MAIN",
         "PROJECT Any project",
+        "USER A. Nyone",
         "UNITS PLATE mm PHOTO mm OBJECT m",
         "STAGE UPPER 0 240 0 240 0.001",
         "STAGE LOWER 0 240 0 240 0.001",
         "CAMERA CAM 50 0 0 20 24",
         "DISTORTION CAM IDEAL 0 0 0 0 0 0 0 0",
     ]
-    assert lines[8:12] == [
+    assert lines[9:13] == [
         "TEMPLATE T1 UPPER",
         "TEMPLATE T2 LOWER",
         "PHOTO P1-1 CAM T1 UPPER 0 0 100 1 0 0 0 1 0 0 0 1",
         "PHOTO P1-2 CAM T2 LOWER 20 0 100 1 0 0 0 1 0 0 0 1",
     ]
-    assert lines[12].startswith("AFFINE P1-1 30 0.999 0.02")
-    assert lines[14:16] == ["MODEL M1-1 1 1 P1-1 P1-2 NORMAL", "START 10 0 0"]
-    assert lines[16].startswith("END 16 ")
-    assert int(lines[16].split()[2], 16) == zlib.crc32("".join(f"{line}\n" for line in lines[:16]).encode())
+    assert lines[13].startswith("AFFINE P1-1 30 0.999 0.02")
+    assert lines[15:17] == ["MODEL M1-1 1 1 P1-1 P1-2 NORMAL", "START 10 0 0"]
+    assert lines[17].startswith("END 17 ")
+    assert int(lines[17].split()[2], 16) == zlib.crc32("".join(f"{line}\n" for line in lines[:17]).encode())
 
 
 @pytest.mark.parametrize("name", cameras())
@@ -72,6 +73,22 @@ def test_reading_gives_an_equal_table(name):
     table = replace(table, plate_unit="px", object_unit="US survey foot", project="A b  c")
     read = read_drive_table(drive_table_text(table).encode("ascii"))
     assert read == (table, ())
+
+
+@pytest.mark.parametrize(
+    ("user", "line"),
+    [
+        ("", "USER -"),
+        ("K. Dueholm", "USER K. Dueholm"),
+        ("Jørgen 100 %", "USER J%C3%B8rgen 100 %25"),
+        ("-", "USER %2D"),
+        ("\N{CJK UNIFIED IDEOGRAPH-5F35}", "USER %E5%BC%B5"),
+    ],
+)
+def test_the_name_of_a_user_may_have_any_letters(user, line):
+    table = replace(TABLE, user=user)
+    assert drive_table_text(table).splitlines()[3] == line
+    assert read_drive_table(drive_table_text(table).encode("ascii")).table == table
 
 
 def test_a_photo_off_a_template():
@@ -169,7 +186,7 @@ def test_any_word_with_a_proper_end_is_read_or_refused(data):
         (DATA.replace(b"END ", b"END  "), "the last line is not END"),
         (DATA[:-10] + DATA[-10:].upper(), None),
         (DATA.replace(b"START 10", b"START 11"), "the CRC-32 is"),
-        (DATA.replace(b"BLOCK MAIN\n", b""), "19 lines before END, which states 20"),
+        (DATA.replace(b"BLOCK MAIN\n", b""), "20 lines before END, which states 21"),
     ],
 )
 def test_what_is_damaged(data, text):
@@ -186,23 +203,23 @@ def test_what_is_damaged(data, text):
     [
         ("ORIPDRIVE 1", "ORIPDRIVE 2", "line 1 is not: ORIPDRIVE 1"),
         ("BLOCK", "BLOK", "line 2 is not: BLOCK <name>"),
-        ("PHOTO mm", "PHOTO cm", "line 4 is not: UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>"),
-        ("STAGE LOWER", "STAGE UPPER", "line 6 is not: STAGE LOWER"),
-        ("240", "24O", "line 5: '24O' is not a finite number"),
-        ("240", "1e999", "line 5: '1e999' is not a finite number"),
-        ("240", "nan", "line 5: 'nan' is not a finite number"),
-        ("240", "1_0", "line 5: '1_0' is not a finite number"),
-        ("240 ", "", "line 5: 6 words separated by single blanks; 7 are needed"),
-        ("CAMERA CAM ", "CAMERA CAM  ", "line 7: 8 words"),
-        ("MEASURED", "measured", "line 8: 'measured' is not one of IDEAL, MEASURED"),
-        ("EBNER", "BROWN", "line 9: 'BROWN' is not one of EBNER, GRUEN"),
-        ("TEMPLATE T1 UPPER", "TEMPLATE T1 MIDDLE", "line 10: 'MIDDLE' is not one of UPPER, LOWER"),
+        ("PHOTO mm", "PHOTO cm", "line 5 is not: UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>"),
+        ("STAGE LOWER", "STAGE UPPER", "line 7 is not: STAGE LOWER"),
+        ("240", "24O", "line 6: '24O' is not a finite number"),
+        ("240", "1e999", "line 6: '1e999' is not a finite number"),
+        ("240", "nan", "line 6: 'nan' is not a finite number"),
+        ("240", "1_0", "line 6: '1_0' is not a finite number"),
+        ("240 ", "", "line 6: 6 words separated by single blanks; 7 are needed"),
+        ("CAMERA CAM ", "CAMERA CAM  ", "line 8: 8 words"),
+        ("MEASURED", "measured", "line 9: 'measured' is not one of IDEAL, MEASURED"),
+        ("EBNER", "BROWN", "line 10: 'BROWN' is not one of EBNER, GRUEN"),
+        ("TEMPLATE T1 UPPER", "TEMPLATE T1 MIDDLE", "line 11: 'MIDDLE' is not one of UPPER, LOWER"),
         ("MODEL M1-1 1", "MODEL M1-1 0", "'0' is not a whole number from 1"),
         ("MODEL M1-1 1", "MODEL M1-1 1.0", "'1.0' is not a whole number from 1"),
         ("NORMAL", "CROSSED", "'CROSSED' is not one of NORMAL, SWAPPED"),
-        ("START", "BEGIN", "line 20 is not: START <X> <Y> <Z>"),
-        ("MODEL", "MODELL", "line 18 is not: START <X> <Y> <Z>"),
-        ("START 10 0 0\n", "START 10 0 0\nSTART 10 0 0\n", "line 21: this line is out of order"),
+        ("START", "BEGIN", "line 21 is not: START <X> <Y> <Z>"),
+        ("MODEL", "MODELL", "line 19 is not: START <X> <Y> <Z>"),
+        ("START 10 0 0\n", "START 10 0 0\nSTART 10 0 0\n", "line 22: this line is out of order"),
         ("Any project", "Any\tproject", "line 3: a character is not printable ASCII"),
         ("Any project", "Änderung", "line 3: a character is not printable ASCII"),
         ("BLOCK MAIN\n", "BLOCK MAIN\r\n", "line 2: a character is not printable ASCII"),
@@ -222,8 +239,8 @@ def test_what_has_not_the_form(old, new, text):
         ("SET CAM", "SET CAN", "SET of camera CAN, which is not in the table"),
         ("AFFINE P1-1", "AFFINE P1-2", "photo P1-1 has no line AFFINE"),
         ("AFFINE P1-1", "AFFINE P1-2", "affine of photo P1-2 is there twice"),
-        ("PHOTO P1-1", "PHOTO P1-2", "line 13: photo P1-2 is there twice"),
-        ("TEMPLATE T1", "TEMPLATE T2", "line 11: template T2 is there twice"),
+        ("PHOTO P1-1", "PHOTO P1-2", "line 14: photo P1-2 is there twice"),
+        ("TEMPLATE T1", "TEMPLATE T2", "line 12: template T2 is there twice"),
         ("MODEL M1-1", "MODEL M1-2", "model M1-2 is there twice"),
     ],
 )
@@ -236,7 +253,7 @@ def test_what_does_not_belong_together(old, new, text):
 def test_all_faults_are_told_at_once():
     changed = body().replace("NORMAL", "CROSSED").replace("MEASURED", "FELT").replace("240", "x", 1)
     codes = [fault.text.split(":")[0] for fault in read_drive_table(sealed(changed)).faults]
-    assert codes == ["line 5", "line 8", "line 18"]
+    assert codes == ["line 6", "line 9", "line 19"]
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_gates(text: str, gate: Gate) -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_gate(text: str) -> None:
-    with pytest.raises(ValueError, match=r"is no gate; write name operator number, for example 'sigma0<=1.5'"):
+    with pytest.raises(ValueError, match=r"is not a gate; write name operator number, for example 'sigma0<=1.5'"):
         parse_gate(text)
 
 

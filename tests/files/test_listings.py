@@ -396,7 +396,7 @@ def test_the_interior_listing_has_the_parameters_and_remarks() -> None:
         ["0.0121", "-0.0341", "0.500000", "0.001000", "1.00020000", "0.99980000", "0.00312", "2"]
     ]
     body = section(text, "TEMPLATE ORIENTATIONS")
-    assert "  Template STRIP_1:  plate to template system, transformation conform without scale, UPPER stage" in body
+    assert "  Template STRIP_1:  plate to template system, transformation conformal without scale, UPPER stage" in body
     assert any("Mirror image" in line for line in body)
     assert any("Redundancy 0" in line for line in body)
     assert cells(body[9:])[0][6] == "-"

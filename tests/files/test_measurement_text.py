@@ -118,7 +118,11 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
         ("1 2 3\n2 3 4\n", ":1: ", "the measurement of '1' is outside a block"),
         ("POINTS M P\n1 2 3\nKILL MARK P 1\n2 3 4", ":4: ", "outside a block"),
         ("PHOTO P\n1 2 3", ":1:9: ", "a field is missing, 2 found; the line is: PHOTO name A|C|W"),
-        ("PHOTO P Q\n1 2 3", ":1:9: ", "'Q' is not a transformation (A affine, C conform, W conform without scale)"),
+        (
+            "PHOTO P Q\n1 2 3",
+            ":1:9: ",
+            "'Q' is not a transformation (A affine, C conformal, W conformal without scale)",
+        ),
         ("PHOTO P A UPPER\n1 2 3", ":1:11: ", "'UPPER' is one field too many"),
         ("TEMPLATE T A UPER\n1 2 3", ":1:14: ", "'UPER' is not a stage; did you mean UPPER?"),
         ("FIDUCIALS C corner\n1 2 3", ":1:13: ", "did you mean corners?"),

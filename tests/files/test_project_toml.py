@@ -192,7 +192,7 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f'{PROJECT}{CAMERA}distortion_at = "Ideal"\n', 6, "but 'ideal' or 'measured' is required"),
         (f"{PROJECT}{CAMERA}frame = [24, 0]\n", 6, "frame number 2 of camera 'O' is 0, but a number above 0"),
         (f"{PROJECT}{CAMERA}set = \"BROWN\"\n", 6, "but 'EBNER' or 'GRUEN' is required"),
-        (f"{PROJECT}{CAMERA}unknown = [\n'C',\n'c']\n", 8, "'c' is no parameter; did you mean 'C'?"),
+        (f"{PROJECT}{CAMERA}unknown = [\n'C',\n'c']\n", 8, "'c' is not a parameter; did you mean 'C'?"),
         (f"{PROJECT}{CAMERA}unknown = ['C', 'C']\n", 6, "'C' comes twice"),
         (
             f"{PROJECT}{CAMERA}fiducials = [\n{{ name = '1', x = 1, y = 1 }},\n{{ name = '1', x = 1, y = 2 }}]\n",
@@ -259,7 +259,7 @@ camera = "O"
         ("scan = { pixel = 0 }\n", 23, "only a number above 0 (mm) or two of them, [px, py], are allowed"),
         ("scan = { pixel = [1, 2, 3] }\n", 23, "pixel of scan of photo 'B' is a list of 3"),
         ('scan = { pixel = 1, origin = "center" }\n', 23, "but 'corner' or 'centre' is required"),
-        ('constant = ["X0", "KAPA"]\n', 23, "'KAPA' is no parameter; did you mean 'KAPPA'?"),
+        ('constant = ["X0", "KAPA"]\n', 23, "'KAPA' is not a parameter; did you mean 'KAPPA'?"),
         ("PHI = inf\n", 23, "a finite number is required"),
         ('[[photo]]\nname = "C"\ncamera = "D"\ntemplate = "T"\n', 26, "but its camera 'D' has a sensor"),
         ('[[photo]]\nname = "C"\ncamera = "D"\nscan = { pixel = 1 }\n', 26, "has a scan, but its camera 'D'"),

@@ -26,6 +26,8 @@ TOP = [
         "cameras",
         "photos",
         "points",
+        "antennas",
+        "stations",
         "theodolites",
         "down_weighted",
         "singular",

@@ -18,7 +18,7 @@ def test_names_and_blocks(tmp_path):
         "  1002  35.2310  -12.0040 0.004 0.004\npoints OTHER P102\n  1001\n",
     )
     assert found.complaints == ()
-    assert [tuple(each) for each in found.value] == [
+    assert [tuple(row) for row in found.value] == [
         ("7", None, None, 2),
         ("1001", "P101", "MAIN", 5),
         ("1002", "P101", "MAIN", 6),
@@ -29,7 +29,7 @@ def test_names_and_blocks(tmp_path):
 def test_marks_and_edits_are_passed_over(tmp_path):
     marks = "TEMPLATE T A UPPER\n 1 2.0 3.0\nPHOTO P101 A\n 1 2.0 3.0\n"
     text = f"{marks}KILL POINT MAIN P101 3\nPOINTS MAIN P101\n 5 1.0 1.0\n"
-    assert [each.point for each in listed(tmp_path, text).value] == ["5"]
+    assert [row.point for row in listed(tmp_path, text).value] == ["5"]
 
 
 def test_faults(tmp_path):

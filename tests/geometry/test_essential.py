@@ -32,7 +32,9 @@ def two_views(seed, count, *, points=None, base=None, rotation=None):
 
 def off(found, essential):
     """Distance of the nearest of several matrices from one, whatever their signs."""
-    return min((min(np.abs(each - essential).max(), np.abs(each + essential).max()) for each in found), default=np.inf)
+    return min(
+        (min(np.abs(matrix - essential).max(), np.abs(matrix + essential).max()) for matrix in found), default=np.inf
+    )
 
 
 def constraint(found):
@@ -90,15 +92,15 @@ def test_solutions_of_many_samples_are_those_of_each():
     together = essential_matrices(np.stack([view[0] for view in views]), np.stack([view[1] for view in views]))
     alone = np.concatenate([essential_matrices(left[None], right[None]) for left, right, _ in views])
     assert len(together) == len(alone)
-    assert max(off(together, each) for each in alone) < 1e-9
+    assert max(off(together, matrix) for matrix in alone) < 1e-9
 
 
 def test_solutions_fulfil_the_constraints_and_contain_the_points():
-    left, right, _ = (np.stack(each) for each in zip(*(two_views(seed, 5) for seed in range(40)), strict=True))
+    left, right, _ = (np.stack(vectors) for vectors in zip(*(two_views(seed, 5) for seed in range(40)), strict=True))
     found = [essential_matrices(left[i : i + 1], right[i : i + 1]) for i in range(40)]
     determinants = np.concatenate([np.einsum("pi,mij,pj->mp", left[i], found[i], right[i]) for i in range(40)])
     assert np.abs(determinants).max() < 1e-13
-    violations = np.sort(np.concatenate([constraint(each) for each in found]))
+    violations = np.sort(np.concatenate([constraint(matrix) for matrix in found]))
     # what remains are real parts of complex pairs, of which there are few
     assert violations[int(0.9 * len(violations))] < 1e-10
     assert np.allclose(np.linalg.norm(np.concatenate(found), axis=(1, 2)), 1.0, atol=1e-14)
@@ -126,7 +128,7 @@ def test_all_real_solutions_are_found():
     solutions = essential_matrices(left[None], right[None])
     solutions = solutions[constraint(solutions) < 1e-10]
     assert len(brute) >= 2
-    assert max(off(solutions, each) for each in brute) < 1e-6
+    assert max(off(solutions, matrix) for matrix in brute) < 1e-6
     assert len(solutions) == len(brute)
 
 
@@ -175,7 +177,7 @@ def test_four_pairs_of_base_and_rotation(seed):
     assert np.allclose(np.linalg.det(photos.rotation), 1.0, atol=1e-14)
     assert np.allclose(photos.rotation @ np.swapaxes(photos.rotation, 1, 2), np.eye(3), atol=1e-14)
     again = np.stack([cross_of(b) @ r for b, r in zip(*photos, strict=True)]) / np.sqrt(2.0)
-    assert all(off([each], essential) < 1e-14 for each in again)
+    assert all(off([matrix], essential) < 1e-14 for matrix in again)
     # two rotations, half a turn about the base apart, with both signs of the base
     turn = Rotation.from_matrix(photos.rotation[0] @ photos.rotation[2].T).as_rotvec()
     assert np.allclose(np.abs(turn @ photos.base[0]), np.pi, atol=1e-7)

@@ -77,10 +77,10 @@ def test_all_solutions_are_those_of_grunerts_quartic():
         found = distances(points, centres)
         counts[len(found)] += 1
         # roots of a quartic lose half of the digits where two of them come close
-        for each in found:
-            assert np.abs(expected - each).max(axis=1).min() < 1e-4
-        for each in expected:
-            assert np.abs(found - each).max(axis=1).min() < 1e-4
+        for solution in found:
+            assert np.abs(expected - solution).max(axis=1).min() < 1e-4
+        for solution in expected:
+            assert np.abs(found - solution).max(axis=1).min() < 1e-4
     assert counts[1:].min() > 0
 
 
@@ -89,7 +89,7 @@ def test_truth_is_among_the_solutions_in_any_attitude(view):
     generator = np.random.default_rng(2)
     rotation, centre = rotation_of(*view), np.array([1000.0, -500.0, 200.0])
     points = np.stack([points_seen(generator, 3, rotation, centre, 50.0, 36.0, (80.0, 120.0)) for _ in range(200)])
-    vectors = np.stack([seen(each, rotation, centre, 50.0) for each in points])
+    vectors = np.stack([seen(point, rotation, centre, 50.0) for point in points])
     found = three_point_resection(vectors, points)
     error = np.where(found.valid, np.linalg.norm(found.centres - centre, axis=2), np.inf)
     nearest = error.argmin(axis=1)

@@ -125,7 +125,7 @@ def fuzz(count: int, seed: int, folder: Path) -> Counter[str]:
         try:
             target.read(data)
         except OripError as error:
-            _require_words(str(error))
+            require_words(str(error))
         except Exception as error:
             message = f"{name} of {data!r} ended in {type(error).__name__}: {error}"
             raise AssertionError(message) from error
@@ -133,7 +133,8 @@ def fuzz(count: int, seed: int, folder: Path) -> Counter[str]:
     return given
 
 
-def _require_words(text: str) -> None:
+def require_words(text: str) -> None:
+    """A refusal says something that can be printed."""
     assert text
     text.encode("utf-8")
 
@@ -165,7 +166,7 @@ def _refusing(parse: Callable[[str], object], data: bytes) -> None:
     try:
         parse(data.decode("utf-8", "replace"))
     except ValueError as fault:
-        _require_words(str(fault))
+        require_words(str(fault))
 
 
 def _of_dump(data: bytes) -> None:
@@ -179,7 +180,7 @@ def _of_dump(data: bytes) -> None:
 
 def _require_complaints(found: object) -> None:
     for complaint in getattr(found, "complaints", ()):
-        _require_words(str(complaint))
+        require_words(str(complaint))
 
 
 def _flip(data: bytearray, chance: random.Random) -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-FILM, OPERATED, DRIVABLE = "film", "operated", "drivable"
+FILM, OPERATED, DRIVABLE, JOINED = "film", "operated", "drivable", "joined"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
-adjusted, with templates and models to drive in."""
+adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
+their stores."""
+
+MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
+"""Those of the joined project; with the other stores it has seventeen."""
 
 _CONTROL = {
     "points": ("T9 X=1 Y=2 Z=3 aX=1 aY=1 aZ=1", "1", "X=1012.5", "5"),
     "elements": ("right group=PHOTO kind=Z0 value=330 a=5", "left", "value=331", "right"),
     "distances": ("D9 from=3 to=4 code=XYZ distance=136.7 a=0.05", "D1", "distance=166.7", "D2"),
     "directions": ("S2 station=1 target=4 direction=51.5 a=0.02", "'S1 1 3'", "a=0.02", "'S1 1 4'"),
+    "stations": ("third X=1190 Y=2075 Z=330 aX=5 aY=5 aZ=5", "left", "X=1070.5", "right"),
     "preliminary": ("T9 X=1 Y=2 Z=3", "P1", "X=1102", ""),
 }
 """Of each control text a line to add, one that is there, a change of it, and one that is disregarded."""
@@ -21,8 +26,10 @@ CONTROL_TEXTS = {
     "FIRST.ELE": "left PHOTO Z0 330 5\nright PHOTO Y0 2075 -5\n",
     "FIRST.LEN": "D1 1 2 XYZ 166.63 0.05\nD2 3 4 XYZ 136.7 -0.05\n",
     "FIRST.DIR": "S1 1 2 88.4352 0.01\nS1 1 3 1.1402 0.01\nS1 1 4 51.5 -0.02\n",
+    "FIRST.STA": "left 1070 2075 330 5 5 5\nright 1130 2075 330 -5 -5 -5\n",
     "MAIN.PRE": "P1 1101 2083 107\n",
     "again.txt": "POINTS MAIN left\nP1 104.402 100.931\n",
+    "flown.csv": "photo,X,Y,Z\nleft,1070.5,2075.2,330.1\nright,1130.1,2075.3,330.2\nthird,1190.0,2075.0,330.0\n",
     "EDITS.MEA": "DISREGARD POINT MAIN left 4\n",
 }
 """Of the project on film; in FIRST.PNT point 5 is disregarded."""
@@ -45,7 +52,7 @@ _OTHERS = {
         "init --sample small_frame_block sample", "init MINE mine",
         "observations disregard point left P1", "observations include point left 4",
         "observations kill point left P1 --yes", "observations rename point left P1 P2",
-        "observations remeasure again.txt",
+        "observations remeasure again.txt", "stations import flown.csv --camera C35 --replace",
     ),
     OPERATED: (
         "digitise template RIGHT --link {} --simulate films/DAY1.MEA",
@@ -57,6 +64,12 @@ _OTHERS = {
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
         "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+    ),
+    JOINED: (
+        "init", "measure", "photo rename left OTHER", "photo delete left --with-referents --yes",
+        "camera rename C35 OTHER", "bundle rename B03 OTHER", "bundle copy B03 NEW",
+        "bundle delete B03 --with-referents --yes", "observations rename point left P1 P2 --bundle B03",
+        "observations kill mark left '*' --yes",
     ),
 }  # fmt: skip
 

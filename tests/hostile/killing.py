@@ -25,10 +25,12 @@ from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
+from cli.command_line import commands_put_together_once
+from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
-from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, FILM, KILLED, OPERATED
+from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
 from workflow.killed_orip import Steps, counted
-from workflow.small_projects import film_project, replace_in
+from workflow.small_projects import film_project, many_bundles, replace_in
 
 from orip.cli.main import main as orip
 from orip.files.log.text import read_measurements
@@ -38,6 +40,9 @@ from orip.files.stores.schema import TABLES_OF_KIND
 PROJECT = "project"
 _AGAIN = 0.1
 """After this part of the kills the command is run again, and has to end as if nothing had happened."""
+
+_UNFINISHED = ("-journal", "-undo", "-pact")
+"""Beside stores whose transaction was not finished."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,8 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
             os.dup2(nowhere, descriptor)
         code = 1
         try:
-            with patch.object(sys, "argv", ["orip", "-q", "-C", str(folder), *words]), counted(steps):
+            argv = ["orip", "-q", "-C", str(folder), *words]
+            with commands_put_together_once(), patch.object(sys, "argv", argv), counted(steps):
                 orip()
         except SystemExit as end:
             code = int(end.code or 0)
@@ -93,7 +99,10 @@ def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | N
 @contextmanager
 def prepared(folder: Path) -> Iterator[list[Case]]:
     """Prepare all cases: their projects, and a plate processor."""
+    for arguments in ((), *((group,) for group in {words.split()[0] for _, words in KILLED})):
+        called(folder, *arguments, "--help")  # so that no child has to put these commands together
     _film(folder / FILM)
+    _joined(folder / JOINED)
     _half_digitised(folder / OPERATED)
     _load_modules(folder)
     _done(folder / FILM, "init", "--sample", "small_frame_block", str(folder / DRIVABLE))
@@ -127,10 +136,21 @@ def _film(folder: Path) -> None:
     _done(folder, "run")
     (folder / "report.html").unlink()
     (folder / "FIRST.dump").write_text("\n".join(dump(folder / "FIRST.PHO")) + "\n")
+    _change_film(folder)
+    replace_in(folder / "FIRST.PNT", "1012.40", "1012.41")
+
+
+def _change_film(folder: Path) -> None:
     replace_in(folder / "orip.toml", "c = 35.0", "c = 35.2")
     replace_in(folder / "orip.toml", "X0 = 1070.0", "X0 = 1071.0")
     replace_in(folder / "FIRST.MEA", "P1 104.4010", "P1 104.4030")
-    replace_in(folder / "FIRST.PNT", "1012.40", "1012.41")
+
+
+def _joined(folder: Path) -> None:
+    many_bundles(film_project(folder), MANY_BUNDLES)
+    _done(folder, "init")
+    _done(folder, "measure")
+    _change_film(folder)
 
 
 def _half_digitised(folder: Path) -> None:
@@ -178,8 +198,8 @@ def kill(case: Case, folder: Path, chance: random.Random, *, again: bool) -> boo
         ended = os.waitstatus_to_exitcode(fork(place, case.words, Steps(-2)))
         assert ended in (0, 2, 3), f"{case.words} run again ended with {ended}"
         check(case, place)
-        temporary = [path.name for path in place.iterdir() if path.name.startswith(".orip-")]
-        assert ended != 0 or not temporary, f"{case.words} run again left {temporary}"
+        left = [path.name for path in place.iterdir() if _is_leftover(path)]
+        assert ended != 0 or not left, f"{case.words} run again left {left}"
     shutil.rmtree(place)
     return os.WIFSIGNALED(status)
 
@@ -191,15 +211,18 @@ def check(case: Case, place: Path) -> None:
         found = {name: _rows(place / name) for name in stages[0]}
         assert found in stages, f"{case.words}: stores are neither old nor new"
     for path in place.iterdir():
-        if path.suffix[1:] in TABLES_OF_KIND or path.name.startswith(".orip-") or "-mj" in path.name:
-            continue
-        if path.name.endswith("-journal") or path.suffix == ".html":
+        if path.suffix[1:] in TABLES_OF_KIND or path.suffix == ".html" or _is_leftover(path):
             continue
         if case.is_digitising and path.suffix == ".MEA":
             assert not read_measurements(path, path.name).complaints
         else:
             wholes = [_content(stage / path.name) for stage in case.stages]
             assert _content(path) in wholes, f"{case.words}: {path.name} is neither old nor new"
+
+
+def _is_leftover(path: Path) -> bool:
+    """Tell whether a name is that of a text or a transaction that was not finished."""
+    return path.name.startswith(".orip-") or path.name.endswith(_UNFINISHED) or "-mj" in path.name
 
 
 def _content(path: Path) -> object:
@@ -244,7 +267,8 @@ def kills(count: int, seed: int, folder: Path) -> Counter[str]:
             case = cases[number % len(cases)]
             if number % 500 == 0:
                 print(f"{time.strftime('%T')} {number} runs, {sum(killed.values())} killed", flush=True)  # noqa: T201
-            killed[" ".join(case.words[:3])] += kill(case, folder, chance, again=chance.random() < _AGAIN)
+            name = f"{case.stages[0].name}: {' '.join(case.words[:3])}"
+            killed[name] += kill(case, folder, chance, again=chance.random() < _AGAIN)
     return killed
 
 

@@ -26,8 +26,8 @@ FLAGS = (
     "-O1", "--param", "asan-instrumentation-with-call-threshold=0", "-fno-sanitize-address-use-after-scope",
     "-fno-sanitize=null,object-size,alignment",
 )  # fmt: skip
-TESTED = ("bundle", "prelim")
-"""Folders of tests whose code has extensions in C."""
+TESTED = ("bundle", "prelim", "samples")
+"""Folders of tests that reach the extensions in C: each by itself, wrong calls included, and both in whole projects."""
 
 
 def runtime(compiler: Sequence[str]) -> Path | None:

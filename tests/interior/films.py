@@ -109,7 +109,7 @@ def measured(text, start=None, definitions=DEFINITIONS):
 
 
 def complaints(text, **keywords):
-    return [str(each) for each in replayed(text, **keywords).complaints]
+    return [str(complaint) for complaint in replayed(text, **keywords).complaints]
 
 
 def photo_coordinates(found, name, bundle="MAIN", definitions=DEFINITIONS):

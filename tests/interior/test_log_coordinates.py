@@ -72,7 +72,7 @@ def test_frame_is_that_of_the_record_or_the_sensor_or_as_far_as_the_marks_reach(
 
     def corners(**given):
         found = frame_corners(Camera("C", NO_PARAMETERS, **given))
-        return None if found is None else [each.tolist() for each in found]
+        return None if found is None else [array.tolist() for array in found]
 
     assert corners(frame=(24.0, 36.0), fiducials=marks) == [[-12.0, -18.0], [12.0, 18.0]]
     assert corners(sensor=sensor) == [[-5.0, -2.5], [5.0, 2.5]]

@@ -51,13 +51,13 @@ def take(expected: Expected, photo: str, names: list[str], x: float) -> int:
 
 
 def edit(expected: Expected, action: str, owner: str, name: str) -> int:
-    found = [(photo, each) for photo in expected for each in expected[photo] if owner in ("*", photo)]
-    found = [(photo, each) for photo, each in found if name in ("*", each)]
-    for photo, each in found:
+    found = [(photo, point) for photo in expected for point in expected[photo] if owner in ("*", photo)]
+    found = [(photo, point) for photo, point in found if name in ("*", point)]
+    for photo, point in found:
         if action == "KILL":
-            del expected[photo][each]
+            del expected[photo][point]
         else:
-            expected[photo][each] = (expected[photo][each][0], action == "DISREGARD")
+            expected[photo][point] = (expected[photo][point][0], action == "DISREGARD")
     return len(found)
 
 

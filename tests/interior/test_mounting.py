@@ -168,7 +168,7 @@ def test_log_on_top_of_the_stores_is_the_whole_log():
 def test_edit_of_a_tick_that_the_stores_hold_says_that_points_stay():
     start = measured(template(FIRST) + points("P1", on_plate("P1", FIRST)))
     outcome = replayed("DISREGARD TICK T1 1\n", start)
-    assert [(each.code, each.where) for each in outcome.warnings] == [("stored-points-stay", "a.MEA:1")]
+    assert [(warning.code, warning.where) for warning in outcome.warnings] == [("stored-points-stay", "a.MEA:1")]
     assert "template T1" in outcome.warnings[0].text
     before, after = start.observations["MAIN"], outcome.measured.observations["MAIN"]
     assert np.array_equal(before.measured, after.measured)
@@ -184,7 +184,7 @@ def test_photo_mounted_again_whose_first_orientation_is_not_valid_names_the_firs
 
 def test_photo_mounted_again_whose_first_orientation_was_spoilt_by_an_edit_names_the_edit():
     log = photo("P3", FIRST) + points("P3", FIRST) + "DISREGARD MARK P3 1\nDISREGARD MARK P3 2\nINCLUDE MARK P3 4\n"
-    assert [each.split(": ")[0] for each in complaints(log + photo("P3", AGAIN))] == ["a.MEA:10"]
+    assert [complaint.split(": ")[0] for complaint in complaints(log + photo("P3", AGAIN))] == ["a.MEA:10"]
 
 
 def test_photo_without_points_whose_first_orientation_is_not_valid_is_just_measured_again():
@@ -196,7 +196,7 @@ def test_photo_without_points_whose_first_orientation_is_not_valid_is_just_measu
 def test_new_orientation_that_is_not_valid_is_complained_of_once():
     two = {name: FIDUCIALS[name] for name in "12"}
     log = photo("P3", FIRST) + points("P3", FIRST) + points("P3", FIRST, bundle="SIDE") + photo("P3", AGAIN, marks=two)
-    assert [each.split(": ")[0] for each in complaints(log)] == ["a.MEA:12"]
+    assert [complaint.split(": ")[0] for complaint in complaints(log)] == ["a.MEA:12"]
 
 
 def test_scan_turned_on_its_side_between_two_scannings():

@@ -82,7 +82,7 @@ def test_film_upside_down_is_recognised(kind):
 
 @pytest.mark.parametrize("kind", ["C", "W"])
 def test_square_of_ticks_that_lies_right_is_not_taken_for_a_mirror_image(kind):
-    # turned over, a square fits no conform transformation at all
+    # turned over, a square fits no conformal transformation at all
     oriented = orient_template(TemplateOrientation("T", kind, None, marks(moved(TICKS, placed(3.0)))), ALL_TICKS)
     assert not oriented.adjustment.mirrored
 

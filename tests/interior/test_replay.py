@@ -151,13 +151,13 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_files():
         "b.MEA": "POINTS MIAN P33\n 1 1 1\n" + template(HERE, name="T7"),
         "a.MEA": photo("P9", HERE) + photo("P3", HERE, marks={"1": (0.0, 0.0)}) + "KILL TICK T8 1\n",
     }
-    found = [each.split("; correct")[0] for each in complaints("", files=files)]
+    found = [complaint.split("; correct")[0] for complaint in complaints("", files=files)]
     assert found == [
         "b.MEA:1: photo P33 is not defined; known are: P1, P2, P3, P4, P5, D1, B1",
         "b.MEA:1: bundle MIAN is not defined; known are: Main, Side",
         "b.MEA:3: template T7 is not defined; known are: T1, T2",
         "a.MEA:1: photo P9 is not defined; known are: P1, P2, P3, P4, P5, D1, B1",
-        "a.MEA:6: photo P3 has 1 usable marks; transformation A needs 3: " + REMEDY,
+        "a.MEA:6: photo P3 has 1 usable mark; transformation A needs 3: " + REMEDY,
         "a.MEA:8: template T8 is not defined; known are: T1, T2",
     ]
 
@@ -243,7 +243,7 @@ def test_edit_of_something_that_is_not_defined_names_what_is(edit, message):
 def test_edit_that_finds_nothing_warns(edit):
     outcome = replayed(FILM + "\n" + edit + "\n")
     assert outcome.complaints == ()
-    assert [(each.code, each.where) for each in outcome.warnings] == [("nothing-to-edit", "a.MEA:10")]
+    assert [(warning.code, warning.where) for warning in outcome.warnings] == [("nothing-to-edit", "a.MEA:10")]
     assert outcome.warnings[0].text.startswith(f"{edit} finds nothing measured")
 
 
@@ -257,13 +257,13 @@ def test_disregarding_too_many_marks_names_the_edit():
     found = complaints(FILM + "DISREGARD MARK P3 1\nDISREGARD MARK P3 2\nDISREGARD MARK P3 9\n")
     assert found == ["a.MEA:10: photo P3 has 2 usable marks; transformation A needs 3: " + REMEDY]
     found = complaints(ON_TEMPLATE + "KILL TICK T1 1\nINCLUDE TICK T1 2\nKILL TICK T1 3\n")
-    assert [each.split(";")[0] for each in found] == ["a.MEA:16: template T1 has 2 usable marks"]
+    assert [complaint.split(";")[0] for complaint in found] == ["a.MEA:16: template T1 has 2 usable marks"]
 
 
 def test_edit_of_an_orientation_that_was_not_valid_before_does_not_take_the_blame():
     two = {name: FIDUCIALS[name] for name in "12"}
     found = complaints(photo("P3", HERE, marks=two) + points("P3", HERE) + "DISREGARD MARK P3 1\n")
-    assert [each.split(":")[1] for each in found] == ["1"]
+    assert [complaint.split(":")[1] for complaint in found] == ["1"]
 
 
 def test_edits_that_disregard_and_include_again_leave_a_valid_log():
@@ -371,7 +371,9 @@ def test_digitised_marks_that_cannot_be_taken(record, message):
     ],
 )
 def test_log_that_refers_to_a_record_that_is_gone_names_it(group, key, message):
-    assert any(message in each for each in complaints(ON_TEMPLATE, definitions=without(DEFINITIONS, group, key)))
+    assert any(
+        message in complaint for complaint in complaints(ON_TEMPLATE, definitions=without(DEFINITIONS, group, key))
+    )
 
 
 @pytest.mark.parametrize(
@@ -389,7 +391,8 @@ def test_stores_with_measurements_of_a_record_that_is_gone_lose_them(group, key)
 def test_stores_whose_marks_have_no_given_coordinates_any_more_are_complained_of(group, key):
     start = measured(ON_TEMPLATE + FILM)
     assert any(
-        "is not defined" in each for each in complaints("", start=start, definitions=without(DEFINITIONS, group, key))
+        "is not defined" in complaint
+        for complaint in complaints("", start=start, definitions=without(DEFINITIONS, group, key))
     )
 
 
@@ -450,11 +453,11 @@ def any_definitions(draw):
     return fewer
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.lists(RECORDS, max_size=12), st.lists(RECORDS, max_size=6), any_definitions(), any_definitions())
 def test_any_log_is_replayed_or_complained_of(records, later, definitions, then):
     first = replay(records, definitions, Measured())
-    assert all(each.line is not None for each in first.complaints)
+    assert all(complaint.line is not None for complaint in first.complaints)
     second = replay(later, then, first.measured)
     for observations in second.measured.observations.values():
         assert len(observations.points) == len(observations.photos) == len(observations.measured)

@@ -65,8 +65,8 @@ def test_four_scans_with_turns_pixels_and_origins_of_their_own_give_the_photo_co
             assert coordinates[point] == pytest.approx(xy, abs=MICRO)
             assert coordinates[point] == pytest.approx(on_plate[point], abs=MICRO)
     interior = interior_orientation(ALL, found)
-    assert not any(each.mirrored for each in interior.adjustments)
-    assert max(np.abs(each.residuals).max() for each in interior.adjustments) < MICRO
+    assert not any(adjustment.mirrored for adjustment in interior.adjustments)
+    assert max(np.abs(adjustment.residuals).max() for adjustment in interior.adjustments) < MICRO
 
 
 @KINDS
@@ -77,7 +77,7 @@ def test_mirrored_scan_is_recognised(kind, name):
     upside_down = PlaneTransformation(upside_down.matrix @ np.diag([-1.0, 1.0]), upside_down.shift)
     found = measured(photo(name, upside_down, kind), definitions=ALL)
     warnings = interior_orientation(ALL, found).warnings
-    assert [(each.code, each.where) for each in warnings] == [("mirrored", f"photo {name}")]
+    assert [(warning.code, warning.where) for warning in warnings] == [("mirrored", f"photo {name}")]
 
 
 @pytest.mark.parametrize("kind", ["C", "W"])

@@ -25,7 +25,8 @@ matrix = np.random.default_rng(1).normal(size=(150, 150))
 square = matrix @ matrix.T
 for algebra in (np.linalg, scipy.linalg):
     algebra.cholesky(square), algebra.qr(matrix), algebra.svd(matrix), algebra.eig(matrix), algebra.inv(square)
-found = {each["architecture"] for each in threadpoolctl.threadpool_info() if each["internal_api"] == "openblas"}
+libraries = threadpoolctl.threadpool_info()
+found = {library["architecture"] for library in libraries if library["internal_api"] == "openblas"}
 print("+".join(sorted(found)))
 """
 

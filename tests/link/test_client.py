@@ -193,15 +193,15 @@ def impostor(*pieces, ends=False):
 @pytest.mark.parametrize(
     ("pieces", "ends", "text"),
     [
-        ([b"220 mail.example.org ESMTP\r\n"], False, "is no plate processor: it said '220 mail"),
-        ([b"OK KDPP-EMU 2 READY\n"], False, "is no plate processor: it said 'OK KDPP-EMU 2 READY'"),
-        ([b"\xff\xfe\n"], False, "is no plate processor"),
+        ([b"220 mail.example.org ESMTP\r\n"], False, "is not a plate processor: it said '220 mail"),
+        ([b"OK KDPP-EMU 2 READY\n"], False, "is not a plate processor: it said 'OK KDPP-EMU 2 READY'"),
+        ([b"\xff\xfe\n"], False, "is not a plate processor"),
         ([b"z" * 100_000], False, "lines without end"),
         ([], False, "does not answer in time"),
         ([b"OK KDPP"], False, "does not answer in time"),
         ([], True, "has ended the connection"),
-        ([b"OK KDPP-EMU 1 READY\n", b"WHAT\n"], False, "is no plate processor: it said 'WHAT'"),
-        ([b"OK KDPP-EMU 1 READY\n", b"ERR x y\n"], False, "is no plate processor"),
+        ([b"OK KDPP-EMU 1 READY\n", b"WHAT\n"], False, "is not a plate processor: it said 'WHAT'"),
+        ([b"OK KDPP-EMU 1 READY\n", b"ERR x y\n"], False, "is not a plate processor"),
         ([b"OK KDPP-EMU 1 READY\n"], True, "(has ended the connection|broke off)"),
     ],
 )
@@ -227,7 +227,7 @@ def test_a_list_of_another_form():
 
 @pytest.mark.parametrize("url", ["tcp://", "tcp://host", "tcp://host:99999", "tcp:host:1", "tcp://a b:-1"])
 def test_urls_that_are_none(url):
-    with pytest.raises(LinkError, match=r"is no link; write for example tcp://127\.0\.0\.1:4788"):
+    with pytest.raises(LinkError, match=r"is not a link; write for example tcp://127\.0\.0\.1:4788"):
         open_link(url)
 
 
@@ -258,9 +258,9 @@ def test_serial_lines_that_are_none():
     pytest.importorskip("serial")
     with pytest.raises(LinkError, match="no plate processor answers at /no/such/device"):
         open_link("/no/such/device", retries=0)
-    with pytest.raises(LinkError, match="'what://ever' is no link"):
+    with pytest.raises(LinkError, match="'what://ever' is not a link"):
         open_link("what://ever", retries=0)
-    with pytest.raises(LinkError, match="is no plate processor: it said 'VERSION'"):  # it says what it is told
+    with pytest.raises(LinkError, match="is not a plate processor: it said 'VERSION'"):  # it says what it is told
         open_link("loop://", timeout_s=0.2, retries=0)
 
 

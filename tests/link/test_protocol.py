@@ -270,7 +270,7 @@ def test_a_table_with_a_fault_is_not_loaded(data, expected):
 
 def test_the_line_of_a_fault_is_told():
     found = downloaded(READY, edited((b"UNITS PLATE mm", b"UNITS PLATE in")), load_drive_table)
-    assert b"line 4" in found.reply
+    assert b"line 5" in found.reply
 
 
 def test_a_table_is_loaded_in_place_of_the_old():

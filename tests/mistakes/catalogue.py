@@ -210,8 +210,8 @@ def template_upside_down(folder: Path) -> None:
 
     def turned(header: list[str], words: list[str]) -> list[str]:
         if header[:2] == ["TEMPLATE", "LEFT"]:
-            return [TURNED[words[0]], *(number(each, -1.0) for each in words[1:])]
-        return [words[0], *(number(each, -1.0) for each in words[1:])] if header[-1] in second_day else words
+            return [TURNED[words[0]], *(number(word, -1.0) for word in words[1:])]
+        return [words[0], *(number(word, -1.0) for word in words[1:])] if header[-1] in second_day else words
 
     in_logs(folder, turned)
     (folder / "DAY1.MEA").write_text(first, encoding="utf-8")
@@ -332,7 +332,7 @@ def north_east_against_orientations(folder: Path) -> None:
 
 
 def in_feet(words: list[str]) -> list[str]:
-    return [words[0], *(number(each, 1.0 / 0.3048) for each in words[1:4]), *words[4:]]
+    return [words[0], *(number(word, 1.0 / 0.3048) for word in words[1:4]), *words[4:]]
 
 
 @mistake(
@@ -444,7 +444,7 @@ def two_height_systems(folder: Path) -> None:
     mend="Write decimal points.",
 )  # fmt: skip
 def decimal_comma(folder: Path) -> None:
-    in_control(folder, lambda words: [words[0], *(each.replace(".", ",") for each in words[1:])])
+    in_control(folder, lambda words: [words[0], *(word.replace(".", ",") for word in words[1:])])
 
 
 # ------------------------------------------------------------------------------------- a-priori errors, units of angles
@@ -455,7 +455,7 @@ def decimal_comma(folder: Path) -> None:
     mend="Write them in the unit of the coordinates.",
 )  # fmt: skip
 def control_errors_in_mm(folder: Path) -> None:
-    in_control(folder, lambda words: [*words[:4], *(number(each, 1e3) for each in words[4:])])
+    in_control(folder, lambda words: [*words[:4], *(number(word, 1e3) for word in words[4:])])
 
 
 @mistake(
@@ -614,4 +614,4 @@ def principal_distance_in_metres(folder: Path) -> None:
     mend="Write both in one unit.",
 )  # fmt: skip
 def control_in_centimetres(folder: Path) -> None:
-    in_control(folder, lambda words: [words[0], *(number(each, 100.0) for each in words[1:])])
+    in_control(folder, lambda words: [words[0], *(number(word, 100.0) for word in words[1:])])

@@ -62,8 +62,8 @@ def test_of_a_sound_block_nothing_is_said(scene: str) -> None:
 @pytest.mark.timeout(7200)
 def test_most_mistakes_that_show_are_named_and_hardly_anything_else_is_accused() -> None:
     found = [outcome(case) for case in cases()]
-    shown = [each for each in found if each.shows]
+    shown = [outcome for outcome in found if outcome.shows]
     assert len(shown) >= 300
-    assert sum(each.verdict == "named" for each in shown) >= NAMED * len(shown)
-    wrong = [str(each.case) for each in found if each.verdict == "wrong"]
+    assert sum(outcome.verdict == "named" for outcome in shown) >= NAMED * len(shown)
+    wrong = [str(outcome.case) for outcome in found if outcome.verdict == "wrong"]
     assert len(wrong) <= WRONG * len(found), wrong

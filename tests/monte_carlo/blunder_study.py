@@ -95,7 +95,7 @@ def snooping_run(case: tuple[str, int]) -> SnoopingRun:
         among_alternatives=len(found.photo_points & frozenset[int]().union(*groups)),
         unfounded=sum(found.photo_points.isdisjoint(group) for group in groups),
         control_points=len(found.block.control_points),
-        control_named=len({each.point for each in snooped.blunders if each.kind == "control"}),
+        control_named=len({blunder.point for blunder in snooped.blunders if blunder.kind == "control"}),
         converged=snooped.solved.reason is TerminationReason.CONVERGED,
     )
 
@@ -112,9 +112,9 @@ def danish_run(case: tuple[str, int, int]) -> DanishRun:
     ends = [solved(started_off(robust, found.made, relative, random)) for relative in STARTS]
     return DanishRun(
         wrong=found.rows,
-        down_weighted=tuple(frozenset(np.flatnonzero(each.weight_factors < 1.0).tolist()) for each in ends),
-        converged=tuple(each.reason is TerminationReason.CONVERGED for each in ends),
-        iterations=tuple(len(each.iterations) for each in ends),
+        down_weighted=tuple(frozenset(np.flatnonzero(end.weight_factors < 1.0).tolist()) for end in ends),
+        converged=tuple(end.reason is TerminationReason.CONVERGED for end in ends),
+        iterations=tuple(len(end.iterations) for end in ends),
     )
 
 
@@ -130,4 +130,6 @@ def _photo_points_named(block: Block, blunders: tuple) -> frozenset[int]:
         (int(photo), int(point)): row
         for row, (photo, point) in enumerate(zip(block.photo_points.photo, block.photo_points.point, strict=True))
     }
-    return frozenset(rows[photos[each.photo], points[each.point]] for each in blunders if each.kind == "photo")
+    return frozenset(
+        rows[photos[blunder.photo], points[blunder.point]] for blunder in blunders if blunder.kind == "photo"
+    )

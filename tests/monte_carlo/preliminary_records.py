@@ -131,9 +131,9 @@ def records_of(
     given, true = cameras
     photos = len(scene.centres)
     number = random.permutation(photos) if random.random() < 0.5 else np.arange(photos)
-    labels = [f"P{each + 1}" for each in number]
+    labels = [f"P{index + 1}" for index in number]
     places = np.unique(ties.place)
-    names = dict(zip(places.tolist(), (str(each) for each in 101 + random.permutation(len(places))), strict=True))
+    names = dict(zip(places.tolist(), (str(number) for number in 101 + random.permutation(len(places))), strict=True))
     x, y = ties.xy.T
     ideal = ties.xy * (1.0 + true.parameters[4] * (x**2 + y**2))[:, None] + np.array(true.parameters[1:3])
     measured = ideal + NOISE_MM * random.normal(size=ideal.shape)
@@ -141,8 +141,8 @@ def records_of(
     n = len(order)
     observations = PhotoObservations(
         "SIM",
-        tuple(labels[each] for each in ties.photo[order]),
-        tuple(names[each] for each in ties.place[order].tolist()),
+        tuple(labels[row] for row in ties.photo[order]),
+        tuple(names[place] for place in ties.place[order].tolist()),
         measured[order],
         np.full((n, 2), np.nan),
         np.zeros(n, dtype=bool),

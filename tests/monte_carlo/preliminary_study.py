@@ -150,7 +150,7 @@ def outcome_of(records: SimulatedRecords) -> Outcome:
         comparison = compared(found, reference)
         end = comparison.end
         if end not in SUCCESS:
-            reason = "; ".join([*findings, *(each.text for each in diagnose(found))])
+            reason = "; ".join([*findings, *(diagnosis.text for diagnosis in diagnose(found))])
     except OripError as error:
         chain_seconds = process_time() - began
         end, reason = "refused", str(error)
@@ -220,10 +220,10 @@ def _start_distance(started: Block, records: SimulatedRecords) -> tuple[float, f
     angles = started.photo_orientation[:, 3:]
     rotations = Rotation.from_euler("Z", angles[:, [2]])
     rotations = Rotation.from_euler("X", angles[:, [0]]) * Rotation.from_euler("Y", angles[:, [1]]) * rotations
-    turned = (rotations * Rotation.from_matrix([each[1] for each in true]).inv()).magnitude()
+    turned = (rotations * Rotation.from_matrix([orientation[1] for orientation in true]).inv()).magnitude()
     points = started.photo_points
     xyz = np.array([records.coordinates[name] for name in started.point_names])
-    centres = np.array([each[0] for each in true])
+    centres = np.array([orientation[0] for orientation in true])
     distance = float(np.mean(np.linalg.norm(xyz[points.point] - centres[points.photo], axis=1)))
     off = np.linalg.norm(started.photo_orientation[:, :3] - centres, axis=1) / distance
     return float(off.max()), float(turned.max())
@@ -249,33 +249,33 @@ def read_outcomes(path: Path) -> list[dict]:
 
 def success(found: Sequence[dict]) -> float:
     """Return the part of the blocks whose adjustment reached the true minimum or a lower one."""
-    return sum(each["end"] in SUCCESS for each in found) / max(len(found), 1)
+    return sum(outcome["end"] in SUCCESS for outcome in found) / max(len(found), 1)
 
 
 def tables(found: Sequence[dict]) -> str:
     """Return the tables of the study as Markdown."""
     groups: list[tuple[str, Callable[[dict], bool]]] = [("all", lambda _: True)]
-    groups += [(family, lambda each, family=family: each["family"] == family) for family in FAMILIES]
+    groups += [(family, lambda outcome, family=family: outcome["family"] == family) for family in FAMILIES]
     groups += [
-        (f"{low} to {high} photos", lambda each, low=low, high=high: low <= each["photos"] <= high)
+        (f"{low} to {high} photos", lambda outcome, low=low, high=high: low <= outcome["photos"] <= high)
         for low, high in _SIZES
     ]
     groups += [
-        (name, lambda each, low=low, high=high: low <= each["wrong"] / each["photo_points"] <= high)
+        (name, lambda outcome, low=low, high=high: low <= outcome["wrong"] / outcome["photo_points"] <= high)
         for name, low, high in _PARTS
     ]
     groups += [
-        ("a control point wrong", lambda each: each["wrong_control"] > 0),
-        ("three control points", lambda each: each["control"] == 3),
-        ("camera unknown", lambda each: each["self_calibrating"]),
+        ("a control point wrong", lambda outcome: outcome["wrong_control"] > 0),
+        ("three control points", lambda outcome: outcome["control"] == 3),
+        ("camera unknown", lambda outcome: outcome["self_calibrating"]),
     ]
     lines = [
         "| blocks | number | reached | lower | as from truth | other | not converged | not oriented | success |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name, belongs in groups:
-        group = [each for each in found if belongs(each)]
-        ends = Counter(each["end"] for each in group)
+        group = [outcome for outcome in found if belongs(outcome)]
+        ends = Counter(outcome["end"] for outcome in group)
         figures = [ends[end] for end in _ENDS]
         lines.append(f"| {name} | {len(group)} | {' | '.join(map(str, figures))} | {100.0 * success(group):.2f} % |")
     return "\n".join([*lines, "", *_time_table(found), "", *_failures(found)]) + "\n"
@@ -287,9 +287,11 @@ def _time_table(found: Sequence[dict]) -> list[str]:
         "|---|---|---|---|---|---|",
     ]
     for low, high in _SIZES:
-        group = [each for each in found if low <= each["photos"] <= high and each["bundle_seconds"]]
+        group = [outcome for outcome in found if low <= outcome["photos"] <= high and outcome["bundle_seconds"]]
         if group:
-            chain, bundle = (np.array([each[key] for each in group]) for key in ("chain_seconds", "bundle_seconds"))
+            chain, bundle = (
+                np.array([outcome[key] for outcome in group]) for key in ("chain_seconds", "bundle_seconds")
+            )
             ratio = chain / bundle
             lines.append(
                 f"| {low}–{high} | {len(group)} | {np.median(chain):.2f} | {np.median(bundle):.2f} "
@@ -299,17 +301,17 @@ def _time_table(found: Sequence[dict]) -> list[str]:
 
 
 def _failures(found: Sequence[dict]) -> list[str]:
-    failed = [each for each in found if each["end"] not in SUCCESS]
+    failed = [outcome for outcome in found if outcome["end"] not in SUCCESS]
     if not failed:
         return []
     lines = [
         "| run | family | photos | wrong photo points | control | end | from the truth | message |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for each in sorted(failed, key=lambda one: one["run"]):
-        truth = each["from_truth"]["end"] if each["from_truth"] else ""
-        message = re.sub(r"\s+", " ", each["reason"]).replace("|", "/")[:200]
-        figures = [each[key] for key in ("run", "family", "photos", "wrong", "control", "end")]
+    for failure in sorted(failed, key=lambda one: one["run"]):
+        truth = failure["from_truth"]["end"] if failure["from_truth"] else ""
+        message = re.sub(r"\s+", " ", failure["reason"]).replace("|", "/")[:200]
+        figures = [failure[key] for key in ("run", "family", "photos", "wrong", "control", "end")]
         lines.append(f"| {' | '.join(map(str, figures))} | {truth} | {message} |")
     return lines
 
@@ -330,7 +332,7 @@ def main() -> None:
     parser.add_argument("--largest", type=int, default=200, help="most photos of a block")
     parser.add_argument("--table", type=Path, help="document to put the tables in")
     arguments = parser.parse_args()
-    done = {each["run"] for each in read_outcomes(arguments.outcomes)}
+    done = {outcome["run"] for outcome in read_outcomes(arguments.outcomes)}
     wanted = [run for run in range(arguments.first, arguments.first + arguments.runs) if run not in done]
     with arguments.outcomes.open("a", encoding="utf-8") as file:
         for found in outcomes(wanted, arguments.processes, arguments.largest):

@@ -24,19 +24,19 @@ WEAK = ("terrestrial", "strip")
 def snooping_figures(scene: str, runs: int, processes: int) -> tuple[float, float, list[SnoopingRun]]:
     """Return the shares of the wrong and of the other photo points that are named."""
     found = in_parallel(snooping_run, [(scene, run) for run in range(runs)], processes)
-    wrong = sum(each.wrong for each in found)
-    others = sum(each.photo_points - each.wrong for each in found)
-    rightly = sum(each.named_rightly for each in found) / wrong
-    wrongly = sum(each.named_wrongly for each in found) / others
-    control = sum(each.control_named for each in found), sum(each.control_points for each in found)
-    unfounded = sum(each.unfounded for each in found) / others
-    in_question = sum(each.among_alternatives for each in found) / wrong
+    wrong = sum(outcome.wrong for outcome in found)
+    others = sum(outcome.photo_points - outcome.wrong for outcome in found)
+    rightly = sum(outcome.named_rightly for outcome in found) / wrong
+    wrongly = sum(outcome.named_wrongly for outcome in found) / others
+    control = sum(outcome.control_named for outcome in found), sum(outcome.control_points for outcome in found)
+    unfounded = sum(outcome.unfounded for outcome in found) / others
+    in_question = sum(outcome.among_alternatives for outcome in found) / wrong
     LOG.info(
         "snooping %s: %d runs, %d of %d photo points wrong, left out %.2f %% of them and %.3f %% of the others, named "
         "%.2f %%; findings without a wrong one %.3f %%; control points named %d of %d; converged %d",
         *(scene, runs, wrong, wrong + others, 100.0 * rightly, 100.0 * wrongly, 100.0 * in_question),
         *(100.0 * unfounded, *control),
-        sum(each.converged for each in found),
+        sum(outcome.converged for outcome in found),
     )
     return rightly, wrongly, found
 
@@ -44,9 +44,11 @@ def snooping_figures(scene: str, runs: int, processes: int) -> tuple[float, floa
 def danish_figures(scene: str, runs: int, processes: int, iteration: int) -> tuple[float, list[DanishRun]]:
     """Return the share of runs in which both starts end with the same down-weighted coordinates."""
     found = in_parallel(danish_run, [(scene, run, iteration) for run in range(runs)], processes)
-    agree = float(np.mean([each.agree for each in found]))
-    caught = sum(len(each.wrong & each.down_weighted[0]) for each in found) / sum(len(each.wrong) for each in found)
-    iterations = [each for run in found for each in run.iterations]
+    agree = float(np.mean([outcome.agree for outcome in found]))
+    caught = sum(len(outcome.wrong & outcome.down_weighted[0]) for outcome in found) / sum(
+        len(outcome.wrong) for outcome in found
+    )
+    iterations = [iteration for run in found for iteration in run.iterations]
     LOG.info(
         "danish %s from iteration %d: %d runs, the same set in %.1f %%, blunders down-weighted %.2f %%, "
         "iterations %.1f on average, %d at the most, not converged %d of %d",
@@ -57,7 +59,7 @@ def danish_figures(scene: str, runs: int, processes: int, iteration: int) -> tup
 
 
 def all_converged(found: list[DanishRun]) -> bool:
-    return all(all(each.converged) for each in found)
+    return all(all(outcome.converged) for outcome in found)
 
 
 @pytest.mark.parametrize("scene", STRONG)
@@ -66,7 +68,7 @@ def test_snooping_names_blunders_and_little_else(scene):
     # some 100 blunders and 1900 clean photo points: the limits of the long study, and one chance hit more
     assert rightly >= 0.98
     assert wrongly <= 0.003
-    assert all(each.converged for each in found)
+    assert all(outcome.converged for outcome in found)
 
 
 @pytest.mark.parametrize("run", [20, 21])
@@ -91,7 +93,7 @@ def test_snooping_names_99_percent_of_the_blunders_of_500_blocks(scene):
     rightly, wrongly, found = snooping_figures(scene, 500, 2)
     assert rightly >= 0.99
     assert wrongly <= 0.002
-    assert all(each.converged for each in found)
+    assert all(outcome.converged for outcome in found)
 
 
 @pytest.mark.long
@@ -119,9 +121,9 @@ def test_danish_method_from_the_second_iteration_on_mostly_ends_the_same(scene):
 def test_where_blunders_cannot_be_located_everything_still_converges(scene):
     rightly, _, snooped = snooping_figures(scene, 500, 2)
     assert rightly >= 0.6
-    right = sum(each.photo_points - each.wrong for each in snooped)
-    assert sum(each.unfounded for each in snooped) <= 0.002 * right
-    assert all(each.converged for each in snooped)
+    right = sum(outcome.photo_points - outcome.wrong for outcome in snooped)
+    assert sum(outcome.unfounded for outcome in snooped) <= 0.002 * right
+    assert all(outcome.converged for outcome in snooped)
     for iteration in (2, 3):
         _, found = danish_figures(scene, 500, 2, iteration)
         assert all_converged(found)

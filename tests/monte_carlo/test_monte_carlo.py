@@ -120,7 +120,7 @@ def errors_of(found: SolvedBlock, made: SyntheticBlock) -> np.ndarray:
         state.points - made.points,
     ]
     columns = np.concatenate([unknowns.cameras.ravel(), unknowns.photos.ravel(), unknowns.points.ravel()])
-    return np.concatenate([each.ravel() for each in errors])[columns != CONSTANT]
+    return np.concatenate([error.ravel() for error in errors])[columns != CONSTANT]
 
 
 def laid_upon(state: BlockState, points: np.ndarray, datum: np.ndarray) -> BlockState:
@@ -141,16 +141,16 @@ def laid_upon(state: BlockState, points: np.ndarray, datum: np.ndarray) -> Block
 
 def judge(study: str, runs: int, processes: int) -> None:
     found = in_parallel(run_once, [(study, run) for run in range(runs)], processes)
-    assert all(each.converged for each in found)
-    missing = max(abs(each.sum_of_redundancy_numbers - each.redundancy) for each in found)
-    normalised = np.array([each.normalised for each in found])
+    assert all(run.converged for run in found)
+    missing = max(abs(run.sum_of_redundancy_numbers - run.redundancy) for run in found)
+    normalised = np.array([run.normalised for run in found])
     count = normalised.shape[1]
     squares = np.sum(normalised**2, axis=0)
     shift = normalised.mean(axis=0) * np.sqrt(runs)
     spread = two_sided(stats.chi2(runs).cdf(squares))
     bias = two_sided(stats.norm.cdf(shift))
-    whole = sum(each.square_sum for each in found)
-    freedom = sum(each.redundancy for each in found)
+    whole = sum(run.square_sum for run in found)
+    freedom = sum(run.redundancy for run in found)
     ratios = np.sqrt(squares / runs)
     LOG.info(
         "%s: %d runs, %d unknowns, redundancy %d; scatter over standard deviation %.3f to %.3f, all together %.4f; "

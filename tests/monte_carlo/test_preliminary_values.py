@@ -74,17 +74,17 @@ def test_tables_take_the_place_of_those_in_a_document(tmp_path):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_small_blocks_reach_the_true_minimum_from_nothing(family):
-    failed = [each for run in range(6) if (each := outcome(run, family, largest=12)).end not in SUCCESS]
+    failed = [failure for run in range(6) if (failure := outcome(run, family, largest=12)).end not in SUCCESS]
     assert not failed
 
 
 @pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 def test_2000_blocks_reach_the_true_minimum_from_nothing():
-    found = [asdict(each) for each in outcomes(range(2000), 2)]
+    found = [asdict(outcome) for outcome in outcomes(range(2000), 2)]
     LOG.info("%s", tables(found))
     assert success(found) >= 0.995
-    assert all(each["reason"] for each in found if each["end"] not in SUCCESS)
+    assert all(outcome["reason"] for outcome in found if outcome["end"] not in SUCCESS)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_blocks_that_hang_together_weakly_reach_the_true_minimum_from_nothing(fa
 def test_600_weakly_joined_blocks_reach_the_true_minimum_from_nothing():
     found = [asdict(outcome_of(weakly_joined_records(run))) for run in range(600)]
     for family in WEAK_FAMILIES:
-        LOG.info("%s: %.2f %%", family, 100.0 * success([each for each in found if each["family"] == family]))
+        LOG.info("%s: %.2f %%", family, 100.0 * success([outcome for outcome in found if outcome["family"] == family]))
     assert success(found) >= 0.995
 
 

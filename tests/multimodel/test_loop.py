@@ -64,7 +64,7 @@ def test_plate_object_plate(name):
     """A plate position, taken along its ray to any depth, comes back to 1e-9 mm."""
     block, _ = loaded(vertical_block(camera=CAMERAS[name], tilted=True))
     for photo in block.photos:
-        x, y = (each.ravel() for each in np.meshgrid(np.linspace(-9.9, 9.9, 9), np.linspace(-11.9, 11.9, 9)))
+        x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-9.9, 9.9, 9), np.linspace(-11.9, 11.9, 9)))
         plate = np.stack(photo.plate_of_photo(x, y), axis=1)
         rays = photo.rays(plate)
         assert not rays.code.any()
@@ -87,7 +87,7 @@ def test_one_point_is_as_many(name):
     model = block.models[0]
     plates = [photo.plate_places(object_points()).plate for photo in model.photos]
     many = model.object_places(*plates)
-    for row, (upper, lower) in enumerate(zip(*(each.tolist() for each in plates), strict=True)):
+    for row, (upper, lower) in enumerate(zip(*(plate.tolist() for plate in plates), strict=True)):
         one = model.object_place(tuple(upper), tuple(lower))
         assert one.code == many.code[row]
         assert np.allclose(one.xyz, many.xyz[row], rtol=0.0, atol=1e-9, equal_nan=True)

@@ -74,8 +74,8 @@ def test_optics_are_swapped_where_the_left_photo_is_on_the_lower_stage(at_start)
     assert block.models[state.model].swapped
     # left photo P1-2 is on the lower stage
     assert state.plates == (on_plate(block, "P1-3", -5.0, 0.0), on_plate(block, "P1-2", 5.0, 0.0))
-    assert [each.photo for each in photo_positions(block, state)] == ["P1-2", "P1-3"]
-    assert [each.xy for each in photo_positions(block, state)] == [
+    assert [position.photo for position in photo_positions(block, state)] == ["P1-2", "P1-3"]
+    assert [position.xy for position in photo_positions(block, state)] == [
         pytest.approx(xy) for xy in ((5.0, 0.0), (-5.0, 0.0))
     ]
     assert object_position(block, state).xyz == pytest.approx((30.0, 0.0, 0.0), abs=1e-9)

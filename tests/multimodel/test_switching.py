@@ -133,7 +133,9 @@ def settings():
     yield "equals", *strips_at(0.0, 500.0, 0.0)
 
 
-@pytest.mark.parametrize(("block", "state"), [each[1:] for each in settings()], ids=[each[0] for each in settings()])
+@pytest.mark.parametrize(
+    ("block", "state"), [setting[1:] for setting in settings()], ids=[setting[0] for setting in settings()]
+)
 def test_many_points_are_driven_to_as_one_after_the_other(block, state):
     points = points_all_over()
     after, driven = drive_objects(block, state, points)

@@ -55,6 +55,8 @@ from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.ground import PLAIN
 from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
+from orip.records.observations.station import Station
+from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
@@ -441,7 +443,7 @@ def _in_a_crs(block: Block) -> Block:
     the partials by the other axes are so small that a numerical derivative is nothing but rounding.
     """
     at_rest = {"P5": ("X0", "Y0", "Z0"), "P6": ("X0", "Y0", "Z0")}
-    stations = np.isin(block.point_names, [each.station for each in block.directions])
+    stations = np.isin(block.point_names, [direction.station for direction in block.directions])
     left_out = ("P1", "P2", block.point_names[11])
     position, xyz = (("X0", 400_000.0), ("Y0", 5_300_000.0), ("Z0", 1000.0)), "XYZ"
     observed, constant = block.point_names[2:4]
@@ -450,8 +452,14 @@ def _in_a_crs(block: Block) -> Block:
         ground=_frame(),
         photos=tuple(replace(photo, constant=at_rest.get(photo.name, ())) for photo in block.photos),
         constant_points=np.broadcast_to(stations[:, None], (len(stations), 3)),
+        # a short arm moves coordinates on a map grid by little more than they are rounded to
+        antennas=tuple(replace(antenna, lever_arm=(30.0, -20.0, 80.0)) for antenna in block.antennas),
+        stations=tuple(
+            replace(station, position_error=(0.0, 0.0, 0.0)) if station.photo == "P4" else station
+            for station in block.stations
+        ),
         elements=(
-            *(each for each in block.elements if each.name not in left_out),
+            *(element for element in block.elements if element.name not in left_out),
             *(ControlElement("P4", "PHOTO", kind, value, 0.1) for kind, value in position),
             *(ControlElement(observed, "POINT", kind, 0.0, 0.1) for kind in xyz),
         ),
@@ -471,7 +479,7 @@ def _with_set(block: Block, name: str) -> Block:
 
 
 def state_of(block: Block) -> BlockState:
-    """Return the starting state, with additional parameters that are not zero."""
+    """Return the starting state, with additional parameters, shifts and drifts that are not zero."""
     state = starting_state(block)
     values = np.zeros_like(state.additional)
     for row, camera in enumerate(block.cameras):
@@ -480,7 +488,9 @@ def state_of(block: Block) -> BlockState:
             default_error(camera.additional_set, index, base_of_camera(camera), 0.005) for index in range(len(names))
         ]
         values[row, : len(names)] = np.random.default_rng(row).normal(size=len(names)) * errors
-    return replace(state, additional=values)
+    random = np.random.default_rng(17)
+    shifts, drifts = (random.normal(size=table.shape) for table in (state.shifts, state.drifts))
+    return replace(state, additional=values, shifts=shifts, drifts=drifts)
 
 
 # at phi = ±90 no angle can be held, and the photos stay exactly there
@@ -521,7 +531,34 @@ def _with_everything(block: Block) -> Block:
             ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
+        stations=_stations(block, with_attitude=not looking_along_x),
+        antennas=(_ANTENNA,),
     )
+
+
+_ANTENNA = Antenna(
+    "GNSS", lever_arm=(0.3, -0.2, 0.8), lever_arm_error=(0.1, 0.1, 0.1), boresight=(0.5, -0.7, 3.0),
+    boresight_error=(1.0, 1.0, 1.0), time_offset=0.02, time_offset_error=0.1, unknown=ANTENNA_PARAMETERS,
+    shift="strip", shift_error=(1.0, 1.0, 1.0), drift="session", drift_error=(0.1, 0.1, 0.1),
+)  # fmt: skip
+
+
+def _stations(block: Block, *, with_attitude: bool) -> tuple[Station, ...]:
+    """Return a station of each photo but the first: one with a covariance, some coordinates and angles constant."""
+    covariance = ((0.04, 0.01, -0.02), (0.01, 0.09, 0.015), (-0.02, 0.015, 0.0625))
+    errors = {"P3": (0.2, 0.3, 0.25), "P4": (0.1, 0.0, -0.2)}
+    nothing = (np.nan, np.nan, np.nan)
+    angle_errors = {"P5": (0.001, 0.0, -0.002)} if with_attitude else {}
+    return tuple(
+        Station(
+            photo.name, tuple(place[:3].tolist()), errors.get(photo.name, (0.1, 0.1, 0.1)),
+            tuple(place[3:].tolist()) if photo.name in angle_errors else nothing,
+            angle_errors.get(photo.name, nothing), covariance if photo.name == "P3" else None,
+            time=20.0 + 3.0 * row**1.1, strip="2" if row > 3 else "1",
+        )
+        for row, (photo, place) in enumerate(zip(block.photos, block.photo_orientation, strict=True))
+        if row
+    )  # fmt: skip
 
 
 def observations_of(block: Block) -> tuple[Unknowns, list[Observations]]:
@@ -561,5 +598,9 @@ def _kinds() -> Iterator[Case]:
 
 
 def _move(block: Block, observations: Observations) -> float:
-    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9."""
-    return 1e-3 if block.ground is PLAIN or observations.rows.kind.name == "photo" else 0.1
+    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9; angles there are not."""
+    return (
+        1e-3
+        if block.ground is PLAIN or observations.rows.kind.name in ("photo", "attitude", "constant attitude")
+        else 0.1
+    )

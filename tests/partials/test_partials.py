@@ -119,6 +119,6 @@ def test_the_inspection_finds_functions_and_methods_of_any_name():
 def test_every_kind_of_observation_occurs_in_a_block():
     counts = np.zeros(len(cases.KINDS), dtype=int)
     for block in cases.blocks().values():
-        counts += [len(each.rows.observed) for each in cases.observations_of(block)[1]]
+        counts += [len(kind.rows.observed) for kind in cases.observations_of(block)[1]]
     without = [kind.observe.__name__ for kind, count in zip(cases.KINDS, counts, strict=True) if not count]
     assert not without, f"add observations to the blocks of tests/partials/cases.py: {', '.join(without)}"

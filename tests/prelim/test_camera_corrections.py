@@ -81,9 +81,9 @@ def test_a_camera_far_off_is_found(off: float) -> None:
     wrong = with_camera(block, parameters=(off * true[0], *true[1:]), unknown=UNKNOWN)
     nothing = replace(wrong, photo_orientation=np.full_like(block.photo_orientation, np.nan))
     values = preliminary_values(nothing)
-    assert [each.name for each in values.cameras] == [camera.name for camera in block.cameras]
-    for each in values.cameras:
-        assert each.parameters[0] == pytest.approx(true[0], rel=2e-3)
+    assert [camera.name for camera in values.cameras] == [camera.name for camera in block.cameras]
+    for start in values.cameras:
+        assert start.parameters[0] == pytest.approx(true[0], rel=2e-3)
     assert all(photo.rotation is not None for photo in values.photos)
 
 

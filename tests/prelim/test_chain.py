@@ -110,7 +110,7 @@ def sigma0(found: SolvedBlock) -> float:
 def test_three_control_points_are_enough() -> None:
     made = synthetic_block("convergent", "three control points", noise_mm=0.005, enp_stop=6.0)
     place, twice = made.block.point_index(), seen_twice(made.block)
-    control = [each for each in made.block.control_points if twice[place[each.name]]]
+    control = [point for point in made.block.control_points if twice[place[point.name]]]
     block = replace(made.block, control_points=(control[0], control[1], control[-1]))
     assert sigma0(from_values(from_nothing(block))) == pytest.approx(sigma0(solved(block)), rel=1e-9)
 
@@ -118,7 +118,7 @@ def test_three_control_points_are_enough() -> None:
 def test_a_control_point_whose_two_rays_miss_each_other_serves_where_none_is_to_spare() -> None:
     made = synthetic_block("convergent", "three control points", noise_mm=0.005, enp_stop=6.0)
     place, twice, points = made.block.point_index(), seen_twice(made.block), made.block.photo_points
-    control = [each for each in made.block.control_points if twice[place[each.name]]]
+    control = [point for point in made.block.control_points if twice[place[point.name]]]
     last = np.flatnonzero(points.point == place[control[-1].name])
     kept = np.setdiff1d(np.arange(len(points.point)), last[2:])
     xy = points.xy.copy()
@@ -137,16 +137,18 @@ def test_with_models_each_step_is_told() -> None:
     models = tuple(StereoModel(f"M{k}", f"P{k}", f"P{k + 1}", 1, k) for k in range(1, 6))
     made = synthetic_block("strip", "models", noise_mm=0.005, models=models)
     values = preliminary_values(from_nothing(made.block))
-    assert [each.model for each in values.relative] == [model.name for model in models]
+    assert [model.model for model in values.relative] == [model.name for model in models]
     # neighbouring models of this thin strip have a few points in common, or none but the photo
-    bridged = {each.source for each in values.bridges}
+    bridged = {bridge.source for bridge in values.bridges}
     assert bridged == {"M2", "M3", "M5"}
-    assert {(each.name, each.other) for each in values.failures} == {("M4", "M3"), ("M4", "M1")}
-    for each in values.failures:
-        assert each.reason == "photo P4 is common, but no point is: the scale is not determined; measure common points"
-    for each in values.bridges:
-        if len(each.points) < 3:
-            assert any("the rotation is that of photo" in remark for remark in each.remarks)
+    assert {(failure.name, failure.other) for failure in values.failures} == {("M4", "M3"), ("M4", "M1")}
+    for failure in values.failures:
+        assert (
+            failure.reason == "photo P4 is common, but no point is: the scale is not determined; measure common points"
+        )
+    for bridge in values.bridges:
+        if len(bridge.points) < 3:
+            assert any("the rotation is that of photo" in remark for remark in bridge.remarks)
     assert values.absolute is not None
     told = {photo.name: photo.how for photo in values.photos}
     assert told["P1"].startswith("relative orientation in model M1 from ")

@@ -112,7 +112,7 @@ def test_five_points(without_loops, sample: int) -> None:
     rays, *_ = scene()
     pairs = common_pairs(rays, 1 + sample % 3)
     chosen = np.random.default_rng(sample).choice(len(pairs.error), 5, replace=False)
-    mine, theirs = without_loops(lambda: solve(Pairs(*(each[chosen] for each in pairs))))
+    mine, theirs = without_loops(lambda: solve(Pairs(*(pair[chosen] for pair in pairs))))
     assert mine is not None
     assert theirs is not None
     assert mine.photos.base == pytest.approx(theirs.photos.base, abs=1e-7)

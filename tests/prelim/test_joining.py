@@ -233,14 +233,19 @@ def test_precision_of_bridging_is_the_spread_of_several_determinations():
 
 def test_a_gap_begins_a_new_strip():
     models, names, *_ = strip_of_models(3, 8, gap=3)
-    far = [each for each in models if each.photos[0] > 3]
-    moved = [replace(each, points=each.points[-3:], coordinates=each.coordinates[-3:], deviations=each.deviations[-3:])
-             for each in far[:1]] + far[1:]  # fmt: skip
-    near = [each for each in models if each.photos[0] < 3]
+    far = [model for model in models if model.photos[0] > 3]
+    first = far[0]
+    last_points = {
+        "points": first.points[-3:],
+        "coordinates": first.coordinates[-3:],
+        "deviations": first.deviations[-3:],
+    }
+    moved = [replace(first, **last_points), *far[1:]]
+    near = [model for model in models if model.photos[0] < 3]
     near[-1] = only(near[-1], slice(0, 3))
     found = bridge_row([*near, *moved], names)
     assert len(found.systems) == 2
-    assert [(each.name, each.other) for each in found.failures] == [("4/5", "2/3")]
+    assert [(failure.name, failure.other) for failure in found.failures] == [("4/5", "2/3")]
     assert [system.name for system in found.systems] == ["0/1", "4/5"]
 
 

@@ -38,8 +38,8 @@ def test_pairs_come_with_most_common_points_first(seen: list[set[int]], fewest: 
         for right in range(left + 1, len(seen))
         if len(seen[left] & seen[right]) >= fewest
     }
-    assert {(each.left, each.right): each.common for each in pairs} == expected
-    assert [each.common for each in pairs] == sorted(expected.values(), reverse=True)
+    assert {(pair.left, pair.right): pair.common for pair in pairs} == expected
+    assert [pair.common for pair in pairs] == sorted(expected.values(), reverse=True)
 
 
 def test_equal_pairs_come_in_the_order_of_the_photos() -> None:

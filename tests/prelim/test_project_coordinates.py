@@ -79,8 +79,8 @@ def values_of(made: AerialBlock, block: Block, photos: list[PhotoStart]) -> Prel
 
 def test_points_keep_their_deviations(made: AerialBlock, block: Block, photos: list[PhotoStart]) -> None:
     points = points_in_project(values_of(made, block, photos).points, block.ground)
-    np.testing.assert_allclose([each.coordinates for each in points], made.points, atol=1e-5)
-    assert {each.deviations for each in points} == {(0.1, 0.2, 0.3)}
+    np.testing.assert_allclose([point.coordinates for point in points], made.points, atol=1e-5)
+    assert {point.deviations for point in points} == {(0.1, 0.2, 0.3)}
 
 
 def test_the_block_as_it_is_shown(made: AerialBlock, block: Block, photos: list[PhotoStart]) -> None:

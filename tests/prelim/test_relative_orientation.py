@@ -198,7 +198,7 @@ def test_names_measured_coordinates_and_place_are_handed_on():
     assert np.array_equal(found.left_xy, scene.right)
     assert np.array_equal(found.right_xy, scene.left)
     assert np.array_equal(found.block.photos, [1, 0])
-    assert any("to the left" in each for each in found.remarks)
+    assert any("to the left" in remark for remark in found.remarks)
 
 
 def test_order_of_the_rays_does_not_matter():
@@ -254,9 +254,9 @@ def test_misnumbered_point_is_named():
     right[[3, 8]] = right[[8, 3]]
     found = oriented(rays_of(left, right, scene.c))
     assert set(np.flatnonzero(found.weight_factor < 1.0)) == {3, 8}
-    assert any(each.startswith("point 4 does not fit: py ") for each in found.remarks)
-    assert any(each.startswith("point 9 does not fit: py ") for each in found.remarks)
-    assert {found.points[i] for i in (3, 8)}.isdisjoint(str(each + 1) for each in found.block.points)
+    assert any(remark.startswith("point 4 does not fit: py ") for remark in found.remarks)
+    assert any(remark.startswith("point 9 does not fit: py ") for remark in found.remarks)
+    assert {found.points[i] for i in (3, 8)}.isdisjoint(str(point + 1) for point in found.block.points)
     assert scene.off(found)[0] < 6.0 * np.linalg.norm(found.angle_deviation)
     assert found.max_residual < 0.03
 
@@ -285,7 +285,7 @@ def test_camera_that_is_not_calibrated_is_no_blunder():
     assert np.all(found.weight_factor == 1.0)
     assert found.seuw == pytest.approx(15.0, rel=0.3)
     assert scene.off(found)[0] < 6.0 * np.linalg.norm(found.angle_deviation)
-    assert any("is the camera calibrated?" in each for each in found.remarks)
+    assert any("is the camera calibrated?" in remark for remark in found.remarks)
 
 
 def test_blunders_among_residuals_of_a_camera_that_is_not_calibrated():
@@ -343,7 +343,7 @@ def test_of_several_solutions_of_five_points_the_smallest_rotation_is_taken():
     # all of these have another solution with the five points in front; aerial photos are turned by a few degrees
     for seed in range(30):
         found = orient(rays_of(*(scene := aerial(seed, 5, relief=5.0)).measured(np.random.default_rng(seed)), scene.c))
-        if isinstance(found, RelativeOrientation) and any("another orientation" in each for each in found.remarks):
+        if isinstance(found, RelativeOrientation) and any("another orientation" in remark for remark in found.remarks):
             assert Rotation.from_matrix(found.block.rotations[1]).magnitude() < np.radians(20.0)
             return
     pytest.fail("no sample with two solutions")

@@ -164,17 +164,20 @@ def test_standard_deviations_are_those_of_monte_carlo():
     vectors = seen(points, rotation, centre, 50.0)
     samples = 300
     found = [resected(with_noise(generator, vectors, 0.01), points, error_mm=0.01) for _ in range(samples)]
-    shift = np.array([each.centre - centre for each in found])
-    small = np.array([each.rotation @ rotation.T for each in found])
+    shift = np.array([orientation.centre - centre for orientation in found])
+    small = np.array([orientation.rotation @ rotation.T for orientation in found])
     turn = np.stack([small[:, 2, 1], small[:, 0, 2], small[:, 1, 0]], axis=1)
     expected = np.sqrt(
-        np.mean([np.square([*each.centre_deviation, *each.rotation_deviation]) for each in found], axis=0)
+        np.mean(
+            [np.square([*orientation.centre_deviation, *orientation.rotation_deviation]) for orientation in found],
+            axis=0,
+        )
     )
     scatter = np.sqrt(np.mean(np.hstack([shift, turn]) ** 2, axis=0))
     # a standard deviation from 300 samples is known to 1 / sqrt(600) = 4 %; 15 %: nearly four times that, and room for
     # the good points that now and then lose their weight
     assert np.allclose(scatter / expected, 1.0, atol=0.15)
-    assert np.sqrt(np.mean([each.s0**2 for each in found])) == pytest.approx(1.0, abs=0.1)
+    assert np.sqrt(np.mean([orientation.s0**2 for orientation in found])) == pytest.approx(1.0, abs=0.1)
 
 
 def test_three_points_have_several_orientations_and_all_are_returned():
@@ -189,7 +192,7 @@ def test_three_points_have_several_orientations_and_all_are_returned():
             among += np.linalg.norm(centres - centre, axis=1).min() < 1e-6
             assert found.redundancy == 0
             assert found.s0 == 1.0
-            several = [each for each in found.remarks if "positions fit three points" in each]
+            several = [remark for remark in found.remarks if "positions fit three points" in remark]
             assert len(several) == (len(centres) > 1)
     assert among >= 18
 

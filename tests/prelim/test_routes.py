@@ -26,7 +26,7 @@ def test_a_pair_that_was_taken_out_of_its_own_system_does_not_begin_another_one(
     # as if no photo fitted its points
     monkeypatch.setattr(BlockGrower, "grow", lambda self, *_: empty_growing_block(self.rays))
     found = by_pairs(grower(rays), 0)
-    begun = [{each.left, each.right} for each in found.relative]
+    begun = [{model.left, model.right} for model in found.relative]
     assert len(begun) == len(rays.photos) // 2
     assert len(set.union(*begun)) == 2 * len(begun)
     assert not any(system.oriented.any() for system in found.systems)

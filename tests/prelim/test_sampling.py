@@ -10,7 +10,7 @@ from orip.prelim.sampling import subsets
 
 
 def test_few_combinations_are_all_there():
-    assert [tuple(each) for each in subsets(7, 5, 21, 1)] == list(combinations(range(7), 5))
+    assert [tuple(subset) for subset in subsets(7, 5, 21, 1)] == list(combinations(range(7), 5))
     assert subsets(4, 5, 100, 1).shape == (0, 5)
     assert np.array_equal(subsets(3, 3, 1, 1), [[0, 1, 2]])
 
@@ -18,7 +18,7 @@ def test_few_combinations_are_all_there():
 def test_random_subsets_have_different_members_and_favour_none():
     found = subsets(9, 4, 100, 3)
     assert found.shape == (100, 4)
-    assert all(len(set(each)) == 4 for each in found)
+    assert all(len(set(sample)) == 4 for sample in found)
     large = subsets(30, 3, 4000, 5)
     assert large.min() == 0
     assert large.max() == 29

@@ -20,8 +20,8 @@ def strip(across: int) -> ImageRays:
         for photo in range(first - 1, first + 2)
     ]
     seen += [(photo, 9000 + point) for point in range(across) for photo in (1, 2, 3)]
-    names, point = np.unique([each[1] for each in seen], return_inverse=True)
-    photo = np.array([each[0] for each in seen])
+    names, point = np.unique([sight[1] for sight in seen], return_inverse=True)
+    photo = np.array([sight[0] for sight in seen])
     nothing = np.zeros((len(photo), 3))
     points = tuple(map(str, names.tolist()))
     return ImageRays(
@@ -32,7 +32,11 @@ def strip(across: int) -> ImageRays:
 def told(rays: ImageRays, control: int = 0) -> list[str]:
     known = np.zeros(len(rays.points), dtype=bool)
     known[rays.point[rays.photo == 0][:control]] = True
-    return [each for each in weak_connections(rays, common_point_counts(rays), known) if "by photo P3" in each]
+    return [
+        connection
+        for connection in weak_connections(rays, common_point_counts(rays), known)
+        if "by photo P3" in connection
+    ]
 
 
 def test_few_points_across() -> None:

@@ -28,10 +28,10 @@ def assert_key_figures(result: Any, report: Report, *, digits: int) -> None:
 def assert_camera(result: Any, report: Report, *, iterated: float = ITERATED) -> None:
     """Compare interior orientation, its deviations and the correlations that were printed."""
     found = as_reported(result)
-    published = {name: each for name, each in report.camera.items() if each.deviation == each.deviation}
+    published = {name: value for name, value in report.camera.items() if value.deviation == value.deviation}
     assert found.keys() == published.keys()
-    for name, each in published.items():
-        _assert_printed(name, found[name], each, half_digit(each.value, 6), iterated)
+    for name, value in published.items():
+        _assert_printed(name, found[name], value, half_digit(value.value, 6), iterated)
     correlations = distortion_correlations(result)
     assert correlations.keys() == report.correlations.keys()
     for pair, r in report.correlations.items():
@@ -51,7 +51,7 @@ def assert_orientations(
 
 def orientation(result: Any, photo: str) -> dict[str, Published]:
     """Return the orientation of a photo with its deviations."""
-    return {kind: Published(each["value"], each["sd"]) for kind, each in result["photos"][photo].items()}
+    return {kind: Published(element["value"], element["sd"]) for kind, element in result["photos"][photo].items()}
 
 
 def _assert_printed(name: str, found: Published, published: Published, rounding: float, iterated: float) -> None:

@@ -17,9 +17,9 @@ def stations(folder: Path) -> dict[str, dict[str, Published]]:
     """
     found = {}
     for fields in records(folder / "result" / "camera_stations.txt"):
-        numbers = [float(each) for each in fields[2:14]]
+        numbers = [float(field) for field in fields[2:14]]
         values = numbers[:3] + [math.degrees(angle) for angle in numbers[3:6]]
-        deviations = [math.radians(each) for each in numbers[6:9]] + numbers[9:]
+        deviations = [math.radians(number) for number in numbers[6:9]] + numbers[9:]
         found[fields[1]] = {
             kind: Published(value, deviation)
             for kind, value, deviation in zip(ORIENTATION, values, deviations, strict=True)
@@ -30,7 +30,7 @@ def stations(folder: Path) -> dict[str, dict[str, Published]]:
 def calibration_project(camera: str) -> Project:
     """Return the project: stations some centimetres and a degree wrong, points by intersection."""
     folder = data_set("dbat-camcal-selfcal")
-    starts = {name: [each[kind].value for kind in ORIENTATION] for name, each in stations(folder).items()}
+    starts = {name: [station[kind].value for kind in ORIENTATION] for name, station in stations(folder).items()}
     return Project(
         camera,
         perturbed(starts, length=0.03, angle=1.5, seed=1),

@@ -51,7 +51,7 @@ class Project:
     def _log(self) -> str:
         by_photo: dict[str, list[str]] = {}
         for photo, point, column, row, *error in self.marks:
-            own = [f"{each}px" for each in error * 2]
+            own = [f"{size}px" for size in error * 2]
             by_photo.setdefault(photo, []).append(" ".join([point, column, row, *own]))
         return "".join(f"POINTS BLOCK {photo}\n" + "\n".join(lines) + "\n" for photo, lines in by_photo.items())
 

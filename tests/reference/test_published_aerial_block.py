@@ -22,7 +22,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Return the result from stations that are tens of metres and some degrees wrong."""
     folder = data_set("dbat-sxb-aerial")
     photos = read_report(folder / "result" / "report.txt").photos
-    starts = {name: [each[kind].value for kind in ORIENTATION] for name, each in photos.items()}
+    starts = {name: [photo[kind].value for kind in ORIENTATION] for name, photo in photos.items()}
     project = Project(
         camera_text(), perturbed(starts, length=50.0, angle=2.0, seed=3), marks(folder / "measurements"),
         control(folder / "reference" / "sxb-control.txt"), bundle='measurement_precision = "1px"',
@@ -67,7 +67,7 @@ def test_adjusted_control_and_check_points(result: Any, section: str, kind: str,
 def test_check_point_differences(result: Any) -> None:
     published = tables("Check", "Diff")
     assert published.keys() == CHECK_POINTS
-    found = {each["name"]: [each["dX"], each["dY"], each["dZ"]] for each in result["check_points"]}
+    found = {point["name"]: [point["dX"], point["dY"], point["dZ"]] for point in result["check_points"]}
     assert found.keys() == CHECK_POINTS
     for name, numbers in published.items():
         assert found[name] == pytest.approx(numbers[:3], abs=half_digit(1.0, 4))
@@ -80,7 +80,7 @@ def test_all_points(result: Any) -> None:
         point = result["points"][name]
         found = [point[axis]["value"] for axis in "XYZ"] + [point[axis]["sd"] for axis in "XYZ"]
         # printed with five decimals
-        assert found == pytest.approx([float(each) for each in numbers], abs=half_digit(1.0, 6)), name
+        assert found == pytest.approx([float(number) for number in numbers], abs=half_digit(1.0, 6)), name
 
 
 def test_a_control_point_seen_once_is_placed_by_its_own_coordinates(result: Any) -> None:

@@ -73,7 +73,7 @@ def test_points(result: Any) -> None:
         point = result["points"][name]
         assert point["kind"] == "tie"
         found = [point[kind]["value"] for kind in "XYZ"] + [point[kind]["sd"] for kind in "XYZ"]
-        assert found == pytest.approx([float(each) for each in numbers], abs=half_digit(1.0, 8)), name
+        assert found == pytest.approx([float(number) for number in numbers], abs=half_digit(1.0, 8)), name
 
 
 def test_residuals(result: Any, folder: Path) -> None:
@@ -82,7 +82,7 @@ def test_residuals(result: Any, folder: Path) -> None:
     for point, photo, _, _, *published in records(data_set("dbat-camcal-selfcal") / "result" / "top_residuals.txt"):
         found = [float(rows[photo, point, component]["residual"]) / PIXEL for component in "xy"]
         # six digits; the published iterations end a few millionths of a pixel away
-        assert found == pytest.approx([float(each) for each in published[:2]], abs=2e-6), (point, photo)
+        assert found == pytest.approx([float(value) for value in published[:2]], abs=2e-6), (point, photo)
 
 
 @pytest.mark.parametrize(

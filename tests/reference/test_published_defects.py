@@ -53,14 +53,14 @@ def adjusted_unknowns(result: Any) -> int:
 def assert_same_camera(result: Any, other: Any) -> None:
     """Compare two adjustments of the same observations, apart from where their iterations ended."""
     assert result["sigma0"] == pytest.approx(other["sigma0"], rel=1e-8)
-    for kind, each in result["cameras"]["CAM"].items():
+    for kind, parameter in result["cameras"]["CAM"].items():
         same = other["cameras"]["CAM"][kind]
-        if each["sd"] is None:
-            assert each == same
+        if parameter["sd"] is None:
+            assert parameter == same
             continue
         # enp_stop 4: corrections are 1e-4 of the deviations
-        assert each["value"] == pytest.approx(same["value"], abs=1e-4 * each["sd"]), kind
-        assert each["sd"] == pytest.approx(same["sd"], rel=1e-6), kind
+        assert parameter["value"] == pytest.approx(same["value"], abs=1e-4 * parameter["sd"]), kind
+        assert parameter["sd"] == pytest.approx(same["sd"], rel=1e-6), kind
 
 
 def distances(result: Any) -> Any:
@@ -84,8 +84,11 @@ def test_free_network_has_seven_movements_and_nothing_undetermined(free: Any) ->
     assert free["observations"] == report.observations
     assert free["unknowns"] == report.unknowns
     assert adjusted_unknowns(free) == structural_rank("camcal-dbatreport-no-datum.txt") == report.unknowns - 7
-    estimates = [*free["photos"].values(), *({axis: each[axis] for axis in "XYZ"} for each in free["points"].values())]
-    assert all(each["sd"] > 0.0 for estimate in estimates for each in estimate.values())
+    estimates = [
+        *free["photos"].values(),
+        *({axis: point[axis] for axis in "XYZ"} for point in free["points"].values()),
+    ]
+    assert all(figure["sd"] > 0.0 for estimate in estimates for figure in estimate.values())
 
 
 def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
@@ -96,7 +99,7 @@ def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "converged"
     assert result["singular"]
-    assert {each["group"] for each in result["singular"]} == {"PHOTO"}
+    assert {unknown["group"] for unknown in result["singular"]} == {"PHOTO"}
 
 
 @pytest.mark.parametrize("seed", [None, 1, 2, 3, 4])
@@ -128,7 +131,11 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     assert said.code == 0
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     # control point 1003 lies 2.6 mm from where the photos see it, which is reported too
-    named = {each["where"]: each["text"] for each in result["warnings"] if each["code"] != "contradicting-control"}
+    named = {
+        warning["where"]: warning["text"]
+        for warning in result["warnings"]
+        if warning["code"] != "contradicting-control"
+    }
     assert named == {f"{where} {name}": "is not measured in any photo" for name in unseen}
     assert all(f"{where} {name}: is not measured" in said.err for name in unseen)
     assert result["status"] == "converged"

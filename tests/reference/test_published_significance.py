@@ -34,7 +34,7 @@ def test_pruning_keeps_two_parameters_that_correlate_by_98_percent(tmp_path: Pat
 def test_few_points_leave_a5_a7_and_b1_insignificant(tmp_path: Path) -> None:
     folder = defective_project(read_export(defects() / "camcal-pmexport5.txt"), enp_stop=7.0).write(tmp_path / "block")
     (outcome,) = run_quietly(folder)
-    named = [each.text for each in outcome.solution.diagnosis if each.code == "not-significant"]
+    named = [diagnosis.text for diagnosis in outcome.solution.diagnosis if diagnosis.code == "not-significant"]
     assert sorted(text.split(" of camera ")[0] for text in named) == ["A5", "A7", "B1"]
     # A5 and A7 stand for each other: without A7, A5 is needed
     assert kept_by_pruning(folder) == UNKNOWN - {"A7", "B1"}

@@ -77,7 +77,7 @@ class Page(HTMLParser):
 
     def table(self, records: str) -> PageTable:
         """Return the table that shows some records of result.json."""
-        (found,) = (each for each in self.tables if each.records == records)
+        (found,) = (table for table in self.tables if table.records == records)
         return found
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:

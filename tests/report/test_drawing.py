@@ -50,7 +50,7 @@ def test_ticks_are_within_and_not_too_many(low: float, span: float) -> None:
     found = ticks(low, low + span)
     step = round_step(span, 5)
     assert len(found) <= 7
-    assert all(low - 1e-6 * step <= each + 1e-6 * step <= low + span + 2e-6 * step + 1e-9 * abs(low) for each in found)
+    assert all(low - 1e-6 * step <= tick + 1e-6 * step <= low + span + 2e-6 * step + 1e-9 * abs(low) for tick in found)
 
 
 @pytest.mark.parametrize(
@@ -69,6 +69,6 @@ def test_parameters_have_the_digits_that_their_sd_supports(value: float, sd: flo
 def test_numbers_in_words_and_digits() -> None:
     assert decimals_for([0.012, 0.03, float("nan"), float("inf"), 0.0]) == 3
     assert fixed(-0.0001, 2) == "0.00"
-    assert [significant(each) for each in (14.3015, 0.00812, 0.0, 4e-7, float("nan"))] == [
+    assert [significant(value) for value in (14.3015, 0.00812, 0.0, 4e-7, float("nan"))] == [
         "14.3", "0.00812", "0", "4e-07", "–",
     ]  # fmt: skip

@@ -74,8 +74,8 @@ class TestSample:
             table = page.table(f"cameras.{camera}")
             shown = {row[0] for row in table.rows}
             assert assert_agreement(table, parameters) == 2 * len(shown)
-            left_out = [parameters[each] for each in set(parameters) - shown]
-            assert all(each == {"value": 0.0, "sd": None} for each in left_out)
+            left_out = [parameters[parameter] for parameter in set(parameters) - shown]
+            assert all(parameter == {"value": 0.0, "sd": None} for parameter in left_out)
 
     def test_lists(self, name: str) -> None:
         found, page = sample(name), Page(sample(name).page)
@@ -89,7 +89,9 @@ class TestSample:
 
     def test_correlations(self, name: str) -> None:
         found, page = sample(name), Page(sample(name).page)
-        expected = {(each["a"], each["b"]): each["r"] for each in found.result["correlations"]}
+        expected = {
+            (correlation["a"], correlation["b"]): correlation["r"] for correlation in found.result["correlations"]
+        }
         shown = 0
         for camera, rows in page.matrices.items():
             names = [f"{camera}.{row[0]}" for row in rows]
@@ -102,8 +104,8 @@ class TestSample:
     def test_diagnosis_and_inputs(self, name: str) -> None:
         found, page = sample(name), Page(sample(name).page)
         words = "".join(page.words)
-        for each in (*found.result["diagnosis"], *found.result["warnings"]):
-            assert all(text in words for text in each.values())
+        for finding in (*found.result["diagnosis"], *found.result["warnings"]):
+            assert all(text in words for text in finding.values())
         inputs = next(table for table in page.tables if not table.records and "SHA-256" not in table.keys and table.rows
                       and len(table.rows[0]) == 2)  # fmt: skip
         assert dict(inputs.rows) == found.result["inputs"]
@@ -118,7 +120,7 @@ class TestSample:
                 for axis, coordinate in enumerate(coordinates):
                     figure = found.result[what][record][coordinate]["value"]
                     assert place[axis] + block["origin"][axis] == pytest.approx(figure, abs=1e-3)
-        assert block["points"]["kinds"] == [each["kind"] for each in found.result["points"].values()]
+        assert block["points"]["kinds"] == [point["kind"] for point in found.result["points"].values()]
 
 
 def test_a_cell_that_is_off_by_one_digit_is_found() -> None:

@@ -23,8 +23,8 @@ def test_in_a_crowd_no_name_covers_another_or_leaves_the_frame() -> None:
     boxes = [box(label) for label in found]
     assert 40 < len(found) < 150
     assert not any(one.meets(other) for place, one in enumerate(boxes) for other in boxes[:place])
-    assert all(FRAME.holds(each) for each in boxes)
-    inside = [each for each in boxes for x, y in marks if each.left < x < each.right and each.top < y < each.bottom]
+    assert all(FRAME.holds(box) for box in boxes)
+    inside = [box for box in boxes for x, y in marks if box.left < x < box.right and box.top < y < box.bottom]
     assert not inside, "a name covers a mark"
 
 

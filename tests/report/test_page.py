@@ -37,7 +37,7 @@ def given(solution: Solution, **changed: object) -> ReportInput:
 @pytest.mark.parametrize("name", SAMPLES)
 def test_nothing_is_loaded(name: str) -> None:
     page = sample(name).page
-    assert [each for each in Page(page).loaded if not each.startswith("#")] == ["data:,"]
+    assert [address for address in Page(page).loaded if not address.startswith("#")] == ["data:,"]
     own = re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.DOTALL)
     assert "://" not in own
     assert "@import" not in own
@@ -49,9 +49,9 @@ def test_the_drawings_are_well_formed(name: str) -> None:
     drawings = DRAWING.findall(sample(name).page)
     # plan and two elevations, three curves of convergence, a drawing for each photo and their mean
     assert len(drawings) >= 6 + len(sample(name).result["photos"]) + 1
-    for each in drawings:
-        assert ET.fromstring(each).get("role") == "img"
-        assert "nan" not in each
+    for drawing in drawings:
+        assert ET.fromstring(drawing).get("role") == "img"
+        assert "nan" not in drawing
 
 
 def test_plotly_is_inside() -> None:
@@ -81,7 +81,7 @@ def test_coordinates_that_are_no_numbers_do_no_harm() -> None:
     values = solution.points.values.copy()
     values[3] = np.nan
     page = report_page(given(replace(solution, points=replace(solution.points, values=values))))
-    assert [each for each in DRAWING.findall(page) if "nan" in each] == []
+    assert [match for match in DRAWING.findall(page) if "nan" in match] == []
 
 
 def test_names_are_text() -> None:

@@ -28,6 +28,11 @@ OBSERVATIONS = {
     ("distance", "XYZ"): "foot",
     ("constant distance", "XY"): "foot",
     ("direction", "zenith"): "degrees",
+    ("station", "Z"): "foot",
+    ("attitude", "PHI"): "degrees",
+    ("constant station", "X"): "foot",
+    ("constant attitude", "KAPPA"): "degrees",
+    ("antenna", "VX"): "foot/s",
 }
 """Unit by kind and component, in a project in feet."""
 
@@ -76,4 +81,4 @@ def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[Solutio
 def test_sizes_of_errors_have_the_unit_of_the_kind(place: int, unit: str) -> None:
     found = {name.rpartition(" ")[2]: sizes for name, sizes in suspects(misfitting()).items()}
     (_, component) = list(OBSERVATIONS)[place]
-    assert [each.split() for each in found[f"N{place}"]] == [[component, "-80.0", *unit.split()]]
+    assert [row.split() for row in found[f"N{place}"]] == [[component, "-80.0", *unit.split()]]

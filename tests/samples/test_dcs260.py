@@ -87,7 +87,11 @@ def test_no_additional_parameter_is_significant_and_the_largest_w_is_named(proje
     eight = 'unknown = ["C", "DX", "DY", "A3", "P1", "P2", "B1", "B2"]'
     replace_in(project / "orip.toml", 'unknown = ["C", "DX", "DY"]', eight)
     solution = solved(project)
-    named = [each.text.split(" of camera ")[0] for each in solution.diagnosis if each.code == "not-significant"]
+    named = [
+        diagnosis.text.split(" of camera ")[0]
+        for diagnosis in solution.diagnosis
+        if diagnosis.code == "not-significant"
+    ]
     assert named == ["A3", "P1, P2", "B1", "B2"]
     row = int(np.nanargmax(solution.residuals.w))
     assert (solution.residuals.photo[row], solution.residuals.point[row]) == ("st5", "14")

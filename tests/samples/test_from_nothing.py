@@ -58,7 +58,9 @@ def solved(folder: Path) -> Solution:
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_the_same_minimum_as_from_given_values(sample: str, tmp_path: Path) -> None:
+def test_the_same_minimum_as_from_given_values(sample: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # what Zurich's wrong control points are taken for is no part of the minimum, and needs many adjustments
+    monkeypatch.setattr("orip.solving.solve.explain_misfit", lambda *_: [])
     given = solved(copied(sample, tmp_path / "given"))
     folder = copied(sample, tmp_path / "nothing")
     without_orientations(folder, PHOTOS[sample])

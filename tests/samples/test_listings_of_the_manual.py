@@ -133,17 +133,17 @@ def test_orientation_by_marks(
     points, parameters = tables[::2], tables[1::2]
     interior = block.result["interior"][group]
     assert len(points) == len(parameters) == len(interior) > 0
-    places = {each["name"]: (each["x"], each["y"]) for each in block.toml[record][0][marks]}
-    for table, (row,) in zip(points, (each.rows for each in parameters), strict=True):
+    places = {mark["name"]: (mark["x"], mark["y"]) for mark in block.toml[record][0][marks]}
+    for table, (row,) in zip(points, (parameter.rows for parameter in parameters), strict=True):
         columns = (f"X-{given}", f"Y-{given}", f"X-{measured}", f"Y-{measured}", "VX", "VY")
         assert table.columns == ("Mark", *columns)
-        values = np.array([numbers(each, *columns) for each in table.rows])
-        assert {each["Mark"]: tuple(xy) for each, xy in zip(table.rows, values[:, :2].tolist(), strict=True)} == places
+        values = np.array([numbers(row, *columns) for row in table.rows])
+        assert {row["Mark"]: tuple(xy) for row, xy in zip(table.rows, values[:, :2].tolist(), strict=True)} == places
         fitted = affine(values[:, 2:4], values[:, :2])
         residuals = fitted[:, 0] + values[:, 2:4] @ fitted[:, 1:].T - values[:, :2]
         # measured template coordinates are printed to 0.05 micrometres, and residuals to less
         assert values[:, 4:] == pytest.approx(residuals, abs=1e-4)
-        (name,) = (each for each in interior if f" {each}:" in table.caption)
+        (name,) = (orientation for orientation in interior if f" {orientation}:" in table.caption)
         assert tuple(row)[:6] == ("x0", "y0", "ro", "sk", "sx", "sy")
         assert all(is_printed(row[key], interior[name][key]) for key in row if key and key != "Redundancy")
         # 0.05 micrometres at marks that are 20 mm and more from each other, and up to 100 mm from the origin
@@ -159,9 +159,11 @@ def test_orientation_by_marks(
 
 def template_coordinates(sample: Adjusted) -> dict[tuple[str, str], Array]:
     """Return where each photo point lies on its template, from the logs: pixels of cameras without marks."""
-    template_of = {photo: each["name"] for each in sample.toml.get("template", ()) for photo in each["photos"]}
+    template_of = {
+        photo: template["name"] for template in sample.toml.get("template", ()) for photo in template["photos"]
+    }
     ticks = {
-        each["name"]: np.array([each["x"], each["y"]]) for each in sample.toml.get("temtick", [{}])[0].get("ticks", ())
+        tick["name"]: np.array([tick["x"], tick["y"]]) for tick in sample.toml.get("temtick", [{}])[0].get("ticks", ())
     }
     found: dict[tuple[str, str], Array] = {}
     fitted: dict[str, Array] = {}
@@ -193,7 +195,7 @@ def image(sample: Adjusted, photo: str, point: str) -> Array:
     """Return the photo coordinates of an adjusted point, with the adjusted values of result.json."""
     values = {
         group: {
-            name: {kind: each["value"] for kind, each in one.items() if isinstance(each, dict)}
+            name: {kind: value["value"] for kind, value in one.items() if isinstance(value, dict)}
             for name, one in of.items()
         }
         for group, of in ((group, sample.result[group]) for group in ("cameras", "photos", "points"))
@@ -237,11 +239,11 @@ def test_photo_points(sample: Adjusted) -> None:
     assert len(tables) == len(sample.result["photos"])
     places = template_coordinates(sample)
     weights = {
-        (each["photo"], each["point"], each["component"]): each["weight_factor"]
-        for each in sample.result["down_weighted"]
+        (observation["photo"], observation["point"], observation["component"]): observation["weight_factor"]
+        for observation in sample.result["down_weighted"]
     }
     listed = json.loads(orip(sample.folder, "observations", "list", "--all", "--json").out)["observations"]
-    of_commands = {(each["photo"], each["point"]): each for each in listed}
+    of_commands = {(observation["photo"], observation["point"]): observation for observation in listed}
     seen = 0
     for table in tables:
         assert table.columns[: len(columns)] == columns
@@ -279,12 +281,12 @@ def test_photo_points(sample: Adjusted) -> None:
 def test_passes_and_key_figures(sample: Adjusted) -> None:
     (passes,) = sample.tables("BUNDLE_RESULT.OUT", "ITERATIONS")
     assert len(passes.rows) == len(sample.result["iterations"])
-    for row, each in zip(passes.rows, sample.result["iterations"], strict=True):
-        assert is_printed(row["ENP"], each["enp"])
-        assert is_printed(row["sigma0"], each["sigma0"])
-        assert (int(row["Down-weighted"]), int(row["Singular"])) == (each["down_weighted"], each["singular"])
+    for row, iteration in zip(passes.rows, sample.result["iterations"], strict=True):
+        assert is_printed(row["ENP"], iteration["enp"])
+        assert is_printed(row["sigma0"], iteration["sigma0"])
+        assert (int(row["Down-weighted"]), int(row["Singular"])) == (iteration["down_weighted"], iteration["singular"])
     text = (sample.folder / "BUNDLE_RESULT.OUT").read_text(encoding="utf-8")
-    (line,) = (each for each in text.splitlines() if "Standard error of unit weight (sigma0) " in each)
+    (line,) = (line for line in text.splitlines() if "Standard error of unit weight (sigma0) " in line)
     assert is_printed(line.split("(sigma0)")[1].split()[0], sample.result["sigma0"])
 
 
@@ -321,18 +323,20 @@ def test_points(sample: Adjusted) -> None:
 def test_warnings_and_errors(sample: Adjusted) -> None:
     text = (sample.folder / "BUNDLE_ERROR.OUT").read_text(encoding="utf-8")
     words = " ".join(text.split())
-    assert all(each["text"] in words for each in sample.result["warnings"])
-    assert all(f"{each['text']}" in words and each["remedy"] in words for each in sample.result["diagnosis"])
+    assert all(warning["text"] in words for warning in sample.result["warnings"])
+    assert all(
+        f"{diagnosis['text']}" in words and diagnosis["remedy"] in words for diagnosis in sample.result["diagnosis"]
+    )
     rows = [row for table in sample.tables("BUNDLE_ERROR.OUT", "DOWN-WEIGHTED OBSERVATIONS") for row in table.rows]
     assert len(rows) == len(sample.result["down_weighted"])
-    for row, each in zip(rows, sample.result["down_weighted"], strict=True):
+    for row, observation in zip(rows, sample.result["down_weighted"], strict=True):
         assert (row["Photo"], row["Point or name"], row["Component"]) == (
-            each["photo"],
-            each["point"],
-            each["component"],
+            observation["photo"],
+            observation["point"],
+            observation["component"],
         )
-        assert is_printed(row["v"], each["residual"])
-        assert is_printed(row["WF"], each["weight_factor"])
+        assert is_printed(row["v"], observation["residual"])
+        assert is_printed(row["WF"], observation["weight_factor"])
 
 
 def test_surplus_control_is_a_warning(samples: Callable[[str], Adjusted], tmp_path: Path) -> None:
@@ -351,13 +355,13 @@ def test_relative_orientation_of_all_models(block: Adjusted) -> None:
     assert table.columns == ("Model", "Left", "Right", "npts", "its", "seuw", "mres")
     models = block.toml["bundle"][0]["model"]
     assert [(row["Model"], row["Left"], row["Right"]) for row in table.rows] == [
-        (each["name"], each["left"], each["right"]) for each in models
+        (model["name"], model["left"], model["right"]) for model in models
     ]
     details = block.tables("PRELIM_RESULT.OUT", "RELATIVE ORIENTATION: POINTS AND PARAMETERS")
     for row, points, model in zip(table.rows, details[::2], models, strict=True):
         assert int(row["npts"]) == len(points.rows)
         assert int(row["its"]) > 0
-        whole = [number(each["py"]) for each in points.rows if not each[""]]
+        whole = [number(row["py"]) for row in points.rows if not row[""]]
         assert number(row["mres"]) == pytest.approx(np.abs(whole).max(), abs=half(row["mres"]) + 5e-6)
         assert f"row {model['row']}, column {model['column']}" in points.caption
         if len(whole) == len(points.rows):
@@ -399,8 +403,8 @@ def model_coordinates(block: Adjusted, after: str) -> dict[str, dict[str, Array]
     """Return what `orip prelim show` lists: coordinates by system and point, mm."""
     systems = orip(block.folder, "prelim", "show", "--after", after, "--json").document["systems"]
     return {
-        each["name"]: {point: 1000.0 * np.array(one["xyz"]) for point, one in each["points"].items()}
-        for each in systems
+        system["name"]: {point: 1000.0 * np.array(one["xyz"]) for point, one in system["points"].items()}
+        for system in systems
     }
 
 
@@ -416,7 +420,7 @@ def test_bridging_and_connection(block: Adjusted, section: str, after: str, move
     assert overview.columns == ("From", "To", "Photo in both", "npts", "its", "seuw", "mres")
     details = block.tables("PRELIM_RESULT.OUT", f"{section}: POINTS AND PARAMETERS")
     systems = model_coordinates(block, after)
-    photos = {each["name"]: {each["left"], each["right"]} for each in block.toml["bundle"][0]["model"]}
+    photos = {model["name"]: {model["left"], model["right"]} for model in block.toml["bundle"][0]["model"]}
     for row, points, parameters in zip(overview.rows, details[::2], details[1::2], strict=True):
         assert points.caption.startswith(moved.format(row["From"], row["To"]))
         if section == "MODEL BRIDGING":

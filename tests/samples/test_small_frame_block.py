@@ -62,9 +62,9 @@ class Reading(NamedTuple):
 def readings(truth: dict[str, Any]) -> Iterator[Reading]:
     """Read both logs without orip."""
     template_of = {
-        photo: each["name"]
-        for each in tomllib.loads((SAMPLE / "orip.toml").read_text(encoding="utf-8"))["template"]
-        for photo in each["photos"]
+        photo: template["name"]
+        for template in tomllib.loads((SAMPLE / "orip.toml").read_text(encoding="utf-8"))["template"]
+        for photo in template["photos"]
     }
     mounting: dict[str, Array] = {}
     for log in ("DAY1.MEA", "DAY2.MEA"):
@@ -75,7 +75,9 @@ def readings(truth: dict[str, Any]) -> Iterator[Reading]:
                 block, owner = fields[0], fields[2] if fields[0] == "POINTS" else fields[1]
                 if block == "TEMPLATE":
                     (place,) = (
-                        each["place"] for each in truth["mountings"] if (each["log"], each["template"]) == (log, owner)
+                        mounting["place"]
+                        for mounting in truth["mountings"]
+                        if (mounting["log"], mounting["template"]) == (log, owner)
                     )
                     mounting[owner] = np.array(place)
             elif fields:
@@ -123,7 +125,7 @@ def pointing_errors(truth: dict[str, Any]) -> dict[tuple[str, str, str], Array]:
         "TEMPLATE": {tick["name"]: (tick["x"], tick["y"]) for tick in project["temtick"][0]["ticks"]},
         "PHOTO": {mark["name"]: (mark["x"], mark["y"]) for mark in project["camera"][0]["fiducials"]},
     }
-    template_of = {photo: each["name"] for each in project["template"] for photo in each["photos"]}
+    template_of = {photo: template["name"] for template in project["template"] for photo in template["photos"]}
     errors = {}
     for number, reading in enumerate(readings(truth)):
         if reading.block == "TEMPLATE":
@@ -222,7 +224,7 @@ def snooped(oriented: Path) -> Solution:
 
 
 def blunders_of(truth: dict[str, Any]) -> set[tuple[str, str]]:
-    return {(each["photo"], each["point"]) for each in truth["blunders"]}
+    return {(blunder["photo"], blunder["point"]) for blunder in truth["blunders"]}
 
 
 def assert_true(solution: Solution, truth: dict[str, Any]) -> None:
@@ -254,10 +256,10 @@ def test_danish_weights_leave_out_the_two_blunders_and_nothing_else(danish: Solu
 
 def test_snooping_names_the_two_blunders_and_nothing_else(snooped: Solution, truth: dict[str, Any]) -> None:
     assert snooped.status == "converged"
-    assert {(each.photo, each.point) for each in snooped.blunders} == blunders_of(truth)
+    assert {(blunder.photo, blunder.point) for blunder in snooped.blunders} == blunders_of(truth)
     assert snooped.sigma0 == pytest.approx(1.006, abs=5e-4)
     assert_true(snooped, truth)
-    (mispointed,) = (each for each in snooped.blunders if each.photo == "104")
+    (mispointed,) = (blunder for blunder in snooped.blunders if blunder.photo == "104")
     # the photo is turned by two degrees on the plate; the pointing has its usual error too
     assert mispointed.component == "y"
     assert mispointed.size == pytest.approx(truth["blunders"][0]["mispointed_by"][1], abs=4 * mispointed.sd)
@@ -279,8 +281,8 @@ def test_with_both_disregarded_the_block_is_sound(
 
 
 def test_the_interior_orientation_finds_the_films_as_they_were_mounted(danish: Solution, truth: dict[str, Any]) -> None:
-    last = {each["template"]: each["place"] for each in truth["mountings"]}
-    found = {each.name: each for each in danish.interior if each.group == "templates"}
+    last = {mounting["template"]: mounting["place"] for mounting in truth["mountings"]}
+    found = {orientation.name: orientation for orientation in danish.interior if orientation.group == "templates"}
     assert found.keys() == last.keys() == {"LEFT", "RIGHT"}
     for name, template in found.items():
         sx, sy = truth["film_scale"][name]
@@ -304,7 +306,9 @@ def test_from_nothing_but_measurements_and_control(tmp_path: Path, danish: Solut
     assert said.code == 0, said.err
     result = said.document
     assert result["status"] == "doubtful"
-    assert {(each["photo"], each["point"]) for each in result["down_weighted"]} == blunders_of(truth)
+    assert {(observation["photo"], observation["point"]) for observation in result["down_weighted"]} == blunders_of(
+        truth
+    )
     assert orip(folder, "drive", "table").code == 0
     drive_table = (folder / "MAIN.DRV").read_text(encoding="ascii").splitlines()
     models = [line.split() for line in drive_table if line.startswith("MODEL ")]
@@ -331,7 +335,9 @@ def test_the_two_blunders_of_other_blocks_from_nothing(tmp_path: Path, seed: int
     subprocess.run([sys.executable, "-B", tmp_path / "simulate.py"], check=True)
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     said = orip(tmp_path, "run", "--json")
-    assert {(each["photo"], each["point"]) for each in said.document["down_weighted"]} == blunders_of(truth)
+    assert {
+        (observation["photo"], observation["point"]) for observation in said.document["down_weighted"]
+    } == blunders_of(truth)
 
 
 def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
@@ -347,10 +353,12 @@ def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
         ]
     (folder / "CLIFF.ELE").write_text("\n".join(lines) + "\n", encoding="utf-8")
     found = solve_quietly(folder, method=Method(SnoopingSettings("apriori"))).solution
-    assert {(each.kind, each.photo, each.component) for each in found.blunders if each.kind != "photo"} == {
-        ("element", "203", name) for name in ("X0", "Y0", "Z0")
-    }
-    assert {(each.photo, each.point) for each in found.blunders if each.kind == "photo"} == blunders_of(truth)
-    for each in found.blunders:
-        assert each.kind == "photo" or abs(each.size - 2.0) < 4.0 * each.sd
+    assert {
+        (blunder.kind, blunder.photo, blunder.component) for blunder in found.blunders if blunder.kind != "photo"
+    } == {("element", "203", name) for name in ("X0", "Y0", "Z0")}
+    assert {(blunder.photo, blunder.point) for blunder in found.blunders if blunder.kind == "photo"} == blunders_of(
+        truth
+    )
+    for blunder in found.blunders:
+        assert blunder.kind == "photo" or abs(blunder.size - 2.0) < 4.0 * blunder.sd
     assert found.singular == ()

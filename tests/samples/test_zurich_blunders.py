@@ -38,7 +38,7 @@ def change_control(folder: Path, change: dict[str, str], rest: str) -> None:
 
 def root_mean_squares(solution: Solution) -> tuple[float, float]:
     """Return those of the check points' differences, in plan and in height."""
-    differences = np.array([(each.dX, each.dY, each.dZ) for each in solution.check_points])
+    differences = np.array([(point.dX, point.dY, point.dZ) for point in solution.check_points])
     return float(np.sqrt(np.mean(differences[:, :2] ** 2))), float(np.sqrt(np.mean(differences[:, 2] ** 2)))
 
 
@@ -46,14 +46,14 @@ def test_control_that_is_not_what_was_measured_is_found_first(project: Path) -> 
     change_control(project, {}, "0.02 0.02 0.02")
     run_quietly(project)
     solution = solve_quietly(project, method=Method(SnoopingSettings("posteriori"))).solution
-    control = [each for each in solution.blunders if each.kind == "control"]
-    first = [each.point for each in control if each.component == "X"][: len(SIX)]
+    control = [blunder for blunder in solution.blunders if blunder.kind == "control"]
+    first = [blunder.point for blunder in control if blunder.component == "X"][: len(SIX)]
     assert set(first) == SIX
-    for each in control[: 3 * len(SIX)]:
-        assert 0.0 < each.sd < 0.2
+    for blunder in control[: 3 * len(SIX)]:
+        assert 0.0 < blunder.sd < 0.2
     # each of the six is off by more than a metre and a half, and that ten times more than its standard deviation
     for name in SIX:
-        sizes = [(each.size, each.sd) for each in control if each.point == name]
+        sizes = [(blunder.size, blunder.sd) for blunder in control if blunder.point == name]
         assert np.linalg.norm([size for size, _ in sizes]) > 1.5
         assert max(abs(size) / sd for size, sd in sizes) > 10.0
 

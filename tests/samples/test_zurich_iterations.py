@@ -102,8 +102,8 @@ def thesis(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[float], Block
 
 def test_angles_and_rotations_belong_together() -> None:
     angles = np.radians([[-40.0, 20.0, 100.0], [130.0, -5.0, -2.0]])
-    for each in angles:
-        assert np.allclose(terrestrial_angles(rotation(each)), each, atol=1e-12)
+    for angle in angles:
+        assert np.allclose(terrestrial_angles(rotation(angle)), angle, atol=1e-12)
 
 
 def test_all_ten_printed_figures(thesis: tuple[list[float], BlockState, orip.Solution]) -> None:

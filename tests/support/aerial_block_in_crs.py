@@ -148,8 +148,8 @@ class AerialBlock:
         toml.append('[[bundle]]\nname = "MAIN"')
         (folder / "orip.toml").write_text("\n".join(toml) + "\n")
         lines = [
-            " ".join([each.name, *(f"{value:.4f}" for value in each.coordinates), *(str(e) for e in each.errors)])
-            for each in control
+            " ".join([point.name, *(f"{value:.4f}" for value in point.coordinates), *(str(e) for e in point.errors)])
+            for point in control
         ]
         (folder / "AERIAL.PNT").write_text("\n".join(lines) + "\n")
         log = []

@@ -192,7 +192,7 @@ def _building(random: np.random.Generator, photos: int) -> Scene:
     away = max(1.2 * high, 0.7 * half.max()) * random.uniform(0.9, 1.2)
     width = 2.0 * half
     # once around at the distance `away`: along the walls and in quarters of a circle around the corners
-    turns = np.cumsum([0.0, *(length for each in (width[0], width[1]) * 2 for length in (each, 0.5 * np.pi * away))])
+    turns = np.cumsum([0.0, *(length for side in (width[0], width[1]) * 2 for length in (side, 0.5 * np.pi * away))])
     base = min(random.uniform(0.2, 0.35) * away * frame[0] / c, turns[-1] / photos)
     path = (random.uniform(0.0, turns[-1]) + base * np.arange(photos) * random.uniform(0.9, 1.0)) % turns[-1]
     piece = np.searchsorted(turns, path, side="right") - 1

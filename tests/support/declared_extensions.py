@@ -21,4 +21,6 @@ def declared_extensions() -> list[Extension]:
     """Return all extension modules that the build makes."""
     build = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     modules = build["tool"]["setuptools"]["ext-modules"]
-    return [Extension(each["name"], tuple(each["sources"]), tuple(each["extra-compile-args"])) for each in modules]
+    return [
+        Extension(module["name"], tuple(module["sources"]), tuple(module["extra-compile-args"])) for module in modules
+    ]

@@ -71,8 +71,8 @@ def vertical_block(rows=2, columns=4, camera=PLAIN_CAMERA, tilted=False):
             models.append(DriveModel(f"M{row + 1}-{column + 1}", row + 1, column + 1, *pair, optics))
     templates = (DriveTemplate("T1", "UPPER"), DriveTemplate("T2", "LOWER"))
     return DriveTable(
-        "MAIN", "Any project", "mm", "m", LIMITS, LIMITS, (camera,), templates, tuple(photos), tuple(models),
-        (10.0, 0.0, 0.0),
+        "MAIN", "Any project", "A. Nyone", "mm", "m", LIMITS, LIMITS, (camera,), templates, tuple(photos),
+        tuple(models), (10.0, 0.0, 0.0),
     )  # fmt: skip
 
 

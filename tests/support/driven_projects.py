@@ -48,7 +48,7 @@ def residuals_of(solution: Solution) -> dict[tuple[str, str], np.ndarray]:
     for kind, photo, point, residual in zip(rows.kind, rows.photo, rows.point, rows.residual, strict=True):
         if kind == "photo":
             found.setdefault((photo, point), []).append(float(residual))
-    return {key: np.array(each) for key, each in found.items()}
+    return {key: np.array(array) for key, array in found.items()}
 
 
 def expected_positions(solution, table, log):

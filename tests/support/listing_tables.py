@@ -35,7 +35,7 @@ def listed_tables(text: str) -> Iterator[ListedTable]:
         elif re.fullmatch(r" +-[- ]*", line):
             # headings, and units where there are any; blank line above them
             start = next(k for k in range(i - 1, 0, -1) if not lines[k] or re.fullmatch("=+", lines[k]))
-            above = [each.strip() for each in lines[:start] if each.strip() and not re.fullmatch("=+", each)]
+            above = [line.strip() for line in lines[:start] if line.strip() and not re.fullmatch("=+", line)]
             caption = above[-1] if above else ""
             yield _table(section, caption, lines[start + 1], line, lines[i + 1 :])
 

@@ -42,7 +42,7 @@ def measured_points(
         Points lie on a regular grid of the photo as far as may be, else anywhere.
     """
     seen = [scene.ideal(photo) for photo in range(len(scene.centres))]
-    shown = np.array([each[1] for each in seen])
+    shown = np.array([sight[1] for sight in seen])
     rays = shown.sum(axis=0)
     chosen = np.zeros(len(scene.surface), dtype=bool)
     for photo in random.permutation(len(shown)):
@@ -57,7 +57,7 @@ def measured_points(
     for place in np.flatnonzero(chosen & (kept.sum(axis=0) < 2)):
         kept[random.permutation(np.flatnonzero(shown[:, place]))[:2], place] = True
     photo, place = np.nonzero(kept)
-    xy = np.vstack([each[0][row] for each, row in zip(seen, kept, strict=True)])
+    xy = np.vstack([sight[0][row] for sight, row in zip(seen, kept, strict=True)])
     return TiePoints(photo, place, xy)
 
 
@@ -113,13 +113,15 @@ def holds_together(scene: Scene, points: TiePoints) -> bool:
 
 
 def _united(i: int, j: int, system: np.ndarray, table: np.ndarray, xy: np.ndarray, surface: np.ndarray) -> bool:
-    members = [np.flatnonzero(system == system[each]) for each in (i, j)]
-    determined = [table[each].sum(axis=0) >= 2 for each in members]
+    members = [np.flatnonzero(system == system[point]) for point in (i, j)]
+    determined = [table[member].sum(axis=0) >= 2 for member in members]
     joint = determined[0] & determined[1]
     if joint.sum() >= _JOINT_POINTS and _spread(surface[joint]) > 0.03:
         return True
     common = table[i] & table[j]
-    scaled = all(len(each) == 1 or (common & known).sum() >= 2 for each, known in zip(members, determined, strict=True))
+    scaled = all(
+        len(member) == 1 or (common & known).sum() >= 2 for member, known in zip(members, determined, strict=True)
+    )
     if scaled and common.sum() >= _MODEL_POINTS and min(_spread(xy[i, common]), _spread(xy[j, common])) > 0.08:
         return True
     for photo, mine, others in ((i, members[0], determined[1]), (j, members[1], determined[0])):

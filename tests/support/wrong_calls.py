@@ -99,7 +99,7 @@ def written_by(function: Callable[..., object], arguments: Sequence[Any]) -> fro
         if isinstance(argument, np.ndarray):
             frozen = argument.copy()
             frozen.flags.writeable = False
-            given = [_copy(each) for each in arguments]
+            given = [_copy(argument) for argument in arguments]
             given[place] = frozen
             try:
                 function(*given)

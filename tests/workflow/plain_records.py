@@ -34,7 +34,7 @@ class PlainRecords:
         return self.find("bundle", bundle)["models"] if kind == "model" else self.kinds[kind]
 
     def everywhere(self, kind: str) -> list[tuple[list[Table], Table]]:
-        lists = [each["models"] for each in self.kinds["bundle"]] if kind == "model" else [self.kinds[kind]]
+        lists = [bundle["models"] for bundle in self.kinds["bundle"]] if kind == "model" else [self.kinds[kind]]
         return [(tables, table) for tables in lists for table in tables]
 
     def find(self, kind: str, name: str, bundle: str = "") -> Table:
@@ -80,7 +80,7 @@ class PlainRecords:
                 elif photo["name"] not in listed and same(photo["template"], table["name"]):
                     photo["template"] = None
             for other in self.kinds["template"]:
-                other["photos"] = [each for each in other["photos"] if other is table or each not in listed]
+                other["photos"] = [photo for photo in other["photos"] if other is table or photo not in listed]
             table["photos"] = listed
         self.check()
 
@@ -91,11 +91,11 @@ class PlainRecords:
         old, table["name"] = table["name"], new
         for where, key, what in REFERENCES:
             if what == kind:
-                for _, each in self.everywhere(where):
-                    each[key] = new if same(each[key], old) else each[key]
+                for _, record in self.everywhere(where):
+                    record[key] = new if same(record[key], old) else record[key]
         if kind == "photo":
             for template in self.kinds["template"]:
-                template["photos"] = [new if same(each, old) else each for each in template["photos"]]
+                template["photos"] = [new if same(photo, old) else photo for photo in template["photos"]]
 
     def duplicate(self, kind: str, name: str, new: str, values: Table, bundle: str = "") -> None:
         table = {**deepcopy(self.find(kind, name, bundle)), "name": new, **values}
@@ -106,19 +106,19 @@ class PlainRecords:
     def delete(self, kind: str, name: str, with_referents: bool, bundle: str = "") -> None:
         table = self.find(kind, name, bundle)
         for where, key, what in REFERENCES:
-            for _, each in list(self.everywhere(where)):
-                if what == kind and same(each[key], name):
+            for _, record in list(self.everywhere(where)):
+                if what == kind and same(record[key], name):
                     if not with_referents:
                         raise Refusal
-                    self._delete_referent(where, each)
+                    self._delete_referent(where, record)
         tables = self.tables(kind, bundle)
-        tables[:] = [each for each in tables if each is not table]
+        tables[:] = [record for record in tables if record is not table]
         if kind == "photo":
             self._put_on(name, None)
 
     def _delete_referent(self, kind: str, table: Table) -> None:
-        for tables, each in self.everywhere(kind):
-            if each is table:
+        for tables, record in self.everywhere(kind):
+            if record is table:
                 bundle = next((b["name"] for b in self.kinds["bundle"] if b["models"] is tables), "")
                 self.delete(kind, table["name"], True, bundle)
 
@@ -127,12 +127,12 @@ class PlainRecords:
         return None if template is None else self.find("template", template)["name"]
 
     def _put_on(self, photo: str, template: str | None) -> None:
-        for each in self.kinds["template"]:
-            here = template is not None and same(each["name"], template)
+        for record in self.kinds["template"]:
+            here = template is not None and same(record["name"], template)
             if not here:
-                each["photos"] = [name for name in each["photos"] if not same(name, photo)]
-            elif not any(same(name, photo) for name in each["photos"]):
-                each["photos"].append(photo)
+                record["photos"] = [name for name in record["photos"] if not same(name, photo)]
+            elif not any(same(name, photo) for name in record["photos"]):
+                record["photos"].append(photo)
 
     def check(self) -> None:
         """Raise Refusal if something is wrong."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[2]
@@ -48,6 +49,16 @@ def film_project(folder: Path) -> Path:
             column, row = map(float, fields[1:])
             lines.append(f"{fields[0]} {(column - 3000) * 0.006 + 100:.4f} {100 - (row - 2000) * 0.006:.4f}")
     (folder / "FIRST.MEA").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def many_bundles(folder: Path, names: Sequence[str]) -> Path:
+    """Give a project of this module, which has the bundle MAIN, bundles of these names instead, all measured alike."""
+    toml, log = (folder / "orip.toml").read_text(), (folder / "FIRST.MEA").read_text()
+    bundle = toml[toml.index("[[bundle]]") :]
+    texts = [bundle.replace('"MAIN"', f'"{name}"') for name in names]
+    (folder / "orip.toml").write_text(toml.replace(bundle, "\n".join(texts)))
+    (folder / "FIRST.MEA").write_text("".join(log.replace("MAIN", name) for name in names))
     return folder
 
 

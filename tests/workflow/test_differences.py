@@ -92,7 +92,7 @@ def test_what_is_no_number_on_one_side_comes_first(a: float | str | None, b: flo
     one = {**result(name="1", F=Figure(a, "text")), **result(name="2", F=Figure(0.0, "other"))}
     other = {**result(name="1", F=Figure(b, "text")), **result(name="2", F=Figure(1e9, "other"))}
     found = compare_figures(one, other, Tolerance())
-    assert [each.name for each in found.differences] == ["point 1 F", "point 2 F"]
+    assert [difference.name for difference in found.differences] == ["point 1 F", "point 2 F"]
     assert compare_figures(one, one, Tolerance()).equal
 
 
@@ -100,7 +100,7 @@ def test_largest_first_by_what_is_allowed() -> None:
     a = result(A=Figure(0.0, "other"), B=Figure(1e6, "other"), D=Figure(1.0, "other"))
     b = result(A=Figure(0.0, "other"), B=Figure(1e6 + 10, "other"), D=Figure(1.1, "other"))
     found = compare_figures(a, b, Tolerance())
-    assert [each.name for each in found.differences] == ["point 1 D", "point 1 B"]
+    assert [difference.name for difference in found.differences] == ["point 1 D", "point 1 B"]
 
 
 def test_names_that_one_has_alone() -> None:
@@ -125,6 +125,6 @@ def test_both_ways_are_the_same_and_a_result_equals_itself(rows: list[tuple[floa
     exact = Tolerance(0.0, 0.0)
     assert compare_figures(a, a, exact).equal
     there, back = compare_figures(a, b, Tolerance()), compare_figures(b, a, Tolerance())
-    assert [(each.name, each.size) for each in there.differences] == [
-        (each.name, each.size) for each in back.differences
+    assert [(difference.name, difference.size) for difference in there.differences] == [
+        (difference.name, difference.size) for difference in back.differences
     ]

@@ -65,7 +65,7 @@ def measured_in(path):
     """Return what a log has measured by header and name, the last time."""
     found = {}
     for record in read_measurements(path, path.name).value:
-        owner = next(getattr(record, each) for each in ("photo", "template") if hasattr(record, each))
+        owner = next(getattr(record, name) for name in ("photo", "template") if hasattr(record, name))
         names, values = (record.names, record.measured) if hasattr(record, "names") else (
             record.marks.names, record.marks.measured
         )  # fmt: skip
@@ -85,7 +85,7 @@ def test_tick_marks_are_found_better_and_better(cliff):
     off = [float(np.hypot(*np.subtract(entry.driven, entry.xy))) for entry in found.entries]
     assert off[0] > 8.0  # as it lay before
     assert 5.0 < off[1] < 15.0  # shifted to the first mark: 210 mm away, 3 degrees are 11 mm
-    assert off[2] < 0.1  # conform: what shrinkage leaves, 0.00016 of 210 mm
+    assert off[2] < 0.1  # conformal: what shrinkage leaves, 0.00016 of 210 mm
     assert off[3] < 0.01  # affine: errors of measuring alone
     assert {entry.known for entry in found.entries} == {"predicted"}
     truth = measured_in(cliff.folder / DAY2)
@@ -122,7 +122,7 @@ def test_marks_are_skipped_and_the_session_is_ended(new_cliff):
 
 def test_a_script_that_comes_to_its_end(new_cliff):
     found = new_cliff.template("LEFT", "FOOT RIGHT; MOVE 1 1")
-    assert (did(found), found.ending) == ([("1", "digitised")], "nobody acts any more")
+    assert (did(found), found.ending) == ([("1", "digitised")], "no further input")
 
 
 def test_what_is_pressed_too_early_does_not_count(new_cliff):
@@ -200,7 +200,7 @@ def test_all_photos_of_a_template(new_cliff):
     photos = ["101", "103", "105", "201", "203", "205"]
     assert list(dict.fromkeys(entry.owner for entry in found.entries)) == photos
     assert len(found.entries) == 48
-    assert [each.summary.name for each in found.orientations] == photos
+    assert [orientation.summary.name for orientation in found.orientations] == photos
     truth = measured_in(new_cliff.folder / DAY1)
     log = measured_in(new_cliff.folder / LOG)
     assert {key for key in log if key[0] == "PhotoRecord"} == {
@@ -266,7 +266,7 @@ def test_new_points_go_model_by_model_with_their_partners(oriented_cliff):
     assert titles == [f"! orip digitise points, model 1-{column}" for column in (1, 2, 3, 4, 5)]
     # 1112 is in 101, 102 and 103: stereoscopically in model 1-1, then from 102, which is locked on the lower stage
     first, second = [
-        (tuple(each.owner for each in sought), locked)
+        (tuple(mark.owner for mark in sought), locked)
         for sought, locked, *_ in new_cliff.operator.seen
         if sought[0].name == "1112" and sought[0].owner in ("101", "102", "103")
     ]
@@ -289,10 +289,10 @@ def test_a_strip_beside_gets_its_points_in_two_steps(cliff):
     at = films.points_on_plate("MAIN")
     (first, second) = cliff.operator.seen
     sought, locked, guide, plates, model = first
-    assert ([each.owner for each in sought], locked, guide, model) == (["202"], "UPPER", "LOWER", "2-1")
+    assert ([mark.owner for mark in sought], locked, guide, model) == (["202"], "UPPER", "LOWER", "2-1")
     assert plates[0] == pytest.approx(at["101", "1102"], abs=1e-9)
     sought, locked, guide, plates, model = second
-    assert ([each.owner for each in sought], locked, guide, model) == (["201"], "LOWER", "UPPER", "2-1")
+    assert ([mark.owner for mark in sought], locked, guide, model) == (["201"], "LOWER", "UPPER", "2-1")
     assert plates[1] == pytest.approx(at["202", "1102"], abs=1e-4)
 
 
@@ -327,7 +327,7 @@ def test_the_left_foot_locks_and_unlocks_the_left_photo_in_stereo(cliff):
     script = "MOVE 0.5 0.5; FOOT LEFT; FOOT LEFT; FOOT LEFT; GUIDE LOWER; MOVE 0.1 0; FOOT RIGHT; KEY ZERO"
     found = cliff.points(script, again=True, points=("2101",))
     (sought, _, guide, plates, model), *_ = cliff.operator.seen
-    assert ([each.owner for each in sought], guide, model) == (["201", "202"], "BOTH", "2-1")
+    assert ([mark.owner for mark in sought], guide, model) == (["201", "202"], "BOTH", "2-1")
     assert [locked for _, locked, *_ in cliff.operator.seen] == [None, "UPPER", None, "UPPER"]
     (x1, y1), (x2, y2) = plates
     assert [entry.xy for entry in found.entries] == [
@@ -343,7 +343,7 @@ def test_a_lock_that_is_opened(cliff):
     script = "FOOT LEFT; GUIDE LOWER; MOVE 0.5 0.5; GUIDE UPPER; MOVE 0.2 -0.1; FOOT RIGHT; KEY ZERO"
     found = cliff.points(script, again=True, photos=("103",), points=("1112",))
     ((sought, locked, guide, plates, _model), *_) = cliff.operator.seen
-    assert ([each.owner for each in sought], locked, guide) == (["103"], "LOWER", "UPPER")
+    assert ([mark.owner for mark in sought], locked, guide) == (["103"], "LOWER", "UPPER")
     (entry,) = found.entries
     assert entry.xy == pytest.approx((plates[0][0] + 0.2, plates[0][1] - 0.1), abs=0.6e-3)
     assert list(measured_in(cliff.folder / LOG)) == [("PointsRecord", "103", "1112")]
@@ -400,7 +400,7 @@ def test_nothing_to_do(cliff):
         error.value
     )
     assert "point -: '-' is not allowed as a name" in str(error.value)
-    with pytest.raises(InputError, match="point 9999 is not measured in any photo that is meant"):
+    with pytest.raises(InputError, match="point 9999 is not measured in any of the photos that were chosen"):
         cliff.points("", points=("9999",), again=True)
     with pytest.raises(UsageError, match="bundle MAIN has no model 1-9; did you mean"):
         cliff.points("", model="1-9")

@@ -35,14 +35,14 @@ def stored(folder: Path) -> StoredDefinitions:
 def records(folder: Path) -> list[object]:
     found = stored(folder)
     kinds = (found.cameras, found.temticks, found.templates, found.photos, found.bundles)
-    return [[each.record for each in kind] for kind in kinds]
+    return [[stored.record for stored in kind] for kind in kinds]
 
 
 def reconciled(folder: Path) -> bool:
     """Tell whether every record of the stores is bound to the text, as it is there."""
     found = stored(folder)
     kinds = (found.cameras, found.temticks, found.templates, found.photos, found.bundles)
-    return all(each.text_digest == record_digest(each.record) for kind in kinds for each in kind)
+    return all(stored.text_digest == record_digest(stored.record) for kind in kinds for stored in kind)
 
 
 def export_and_init(folder: Path) -> None:
@@ -97,7 +97,7 @@ def test_a_record_deleted_in_the_store_leaves_the_text(project: Path) -> None:
     (project / "FIRST.MEA").unlink()
     delete_record(project, RecordName("photo", "left"), with_referents=True)
     warnings = export_toml(project).warnings
-    assert [str(each) for each in warnings] == [
+    assert [str(warning) for warning in warnings] == [
         "orip.toml:6: photo left is in the text, but not in the stores: it is not exported"
     ]
     export_and_init(project)
@@ -134,7 +134,7 @@ def test_text_that_was_not_applied_is_warned_of(project: Path) -> None:
     start = text.index('[[photo]]\nname = "right"')
     (project / "orip.toml").write_text(text[:start] + text[text.index("[[bundle]]") :])
     found = export_toml(project)
-    assert [str(each) for each in found.warnings] == [
+    assert [str(warning) for warning in found.warnings] == [
         "orip.toml:6: photo left has changed in the text, which was not applied: the store's version is exported",
         "orip.toml: photo right was removed from the text, but still in the stores: it is exported",
         "orip.toml:2: camera C35 was changed both in the text and in the store: the store's version is exported",
@@ -154,7 +154,7 @@ def test_cameras_of_other_projects_are_left_out(project: Path) -> None:
     edit_record(project, RecordName("photo", "left"), ["camera=C36"])
     assert '"C36"' in export_toml(project).text
     with reading([project / "CAMERAS.CAM"]) as stores:
-        origins = {each.record.name: each.origin for each in cameras.read(stores[project / "CAMERAS.CAM"])}
+        origins = {stored.record.name: stored.origin for stored in cameras.read(stores[project / "CAMERAS.CAM"])}
     assert origins == {"C35": "FIRST", "C36": "SECOND"}
 
 

@@ -131,7 +131,7 @@ def test_unknown_names_fail_with_the_nearest_known_one(solution: Solution) -> No
 
 
 def test_malformed_expressions(solution: Solution) -> None:
-    with pytest.raises(UsageError, match="'sigma0' is no gate"):
+    with pytest.raises(UsageError, match="'sigma0' is not a gate"):
         check_solution(solution, ["sigma0<1", "sigma0"])
 
 

@@ -64,7 +64,7 @@ def _kill(what: What, tmp_path: Path, chosen: int | None) -> int:
 
 @pytest.mark.parametrize("what", ["cameras", "photos", "points"])
 def test_killed_at_some_steps(what: What, tmp_path: Path) -> None:
-    assert _kill(what, tmp_path, chosen=4) == 4
+    assert _kill(what, tmp_path, chosen=3) == 3
 
 
 @pytest.mark.long

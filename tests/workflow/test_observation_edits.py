@@ -147,7 +147,7 @@ def test_comments_and_line_ends_of_the_text_stay(film: Path) -> None:
 def test_measurements_that_changed_meanwhile_are_replayed_too_and_that_is_said(film: Path) -> None:
     replace_in(film / "FIRST.MEA", "PHOTO left A", "PHOTO left C")
     done = edit_observations(film, "DISREGARD", "POINT", "left", ["1"])
-    assert [(each.code, each.where) for each in done.warnings] == [("all-replayed", "FIRST.MEA")]
+    assert [(warning.code, warning.where) for warning in done.warnings] == [("all-replayed", "FIRST.MEA")]
     assert_replay_gives_the_same(film)
 
 
@@ -157,7 +157,7 @@ def test_point_left_with_a_single_ray_or_none_is_named(film: Path) -> None:
     # it has one already: nothing new to say
     assert edit_observations(film, "KILL", "POINT", "right", ["P1"]).left_alone == ()
     gone = edit_observations(film, "DISREGARD", "POINT", "*", ["1", "2"]).left_alone
-    assert [(each.point, each.photos) for each in gone] == [("1", ()), ("2", ())]
+    assert [(point.point, point.photos) for point in gone] == [("1", ()), ("2", ())]
 
 
 # measured again
@@ -195,13 +195,13 @@ def test_todo_filled_in_is_a_measurement_file(film: Path) -> None:
     edit_observations(film, "KILL", "POINT", "left", ["1"])
     edit_observations(film, "DISREGARD", "POINT", "right", ["2"])
     todo = measure_again(film, output=Path("again.txt"))
-    assert next((each.point, each.why) for each in todo.points if each.photo == "left") == ("1", "killed")
-    assert next((each.point, each.why) for each in todo.points if each.photo == "right") == ("2", "disregarded")
-    assert [each.why for each in todo.points if each.point == "P1"] == ["down-weighted"]
+    assert next((point.point, point.why) for point in todo.points if point.photo == "left") == ("1", "killed")
+    assert next((point.point, point.why) for point in todo.points if point.photo == "right") == ("2", "disregarded")
+    assert [point.why for point in todo.points if point.point == "P1"] == ["down-weighted"]
     with pytest.raises(InputError, match=r"again.txt:6:.* a coordinate is missing"):
         remeasure(film, Path("again.txt"))
     text = (film / "again.txt").read_text()
-    before = {f"{each.point}  !": f"{each.point} {each.before[0]!r} {each.before[1]!r} !" for each in todo.points}
+    before = {f"{point.point}  !": f"{point.point} {point.before[0]!r} {point.before[1]!r} !" for point in todo.points}
     for name, line in before.items():
         text = text.replace(name, line).replace(name.replace("  ", "   "), line)
     (film / "again.txt").write_text(text)
@@ -232,7 +232,7 @@ def test_point_of_a_single_ray_is_asked_for_in_the_photos_of_its_models_and_thos
         + "\n"
     )
     assert orip(film, "run").code == 0
-    points = {(each.photo, each.point): each for each in measure_again(film).points}
+    points = {(point.photo, point.point): point for point in measure_again(film).points}
     missing = points["right", "3"]
     assert missing.why == "single ray"
     measured = next(line for line in right.splitlines() if line.lstrip().startswith("3 ")).split()
@@ -240,16 +240,16 @@ def test_point_of_a_single_ray_is_asked_for_in_the_photos_of_its_models_and_thos
     # a tie point of one ray: nobody knows where it is; without models it is asked for where it is
     (film / "FIRST.MEA").write_text((film / "FIRST.MEA").read_text() + "  lone 120.0 70.0\n")
     measure(film)
-    lone = [each for each in measure_again(film).points if each.point == "lone"]
-    assert [(each.photo, each.why) for each in lone] == [("right", "single ray")]
+    lone = [point for point in measure_again(film).points if point.point == "lone"]
+    assert [(point.photo, point.why) for point in lone] == [("right", "single ray")]
     replace_in(
         film / "orip.toml",
         'name = "MAIN"',
         'name = "MAIN"\nmodel = [{ name = "M1", left = "left", right = "right", row = 1, column = 1 }]',
     )
     assert orip(film, "init").code == 0
-    lone = [each for each in measure_again(film).points if each.point == "lone"]
-    assert [(each.photo, each.why) for each in lone] == [("left", "single ray")]
+    lone = [point for point in measure_again(film).points if point.point == "lone"]
+    assert [(point.photo, point.why) for point in lone] == [("left", "single ray")]
     assert np.isnan(lone[0].predicted).all()
 
 
@@ -412,7 +412,7 @@ def test_prediction_with_a_parameter_set(tmp_path: Path) -> None:
     with reading([folder / "FIRST.EXT"]) as stores:
         solution = solutions.read(stores[folder / "FIRST.EXT"], "MAIN")
     assert solution is not None
-    assert max(abs(each.value) for each in solution.additional) > 0.0
+    assert max(abs(parameter.value) for parameter in solution.additional) > 0.0
     assert predicted_against_residuals(folder) < 1e-12
 
 

@@ -79,7 +79,7 @@ def test_killed_at_some_steps(name: str, before: Path, tmp_path: Path) -> None:
         else:
             command(folder)
             assert state(folder) == new
-        assert not [each for each in contents(folder) if each.endswith("-journal")]
+        assert not [content for content in contents(folder) if content.endswith("-journal")]
     assert False in seen
 
 

@@ -36,7 +36,9 @@ def edit_photos(folder: Path, change: Callable[[Photo], Photo]) -> None:
 
 def _edit(path: Path, module: Any, change: Callable[[Any], Any]) -> None:
     with writing([path]) as stores:
-        module.write(stores[path], [replace(each, record=change(each.record)) for each in module.read(stores[path])])
+        module.write(
+            stores[path], [replace(stored, record=change(stored.record)) for stored in module.read(stores[path])]
+        )
 
 
 def with_c(value: float) -> Callable[[Camera], Camera]:
@@ -45,7 +47,9 @@ def with_c(value: float) -> Callable[[Camera], Camera]:
 
 def stored_c(folder: Path) -> dict[str, float]:
     with reading([folder / "CAMERAS.CAM"]) as stores:
-        return {each.record.name: each.record.parameters[0] for each in cameras.read(stores[folder / "CAMERAS.CAM"])}
+        return {
+            stored.record.name: stored.record.parameters[0] for stored in cameras.read(stores[folder / "CAMERAS.CAM"])
+        }
 
 
 def actions(folder: Path, prefer: Any = None) -> set[tuple[str, str, str]]:
@@ -164,7 +168,7 @@ def test_a_record_that_is_in_the_store_alone_stays(project: Path) -> None:
         photos.write(store, [*known, replace(known[0], record=replace(known[0].record, name="own"), text_digest=None)])
     assert actions(project) == set()
     with reading([project / "FIRST.PHO"]) as stores:
-        assert [each.record.name for each in photos.read(stores[project / "FIRST.PHO"])] == ["left", "right", "own"]
+        assert [stored.record.name for stored in photos.read(stores[project / "FIRST.PHO"])] == ["left", "right", "own"]
 
 
 def test_renamed_in_case_alone(project: Path) -> None:
@@ -172,7 +176,7 @@ def test_renamed_in_case_alone(project: Path) -> None:
     assert actions(project) == {("photo", "LEFT", "changed")}
     run_quietly(project)
     with reading([project / "FIRST.PHO"]) as stores:
-        assert [each.record.name for each in photos.read(stores[project / "FIRST.PHO"])] == ["LEFT", "right"]
+        assert [stored.record.name for stored in photos.read(stores[project / "FIRST.PHO"])] == ["LEFT", "right"]
 
 
 def test_bundles_too(project: Path) -> None:

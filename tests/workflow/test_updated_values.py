@@ -70,7 +70,7 @@ def test_a_distortion_curve_goes_when_the_polynomial_is_another() -> None:
 def test_undetermined_and_diverged_unknowns_keep_their_values(value: float, sd: float) -> None:
     after, found = updated_photo(photo(), estimates(PHOTO_PARAMETERS, {"X0": sd}, value))
     assert after == photo()
-    assert [each.parameter for each in found if isinstance(each, KeptValue)] == ["X0"]
+    assert [value.parameter for value in found if isinstance(value, KeptValue)] == ["X0"]
 
 
 def test_a_value_that_was_not_known_becomes_known() -> None:
@@ -83,7 +83,7 @@ def test_the_angles_of_an_undetermined_rotation_stay_together() -> None:
     sd = {"X0": 0.1, "OMEGA": 0.1, "PHI": INF, "KAPPA": 0.1}
     after, found = updated_photo(photo(), estimates(PHOTO_PARAMETERS, sd))
     assert after.orientation == (5.0, 2.0, None, 10.0, 20.0, 30.0)
-    assert [each.parameter for each in found if isinstance(each, KeptValue)] == ["OMEGA", "PHI", "KAPPA"]
+    assert [value.parameter for value in found if isinstance(value, KeptValue)] == ["OMEGA", "PHI", "KAPPA"]
 
 
 def test_a_constant_angle_is_no_reason_to_keep_the_others() -> None:
@@ -121,7 +121,7 @@ def test_points_of_all_kinds(solution: Solution) -> None:
     assert after.changed == ("old", "new", "known_plan")
     assert ChangedValue("old", "X", 9.0, 1.0) in after.values
     assert ChangedValue("new", "Z", None, 3.0) in after.values
-    assert [(each.name, each.parameter) for each in after.kept] == [("sliding", "XYZ"), ("unlisted", "XYZ")]
+    assert [(value.name, value.parameter) for value in after.kept] == [("sliding", "XYZ"), ("unlisted", "XYZ")]
     again = updated_points(after.points, adjusted, wanted=None)
     assert again.points == after.points
     assert not again.changed

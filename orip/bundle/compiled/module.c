@@ -1,31 +1,46 @@
 /* The loops over all photo points of a block for Python: residuals, normal equations, solving, precision.
  *
- * Called by orip/bundle/compiled/photo_loop.py alone, which says what the arrays hold. Their sizes and the contents of
- * index arrays are checked here, before each loop. The design matrix is never stored: partials are computed where they
- * are needed.
+ * Called by orip/bundle/compiled/photo_loop.py alone, which says what the arrays hold. The contents of index arrays are
+ * checked once, when the layout of a block is made; the sizes of all other arrays before each loop. The design matrix is
+ * never stored: partials are computed where they are needed.
  */
 
 #include "../../array_arguments.h"
 
 #include "loops.h"
 
-/* The arguments that all loops have in common, in this order, and then their own. */
+/* The index arrays of a block, from which a layout is made. */
 enum {
-    CAMERAS, ADDITIONAL_VALUES, CENTRES, ROTATIONS, BASES, GROUND, KIND, OF_SET, SET_POLYNOMIALS, FACTORS, AT_MEASURED,
-    OF_CAMERA, OF_PHOTO, OF_POINT, XY, ERROR, OBSERVATION_END,
-    ORDER = OBSERVATION_END, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, CAMERA_PLACES,
-    PHOTO_PLACES, PATTERN_END
+    KIND, OF_SET, AT_MEASURED, OF_CAMERA, OF_PHOTO, OF_POINT,
+    ORDER, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, LAYOUT_END
 };
-#define OBSERVATIONS "dddddd" "iiddb" "iiidd"
-#define PATTERN "iiiiii" "iiii"
+#define LAYOUT "iibiii" "iiiiii" "ii"
+#define LAYOUT_NAME "orip.bundle.compiled.layout"
+
+/* The arguments that all loops have in common, in this order, after the layout and before their own. */
+enum {
+    CAMERAS, ADDITIONAL_VALUES, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, FACTORS, XY, ERROR, OBSERVATION_END,
+    CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
+};
+#define OBSERVATIONS "dddddd" "dddd"
+#define PATTERN "ii"
 
 /* Unknowns of the reduced system, or of a group; products of two such sizes still are numbers of 64 bits. */
 #define LARGEST_SYSTEM (INT64_C(1) << 28)
+
+/* Copies of index arrays, which were checked when they were made and cannot be changed from outside: what a loop is
+ * called with need not be checked index by index. */
+typedef struct {
+    Block block;
+    Pattern pattern;
+    int64_t points;
+} Layout;
 
 typedef struct {
     Arguments a;
     Block block;
     Pattern pattern;
+    int64_t points;
     int32_t *numbers;
     double *room;
 } Call;
@@ -37,34 +52,66 @@ static int are_all_within(const Arguments *a, int array, int64_t least, int64_t 
     return are_within(a->views[array].buf, length_of(a, array), least, end);
 }
 
-static int take_block(Call *call)
+/* Whether the sizes of the index arrays belong together. */
+static int do_indices_fit(const Arguments *a)
 {
-    const Arguments *a = &call->a;
-    const Py_buffer *v = a->views;
-    Block *b = &call->block;
-    b->cameras = v[CAMERAS].buf, b->additional = v[ADDITIONAL_VALUES].buf, b->centres = v[CENTRES].buf;
-    b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
-    b->kind = v[KIND].buf, b->products = v[OF_SET].buf, b->at_measured = v[AT_MEASURED].buf;
-    b->polynomials = v[SET_POLYNOMIALS].buf, b->factors = v[FACTORS].buf;
-    b->camera_of_photo = v[OF_CAMERA].buf, b->photo = v[OF_PHOTO].buf, b->point = v[OF_POINT].buf;
-    b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->count = length_of(a, OF_PHOTO);
-    b->camera_count = length_of(a, AT_MEASURED);
+    const int64_t cameras = length_of(a, AT_MEASURED), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
+    const int64_t groups = length_of(a, GROUP_START) - 1;
+    return count <= INT32_MAX && cameras + photos <= INT32_MAX && groups >= 0 && groups < INT32_MAX
+        && has(a, KIND, cameras) && has(a, OF_SET, 2 * MOST_ADDITIONAL * cameras) && has(a, OF_POINT, count)
+        && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_UNKNOWNS, cameras)
+        && has(a, CAMERA_ELEMENTS, MOST_CAMERA_UNKNOWNS * cameras);
+}
+
+/* Whether no index of a layout leads elsewhere; `a` has the arrays that it was copied from, for their lengths. */
+static int are_indices_sound(const Arguments *a, const Block *b, const Pattern *p)
+{
+    const int64_t in_order = length_of(a, ORDER), runs = length_of(a, RUNS);
+    return are_within(b->products, length_of(a, OF_SET), 0, POLYNOMIALS * POLYNOMIALS)
+        && are_within(b->camera_of_photo, b->photo_count, 0, b->camera_count)
+        && are_within(b->photo, b->count, 0, b->photo_count) && are_within(b->point, b->count, 0, INT32_MAX)
+        && are_starts(p->start, p->blocks, in_order) && are_starts(p->group_start, p->groups, p->blocks)
+        && are_starts(p->runs_start, p->groups, runs) && are_within(p->order, in_order, 0, b->count)
+        && are_within(p->block, p->blocks, 0, p->blocks)
+        && are_within(p->runs, runs, 0, b->camera_count + b->photo_count)
+        && are_within(p->camera_unknowns, b->camera_count, 0, MOST_CAMERA_UNKNOWNS + 1)
+        && are_within(p->camera_elements, length_of(a, CAMERA_ELEMENTS), 0, ELEMENTS);
+}
+
+/* Copy the next index array into a layout; the bytes of the flags come last, so that all numbers are aligned. */
+static const void *copied(const Arguments *a, int array, char **room)
+{
+    const Py_buffer *view = &a->views[array];
+    char *to = *room;
+    if (view->len)
+        memcpy(to, view->buf, (size_t)view->len);
+    *room += view->len;
+    return to;
+}
+
+static Layout *copy_of_indices(const Arguments *a)
+{
+    size_t size = sizeof(Layout);
+    for (int array = 0; array < LAYOUT_END; array++)
+        size += (size_t)a->views[array].len;
+    Layout *l = PyMem_Calloc(1, size);
+    if (!l)
+        return NULL;
+    Block *b = &l->block;
+    Pattern *p = &l->pattern;
+    char *room = (char *)(l + 1);
+    b->kind = copied(a, KIND, &room), b->products = copied(a, OF_SET, &room);
+    b->camera_of_photo = copied(a, OF_CAMERA, &room), b->photo = copied(a, OF_PHOTO, &room);
+    b->point = copied(a, OF_POINT, &room);
+    p->order = copied(a, ORDER, &room), p->start = copied(a, START, &room), p->block = copied(a, BLOCK, &room);
+    p->group_start = copied(a, GROUP_START, &room), p->runs_start = copied(a, RUNS_START, &room);
+    p->runs = copied(a, RUNS, &room), p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room);
+    p->camera_elements = copied(a, CAMERA_ELEMENTS, &room);
+    b->at_measured = copied(a, AT_MEASURED, &room);
+    b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, AT_MEASURED);
     b->photo_count = length_of(a, OF_CAMERA);
-    b->additional_count = b->camera_count ? length_of(a, ADDITIONAL_VALUES) / b->camera_count : 0;
-    b->turned = v[BASES].len > 0;
-    return b->count <= INT32_MAX && b->camera_count + b->photo_count <= INT32_MAX
-        && has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
-        && has(a, ADDITIONAL_VALUES, b->additional_count * b->camera_count) && b->additional_count <= MOST_ADDITIONAL
-        && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
-        && (!b->turned || has(a, BASES, 9 * b->photo_count)) && has(a, KIND, b->camera_count)
-        && has(a, OF_SET, 2 * MOST_ADDITIONAL * b->camera_count)
-        && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
-        && has(a, FACTORS, 2 * MOST_ADDITIONAL * b->camera_count) && has(a, OF_POINT, b->count)
-        && has(a, XY, 2 * b->count) && has(a, ERROR, 2 * b->count)
-        && are_all_within(a, OF_CAMERA, 0, b->camera_count) && are_all_within(a, OF_PHOTO, 0, b->photo_count)
-        && are_all_within(a, OF_POINT, 0, length_of(a, GROUND) / 3)
-        && are_all_within(a, OF_SET, 0, POLYNOMIALS * POLYNOMIALS);
+    p->blocks = length_of(a, BLOCK), p->groups = length_of(a, GROUP_START) - 1;
+    return l;
 }
 
 /* Whether each photo point of a group has its photo and its camera among the runs of the group, cameras first. */
@@ -88,11 +135,10 @@ static int has_runs_of_all(const Block *b, const Pattern *p, int32_t *seen)
     return 1;
 }
 
-static int is_pattern_sound(const Call *call)
+static int is_pattern_sound(const Block *b, const Pattern *p)
 {
-    const Block *b = &call->block;
     int32_t *seen = PyMem_Calloc((size_t)(b->camera_count + b->photo_count + 1), sizeof(int32_t));
-    const int sound = seen && has_runs_of_all(b, &call->pattern, seen);
+    const int sound = seen && has_runs_of_all(b, p, seen);
     if (!seen)
         PyErr_NoMemory();
     PyMem_Free(seen);
@@ -114,32 +160,71 @@ static int64_t longest_group(const Block *b, const Pattern *p)
     return longest;
 }
 
-/* Take the pattern of a reduced system of `size` unknowns, and get the room that sums of its largest group need. */
-static int take_pattern(Call *call, int64_t size)
+/* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
+static int is_layout_sound(const Arguments *a, Layout *l)
+{
+    if (!are_indices_sound(a, &l->block, &l->pattern) || !is_pattern_sound(&l->block, &l->pattern))
+        return 0;
+    for (int64_t k = 0; k < l->block.count; k++)
+        l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
+    l->pattern.longest = longest_group(&l->block, &l->pattern);
+    return l->pattern.longest <= LARGEST_SYSTEM;
+}
+
+static void free_layout(PyObject *capsule)
+{
+    PyMem_Free(PyCapsule_GetPointer(capsule, LAYOUT_NAME));
+}
+
+static PyObject *layout(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, LAYOUT, 0))
+        return NULL;
+    if (!do_indices_fit(&a))
+        return refused(&a);
+    Layout *l = copy_of_indices(&a);
+    const int sound = l && is_layout_sound(&a, l);
+    release(&a);
+    if (!l)
+        return PyErr_NoMemory();
+    PyObject *found = sound ? PyCapsule_New(l, LAYOUT_NAME, free_layout) : NULL;
+    if (!found)
+        PyMem_Free(l);
+    return found || PyErr_Occurred() ? found : refused(&a);
+}
+
+/* The indices of the layout with the values of this call. */
+static int take_block(Call *call)
 {
     const Arguments *a = &call->a;
     const Py_buffer *v = a->views;
+    Block *b = &call->block;
+    b->cameras = v[CAMERAS].buf, b->additional = v[ADDITIONAL_VALUES].buf, b->centres = v[CENTRES].buf;
+    b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
+    b->polynomials = v[SET_POLYNOMIALS].buf, b->factors = v[FACTORS].buf;
+    b->xy = v[XY].buf, b->error = v[ERROR].buf;
+    b->additional_count = b->camera_count ? length_of(a, ADDITIONAL_VALUES) / b->camera_count : 0;
+    b->turned = v[BASES].len > 0;
+    return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
+        && has(a, ADDITIONAL_VALUES, b->additional_count * b->camera_count) && b->additional_count <= MOST_ADDITIONAL
+        && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
+        && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
+        && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
+        && has(a, FACTORS, 2 * MOST_ADDITIONAL * b->camera_count) && has(a, XY, 2 * b->count)
+        && has(a, ERROR, 2 * b->count);
+}
+
+/* Take the places in a reduced system of `size` unknowns, and get the room that sums of its largest group need. */
+static int take_pattern(Call *call, int64_t size)
+{
+    const Arguments *a = &call->a;
     const Block *b = &call->block;
     Pattern *p = &call->pattern;
-    p->order = v[ORDER].buf, p->start = v[START].buf, p->block = v[BLOCK].buf, p->group_start = v[GROUP_START].buf;
-    p->runs_start = v[RUNS_START].buf, p->runs = v[RUNS].buf;
-    p->camera_unknowns = v[CAMERA_UNKNOWNS].buf, p->camera_elements = v[CAMERA_ELEMENTS].buf;
-    p->camera_places = v[CAMERA_PLACES].buf, p->photo_places = v[PHOTO_PLACES].buf;
-    p->blocks = length_of(a, BLOCK);
-    p->groups = length_of(a, GROUP_START) - 1;
-    if (p->groups < 0 || p->groups >= INT32_MAX || !has(a, START, p->blocks + 1) || !has(a, RUNS_START, p->groups + 1)
-        || !are_starts(p->start, p->blocks, length_of(a, ORDER)) || !are_starts(p->group_start, p->groups, p->blocks)
-        || !are_starts(p->runs_start, p->groups, length_of(a, RUNS)) || !are_all_within(a, ORDER, 0, b->count)
-        || !are_all_within(a, BLOCK, 0, p->blocks) || !are_all_within(a, RUNS, 0, b->camera_count + b->photo_count)
-        || !has(a, CAMERA_UNKNOWNS, b->camera_count) || !are_all_within(a, CAMERA_UNKNOWNS, 0, MOST_CAMERA_UNKNOWNS + 1)
-        || !has(a, CAMERA_ELEMENTS, MOST_CAMERA_UNKNOWNS * b->camera_count)
-        || !are_all_within(a, CAMERA_ELEMENTS, 0, ELEMENTS)
-        || !has(a, CAMERA_PLACES, MOST_CAMERA_UNKNOWNS * b->camera_count)
+    p->camera_places = a->views[CAMERA_PLACES].buf, p->photo_places = a->views[PHOTO_PLACES].buf;
+    if (!has(a, CAMERA_PLACES, MOST_CAMERA_UNKNOWNS * b->camera_count)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
-        || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size) || !is_pattern_sound(call))
-        return 0;
-    p->longest = longest_group(b, p);
-    if (p->longest > LARGEST_SYSTEM)
+        || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
     const size_t room = (size_t)((p->longest + 6) * stride_of(p->longest));
     call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(p->longest + 1));
@@ -168,11 +253,17 @@ static PyObject *finished(Call *call)
     Py_RETURN_NONE;
 }
 
-/* Open the arguments of a loop; `kinds` are those of its own arrays. */
+/* Open the arguments of a loop, the first of which is the layout; `kinds` are those of its arrays. */
 static int begin(Call *call, PyObject *const *arguments, Py_ssize_t given, const char *kinds, int numbers)
 {
     memset(call, 0, sizeof *call);
-    return take_arguments(&call->a, arguments, given, kinds, numbers);
+    if (!given || !PyCapsule_IsValid(arguments[0], LAYOUT_NAME)) {
+        PyErr_SetString(PyExc_TypeError, "the first argument has to be what layout() returned");
+        return 0;
+    }
+    const Layout *l = PyCapsule_GetPointer(arguments[0], LAYOUT_NAME);
+    call->block = l->block, call->pattern = l->pattern, call->points = l->points;
+    return take_arguments(&call->a, arguments + 1, given - 1, kinds, numbers);
 }
 
 /* The reduced matrix from its arrays and three numbers: stride, banded places, size. */
@@ -301,6 +392,7 @@ static PyObject *backward(PyObject *Py_UNUSED(module), PyObject *const *argument
 }
 
 static PyMethodDef methods[] = {
+    {"layout", (PyCFunction)(void (*)(void))layout, METH_FASTCALL, "Index arrays of a block, copied and checked."},
     {"residuals", (PyCFunction)(void (*)(void))residuals, METH_FASTCALL, "Residuals of all photo points."},
     {"points", (PyCFunction)(void (*)(void))points, METH_FASTCALL, "Normal equations of each point by itself."},
     {"eliminate", (PyCFunction)(void (*)(void))eliminate, METH_FASTCALL, "Normal equations, points eliminated."},

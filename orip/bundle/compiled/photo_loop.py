@@ -59,25 +59,22 @@ class PhotoPointLoop:
     Parameters
     ----------
     points : PhotoPointObservations
-    photo, point : arrays (n,) of int
-        Those of `points` as 32-bit integers, which take half the memory.
     cameras : Cameras
-    camera_of_photo : array (p,) of int
     photo_columns : array (p, 6) of int
         X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns; `CONSTANT` where there is no unknown.
     pattern : Pattern
     eliminated : array (n,) of bool
         Photo points of points that are eliminated; the caller adds the others.
+    layout : object
+        The extension's own copy of all index arrays, checked when it was made; None where there is no extension.
     """
 
     points: PhotoPointObservations
-    photo: IntArray
-    point: IntArray
     cameras: Cameras
-    camera_of_photo: IntArray
     photo_columns: IntArray
     pattern: Pattern
     eliminated: BoolArray
+    layout: object
 
     def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
         """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
@@ -92,8 +89,8 @@ class PhotoPointLoop:
         """Return the normal equations of the points; see `DesignMatrix.block_normals`. `others` is overwritten."""
         found = BlockNormals(*(np.ascontiguousarray(array) for array in others))
         factor = root_weights / self.points.rows.error
-        pattern = self._pattern(_whole(layout.reduced))
-        compiled.points(*self._observations(state), *pattern, factor, misclosure, *found)
+        places = self._places(_whole(layout.reduced))
+        compiled.points(*self._observations(state), *places, factor, misclosure, *found)
         return found
 
     def eliminate(
@@ -127,7 +124,7 @@ class PhotoPointLoop:
         removed = np.empty((b, 3), dtype=np.uint8)
         factor = root_weights / self.points.rows.error
         compiled.eliminate(
-            *self._observations(state), *self._pattern(arrangement), factor, misclosure,
+            *self._observations(state), *self._places(arrangement), factor, misclosure,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
             half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
             *_measures(matrix),
@@ -146,7 +143,7 @@ class PhotoPointLoop:
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
         arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
         compiled.precision(
-            *self._observations(coupling.state), *self._pattern(arrangement), coupling.factor,
+            *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
             1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
@@ -180,28 +177,23 @@ class PhotoPointLoop:
         is_unknown = first < np.iinfo(np.int32).max
         return group[is_unknown], first[is_unknown].astype(np.int64)
 
-    def _observations(self, state: BlockState) -> tuple[NDArray[np.generic], ...]:
+    def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
         turned = state.turned_by_angles.any()
         arrays = (
             state.cameras, state.additional, state.centres, state.rotations,
-            state.rotation_basis() if turned else np.empty(0), state.points, cameras.kind, cameras.products,
-            cameras.polynomials, cameras.factors, cameras.at_measured, self.camera_of_photo, self.photo, self.point,
+            state.rotation_basis() if turned else np.empty(0), state.points, cameras.polynomials, cameras.factors,
             points.xy, points.rows.error,
         )  # fmt: skip
-        return tuple(np.ascontiguousarray(array) for array in arrays)
+        return (self.layout, *(np.ascontiguousarray(array) for array in arrays))
 
-    def _pattern(self, arrangement: Arrangement) -> tuple[IntArray, ...]:
-        p = self.pattern
+    def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
         # CONSTANT is -1, the last index: a constant has no place
         places = np.append(arrangement.places, CONSTANT).astype(np.int32)
-        return (
-            p.order, p.start, p.block, p.group_start, p.runs_start, p.runs, self.cameras.unknowns,
-            self.cameras.elements, places[self.cameras.columns], places[self.photo_columns],
-        )  # fmt: skip
+        return places[self.cameras.columns], places[self.photo_columns]
 
-    def _coupling(self, coupling: StreamedCoupling) -> tuple[NDArray[np.generic], ...]:
-        return (*self._observations(coupling.state), *self._pattern(_whole(coupling.size)), coupling.factor,
+    def _coupling(self, coupling: StreamedCoupling) -> tuple[object, ...]:
+        return (*self._observations(coupling.state), *self._places(_whole(coupling.size)), coupling.factor,
                 coupling.half)  # fmt: skip
 
 
@@ -270,13 +262,21 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoPoint
     block = blocks_of_points(unknowns)[points.point]
     camera_of_photo = np.zeros(len(unknowns.photos), dtype=np.int32)
     camera_of_photo[points.photo] = points.camera
+    cameras = cameras_of_loop(points, unknowns)
+    pattern = pattern_of_loop(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras))
     return PhotoPointLoop(
         points,
-        points.photo.astype(np.int32),
-        points.point.astype(np.int32),
-        cameras_of_loop(points, unknowns),
-        camera_of_photo,
+        cameras,
         np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
-        pattern_of_loop(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras)),
+        pattern,
         block >= 0,
+        _layout(points, cameras, camera_of_photo, pattern) if _IS_COMPILED else None,
     )
+
+
+def _layout(points: PhotoPointObservations, cameras: Cameras, camera_of_photo: IntArray, pattern: Pattern) -> object:
+    return compiled.layout(
+        cameras.kind, cameras.products, cameras.at_measured, camera_of_photo, points.photo.astype(np.int32),
+        points.point.astype(np.int32), pattern.order, pattern.start, pattern.block, pattern.group_start,
+        pattern.runs_start, pattern.runs, cameras.unknowns, cameras.elements,
+    )  # fmt: skip

@@ -26,6 +26,7 @@ from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.groups.ground_rows import ground_design, inverse_of
 from orip.bundle.groups.observation_groups import ObservationGroup
+from orip.bundle.groups.strips import STATIONS, Strip, strip_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.group_test import GroupTest
@@ -132,6 +133,8 @@ class GroundGroups:
         An error of one unit common to each group, divided by the a-priori errors.
     checks : array (k,) of bool
         The check observations that are tested together.
+    strips : tuple of Strip
+        Of exposure stations; the drifts of one after the other follow the groups in `sums` and `errors`.
     """
 
     groups: tuple[ObservationGroup, ...]
@@ -139,6 +142,7 @@ class GroundGroups:
     sums: ResidualSums
     errors: FloatArray
     checks: BoolArray
+    strips: tuple[Strip, ...] = ()
 
     @classmethod
     def of(cls, solved: SolvedBlock, groups: Sequence[ObservationGroup], figures: GroupFigures) -> GroundGroups:
@@ -155,11 +159,15 @@ class GroundGroups:
         checks[_thinned(np.flatnonzero(is_check), _MOST_CHECKS)] = True
         errors[is_check & ~checks] = 0.0
         weight = figures.weight[rows]
+        factors = np.where(is_check, 1.0, weight)[:, None] * errors
+        strips: tuple[Strip, ...] = ()
+        if any(group.kind in STATIONS for group in groups):
+            found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
+            strips, errors, factors = found.strips, found.errors, found.factors
         tested = RowsUnderTest(
             ground_design(solved, rows), figures.residual[rows], weight, inverse_of(solved), figures.photo_variance
         )
-        factors = np.where(is_check, 1.0, weight)[:, None] * errors
-        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks)
+        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks, strips)
 
     def unit_sums(self, rows: IntArray) -> ResidualSums:
         """Return single residuals as sums."""

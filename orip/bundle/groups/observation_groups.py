@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,8 @@ from orip.arrays import BoolArray, IntArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
-from orip.records.observations.observation_kinds import CONTROL_POINT, DIRECTION, DISTANCE, ELEMENT
+from orip.records.names import record_key
+from orip.records.observations.observation_kinds import ATTITUDE, CONTROL_POINT, DIRECTION, DISTANCE, ELEMENT, STATION
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.group_test import GroupKind
 
@@ -20,6 +21,8 @@ _KINDS: dict[str, GroupKind] = {
     ELEMENT.name: "element",
     DISTANCE.name: "distance",
     DIRECTION.name: "direction",
+    STATION.name: "station",
+    ATTITUDE.name: "attitude",
 }
 """Additional parameters and constants that are met exactly were not measured."""
 
@@ -55,6 +58,7 @@ def observation_groups(solved: SolvedBlock, check_points: Collection[str]) -> tu
     """
     groups: list[ObservationGroup] = []
     checks: list[ObservationGroup] = []
+    strips = {record_key(station.photo): station.strip for station in solved.block.stations}
     first = 0
     for kind in solved.problem.observations:
         count = len(kind.rows.error)
@@ -62,10 +66,10 @@ def observation_groups(solved: SolvedBlock, check_points: Collection[str]) -> tu
         if isinstance(kind, PhotoPointObservations):
             groups += _of_photo_points(kind, solved, active, first)
         elif kind.rows.kind.name in _KINDS:
-            groups += _of_kind(kind, active, _KINDS[kind.rows.kind.name], first)
+            groups += _of_kind(kind, active, _KINDS[kind.rows.kind.name], first, strips)
             if kind.rows.kind == CONTROL_POINT:
                 compared = np.array([name in check_points for name in kind.rows.point], dtype=bool)
-                checks += _of_kind(kind, compared & ~kind.rows.used, "check", first)
+                checks += _of_kind(kind, compared & ~kind.rows.used, "check", first, {})
         first += count
     return (*groups, *checks)
 
@@ -81,11 +85,15 @@ def _of_photo_points(
                 yield ObservationGroup("photo", camera.name, component, first + rows)
 
 
-def _of_kind(kind: Observations, chosen: BoolArray, group: GroupKind, first: int) -> Iterator[ObservationGroup]:
+def _of_kind(
+    kind: Observations, chosen: BoolArray, group: GroupKind, first: int, strips: Mapping[str, str]
+) -> Iterator[ObservationGroup]:
     rows = kind.rows
     members: dict[tuple[str, str], list[int]] = {}
     for row in np.flatnonzero(chosen).tolist():
-        of = _record_of_element(rows.photo[row], rows.component[row]) if group == "element" else ""
+        of = strips.get(record_key(rows.photo[row]), "") if group in ("station", "attitude") else ""
+        if group == "element":
+            of = _record_of_element(rows.photo[row], rows.component[row])
         members.setdefault((of, rows.component[row]), []).append(row)
     for (of, component), places in members.items():
         names = tuple(rows.point[row] or rows.photo[row] for row in places)

@@ -15,31 +15,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.group_tests import two_sided_normal
-from orip.adjustment.residual_sums import ResidualSums
-from orip.arrays import FloatArray
 from orip.bundle.groups.figures import (
     GroundGroups,
     GroupFigures,
     JudgedGroup,
     TestName,
-    common_errors,
     ground_tests,
-    is_testable,
     photo_test,
 )
 from orip.bundle.groups.observation_groups import observation_groups
+from orip.bundle.groups.shifts import common_shifts
 from orip.bundle.solve import SolvedBlock
-from orip.records.results.group_test import Contradiction, ContradictionKind, GroupTest
+from orip.records.results.group_test import CommonError, Contradiction, ContradictionKind, GroupTest
 
 FAMILY = 0.03
 """Probability that any group of a block is doubted although all a-priori errors are right."""
-
-_ALIKE = 6.0
-"""Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
-
-_EQUAL = 1e-6
-"""Part of a statistic by which equal ones differ at most from rounding."""
 
 _PHOTO_SIGMA0 = 1.5
 _PHOTO_MEAN = 0.5
@@ -72,6 +62,8 @@ class _Candidate(NamedTuple):
     groups: tuple[int, ...]
     shift: float = math.nan
     shift_sd: float = math.nan
+    doubted: tuple[int, ...] = ()
+    common: tuple[CommonError, ...] = ()
 
 
 def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVerdict:
@@ -92,11 +84,19 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
     limit = float(np.log(FAMILY / max(sum(len(group.log_p) for group in tested), 1)))
     sigma0 = solved.variance.sigma0
     shifts = [
-        candidate._replace(groups=tuple(len(of_photos) + place for place in candidate.groups))
-        for candidate in _shifts(ground.sums_with_checks(), ground.errors, limit)
+        _Candidate(
+            found.log_p,
+            "shift",
+            tuple(len(of_photos) + place for place in found.groups),
+            found.shift,
+            found.shift_sd,
+            tuple(len(of_photos) + place for place in found.doubted),
+            found.common,
+        )
+        for found in common_shifts(ground, ground.sums_with_checks(), limit)
     ]
     found = _without_consequences([*shifts, *_others(tested, limit, sigma0)], tested)
-    named = {place for candidate in found for place in candidate.groups}
+    named = {place for candidate in found for place in (*candidate.groups, *candidate.doubted)}
     results = [
         replace(group.test, doubted=place in named or bool(_doubts(group, limit, sigma0)))
         for place, group in enumerate(tested)
@@ -108,6 +108,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
             float(np.exp(candidate.log_p)),
             candidate.shift,
             candidate.shift_sd,
+            candidate.common,
         )
         for candidate in found
     )
@@ -125,34 +126,8 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     return [name for name in failed if material[name]]
 
 
-def _shifts(sums: ResidualSums, errors: FloatArray, limit: float) -> Iterator[_Candidate]:
-    """Yield the errors common to a group, the gravest first, each after those before it have been allowed for.
-
-    An error found takes the part of all other sums that is correlated with it, as if it were another unknown.
-    """
-    values, covariance = sums.values.copy(), sums.covariance()
-    shift, shift_sd = common_errors(sums, errors, covariance)
-    most = np.sum(sums.factors**2, axis=0)
-    possible = is_testable(most, np.diag(covariance))
-    while possible.any():
-        variance = np.where(possible, np.diag(covariance), 1.0)
-        squares = np.where(possible, values**2 / variance, 0.0)
-        # the first of those that are equal but for rounding, so that the words are the same on all processors
-        best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
-        log_p = float(two_sided_normal(np.sqrt(squares[best])))
-        if log_p >= limit:
-            return
-        alike = possible & (squares > squares[best] - _ALIKE)
-        rest = np.flatnonzero(alike & (np.arange(len(squares)) != best)).tolist()
-        yield _Candidate(log_p, "shift", (best, *rest), float(shift[best]), float(shift_sd[best]))
-        column = covariance[:, best] / variance[best]
-        values = values - column * values[best]
-        covariance = covariance - np.outer(column, covariance[best])
-        possible &= ~alike & is_testable(most, np.diag(covariance))
-
-
 def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float) -> Iterator[_Candidate]:
-    """Yield all other failed tests; the means on the ground are in `_shifts`."""
+    """Yield all other failed tests; the means on the ground are among the common shifts."""
     for place, group in enumerate(tested):
         for name in _doubts(group, limit, sigma0):
             if name != "mean" or group.test.kind == "photo":

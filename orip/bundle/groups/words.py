@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from orip.number_text import decimals_of_two_digits
 from orip.records.observations.observation_kinds import (
     ANGULAR_UNKNOWNS,
+    ATTITUDE,
     CONTROL_POINT,
     DIRECTION,
     DISTANCE,
     ELEMENT,
     PHOTO_POINT,
+    STATION,
     ObservationKind,
 )
 from orip.records.results.group_test import Contradiction, GroupTest
@@ -28,6 +30,8 @@ _KINDS: dict[str, ObservationKind] = {
     "element": ELEMENT,
     "distance": DISTANCE,
     "direction": DIRECTION,
+    "station": STATION,
+    "attitude": ATTITUDE,
 }
 _ELEMENTS = {"CAMERA": "cameras", "POINT": "observed points", "THEODOLITE": "theodolite sets"}
 _LENGTH = "XYZ"
@@ -41,6 +45,8 @@ _REMEDIES = {
     "check": "check the coordinate and height system of the check points, and that their features were measured",
     "element": "check system, units and a-priori errors of the .ELE file; of stations also the offset of the antenna",
     "distance": "check the unit, the calibrated length and the a-priori error of the distances",
+    "station": "check the system of the stations, their heights, times and a-priori errors, and the lever arm",
+    "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
 }
 
@@ -71,6 +77,10 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the {_ELEMENTS[group.of]}"
         case "distance":
             return "distances" if group.component == _LENGTH else f"distances in {group.component}"
+        case "station":
+            return f"{group.component} of the {_stations(group)}"
+        case "attitude":
+            return f"{group.component} of the attitudes{_of_strip(group)}"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
 
@@ -102,8 +112,36 @@ def _text(found: Contradiction, ground_unit: str) -> str:
     return f"{text} ({probability_in_words(found.p)})"
 
 
+def _stations(group: GroupTest) -> str:
+    return f"exposure stations{_of_strip(group)}"
+
+
+def _of_strip(group: GroupTest) -> str:
+    return f" of strip {group.of}" if group.of else ""
+
+
+def _common(found: Contradiction, unit: str) -> str:
+    """Return by what the stations of a strip are off together."""
+    group = found.groups[0]
+    names = f"the {_stations(group)}" if group.kind == "station" else f"the attitudes{_of_strip(group)}"
+    others = [f"those{_of_strip(other)}" for other in found.groups[1:]]
+    sizes = {
+        is_drift: ", ".join(
+            f"{error.component} {_with_sd(error.size, error.sd, '+')}"
+            for error in found.common
+            if error.is_drift == is_drift
+        )
+        for is_drift in (False, True)
+    }
+    drift = f", with a drift of {sizes[True]}{unit} a second" if sizes[True] else ""
+    contradict = f"; it cannot be told whether {joined(others)} are" if others else ""
+    return f"{names} are all off by {sizes[False]}{unit}{drift}{contradict}"
+
+
 def _shift(found: Contradiction, unit: str) -> str:
     group = found.groups[0]
+    if found.common:
+        return _common(found, unit)
     size, sd = (group.mean, group.mean_sd) if group.kind == "photo" else (found.shift, found.shift_sd)
     if len(found.groups) > 1:
         names = joined([f"the {group_name(other)}" for other in found.groups])
@@ -124,6 +162,13 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
 
 
 def _remedy(found: Contradiction) -> str:
+    group = found.groups[0]
+    if found.common and group.kind == "station":
+        kinds = ['shift = "strip"', *(['drift = "strip"'] if any(error.is_drift for error in found.common) else [])]
+        kinds += [f'strips = ["{group.of}"]'] if group.of else []
+        return f"set {joined(kinds)} in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
+    if found.common:
+        return f'set unknown = ["BX", "BY", "BZ"] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
 
 

@@ -78,6 +78,13 @@ class Observations(ABC):
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
 
+    def as_observed(self, residual: FloatArray) -> FloatArray:
+        """Return the residuals (n,) of what was observed from those of the equations; both are in the rows' units.
+
+        They differ where observations with correlated errors have equations that are not.
+        """
+        return residual
+
     def remembered(self, state: BlockState) -> FloatArray | None:
         """Return the shifts that are added to the residuals (n,) in the next iteration; None: there are none.
 

@@ -89,7 +89,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "max_standard_residual": lambda solution: _largest(solution.residuals.standard_residual[_taking_part(solution)]),
     "max_abs_w": lambda solution: _largest(np.abs(solution.residuals.w)),
     "min_redundancy_number": _smallest_redundancy_number,
-    "max_correlation": lambda solution: _largest([abs(pair.r) for pair in solution.correlations]),
+    "max_correlation": lambda solution: _largest([abs(pair.r) for pair in solution.correlations if " " not in pair.a]),
     "check_points.count": lambda solution: len(solution.check_points),
     "check_points.rms_xy": lambda solution: _root_mean_square(_check_differences(solution)[:, :2]),
     "check_points.rms_z": lambda solution: _root_mean_square(_check_differences(solution)[:, 2]),

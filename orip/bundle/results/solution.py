@@ -10,6 +10,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray
+from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
@@ -21,14 +22,18 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
+from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.solution import (
     AdditionalEstimate,
+    AntennaEstimate,
     CheckPoint,
     Correlation,
     Estimates,
+    Exposure,
     IterationPass,
     Remark,
     Residuals,
@@ -41,6 +46,9 @@ from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
 _DOUBTFUL_RATIO = 2.0
+_SHOWN_CORRELATION = 0.5
+"""Correlation of an antenna's unknown with one of a camera from which it is listed."""
+
 _TESTABLE = 1e-6
 """Redundancy number below which a residual does not show the error of its observation."""
 
@@ -80,8 +88,10 @@ def solution_of(solved: SolvedBlock) -> Solution:
         photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
+        antennas=_antennas(solved),
+        exposures=_exposures(block),
         singular=_singular(solved),
-        correlations=_camera_correlations(solved),
+        correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),
         check_points=_check_points(block, points),
         remarks=tuple(Remark(line) for line in block.ground.description()),
         photo_correlations=photo_correlations(solved),
@@ -129,12 +139,13 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     error = np.concatenate([part.error for part in rows])
     # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
     added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
-    residual = equations.residual * error - added
+    of_equations = equations.residual * error - added
+    residual = solved.problem.as_observed(of_equations)
     taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
     testable = np.where(numbers > _TESTABLE, numbers, np.nan)
     weight_factors = solved.weight_factors * taking_part
-    standard = np.abs(residual) / error
+    standard = np.abs(of_equations) / error
     return Residuals(
         kind=tuple(part.kind.name for part in rows for _ in part.photo),
         photo=_chained([part.photo for part in rows]),
@@ -162,6 +173,39 @@ def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:
         for row, camera in enumerate(solved.block.cameras)
         for place, name in enumerate(set_names(camera))
     )
+
+
+def _antennas(solved: SolvedBlock) -> tuple[AntennaEstimate, ...]:
+    """Return the parameters of the antennas that stations of the block have, then their shifts and drifts."""
+    block, state, unknowns = solved.block, solved.state, solved.problem.unknowns
+    places = station_places(block)
+    unit = np.where(np.isin(np.array(ANTENNA_PARAMETERS), BORESIGHT), DEGREES_PER_RADIAN, 1.0)
+    values, sd = state.antennas * unit, deviations(solved, unknowns.antennas) * unit
+    found = [
+        AntennaEstimate(antenna.name, "", name, float(values[row, column]), float(sd[row, column]))
+        for row, antenna in enumerate(block.antennas)
+        if row in places.antenna
+        for column, name in enumerate(ANTENNA_PARAMETERS)
+    ]
+    for stretches, names, table, columns in (
+        (places.shifts, SHIFT, state.shifts, unknowns.shifts),
+        (places.drifts, DRIFT, state.drifts, unknowns.drifts),
+    ):
+        sd = deviations(solved, columns)
+        found += [
+            AntennaEstimate(
+                block.antennas[stretch.antenna].name, stretch.strip or "", name, float(value), float(deviation)
+            )
+            for stretch, *row in zip(stretches, table, sd, strict=True)
+            for name, value, deviation in zip(names, *row, strict=True)
+        ]
+    return tuple(found)
+
+
+def _exposures(block: Block) -> tuple[Exposure, ...]:
+    """Return strips and times of the stations, photos as the block has their names."""
+    names = {record_key(photo.name): photo.name for photo in block.photos}
+    return tuple(Exposure(names[record_key(station.photo)], station.strip, station.time) for station in block.stations)
 
 
 def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:
@@ -198,6 +242,24 @@ def _camera_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
                 cofactor = solved.cofactors.reduced
                 r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
                 found.append(Correlation(f"{camera.name}.{a}", f"{camera.name}.{b}", float(r)))
+    return tuple(found)
+
+
+def _antenna_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
+    """Return the correlations of the unknowns of antennas, with each other and with those of the cameras."""
+    names, removed, cofactor = solved.problem.unknowns.names, solved.normals.removed, solved.cofactors.reduced
+    of_group: dict[str, list[int]] = {"ANTENNA": [], "CAMERA": []}
+    for column, name in enumerate(names.reduced):
+        if name.group in of_group and not removed[column] and not solved.problem.layout.fixed[column]:
+            of_group[name.group].append(column)
+    found = []
+    for place, b in enumerate(of_group["ANTENNA"]):
+        for a in (*of_group["CAMERA"], *of_group["ANTENNA"][:place]):
+            r = cofactor[a, b] / np.sqrt(cofactor[a, a] * cofactor[b, b])
+            one, other = names.reduced[a], names.reduced[b]
+            if one.group == "ANTENNA" or abs(r) > _SHOWN_CORRELATION:
+                group = f"{one.group.lower()} {one.name}"
+                found.append(Correlation(f"antenna {other.name}.{other.kind}", f"{group}.{one.kind}", float(r)))
     return tuple(found)
 
 

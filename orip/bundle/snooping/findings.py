@@ -12,16 +12,20 @@ from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.names import record_key
 from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement, ControlPoint
 from orip.records.observations.observation_kinds import (
+    ATTITUDE,
     CONTROL_POINT,
     DIRECTION,
     DISTANCE,
     ELEMENT,
     OBSERVATION_KINDS,
     PHOTO_POINT,
+    STATION,
     unit_of_observation,
 )
+from orip.records.observations.station import Station
 from orip.records.results.solution import Blunder, Diagnosis
 from orip.wording import first_names
 
@@ -82,6 +86,8 @@ class _Listed:
             return f"theodolite set {photo}" if len(sights) > 1 else f"{components} {point} of set {photo}"
         if kind == ELEMENT.name:
             return f"{components} of photo {photo}" if photo else f"{components} of {point}"
+        if kind in (STATION.name, ATTITUDE.name):
+            return f"{OBSERVATION_KINDS[kind].label} of photo {photo}"
         return f"{OBSERVATION_KINDS[kind].label} {point}"
 
 
@@ -147,6 +153,7 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
             replace(distance, error=-abs(distance.error)) if _is_distance(distance, wrong) else distance
             for distance in block.distances
         ),
+        stations=tuple(_disregarded_station(station, wrong) for station in block.stations),
         directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
     )
 
@@ -157,12 +164,16 @@ _WRONG = {
     ELEMENT.name: "contradicts the other observations",
     DISTANCE.name: "contradicts the other observations",
     DIRECTION.name: "contradicts the other observations",
+    STATION.name: "contradicts the other observations",
+    ATTITUDE.name: "contradicts the other observations",
 }
 _REMEDY = {
     PHOTO_POINT.name: "measure it again, or disregard it; check its name",
     CONTROL_POINT.name: "check the coordinates, and whether the feature measured in the photos is the one surveyed",
     ELEMENT.name: "check its value and its a-priori error, and whose it is; or disregard it",
     DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
+    STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
+    ATTITUDE.name: "check its angles and their a-priori errors, and whose they are; or disregard it",
     DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
 }
 
@@ -173,6 +184,7 @@ def _left_out(findings: Sequence[Finding]) -> list[Finding]:
 
 def _blunders(solved: SolvedBlock, listed: _Listed, finding: Finding, order: int) -> list[Blunder]:
     residual, leverage = solved.equations.residual, solved.cofactors.leverage
+    observed = solved.problem.as_observed(residual * listed.error)
     sigma0 = max(solved.deviation_scale, LEAST_SIGMA0)
     rows = finding.rows
     known = not solved.normals.removed[solved.equations.design[list(rows)].indices].any()
@@ -182,7 +194,7 @@ def _blunders(solved: SolvedBlock, listed: _Listed, finding: Finding, order: int
         Blunder(
             order, listed.kind[row], listed.photo[row], listed.point[row], listed.component[row],
             # the residual of an unused observation has its own error and that of its prediction
-            size=float(-residual[row] * listed.error[row]) if known else float("nan"),
+            size=float(-observed[row]) if known else float("nan"),
             sd=float(sigma0 * listed.error[row] * np.sqrt(1.0 + leverage[row])) if known else float("nan"),
             statistic=finding.statistic,
             limit=finding.limit,
@@ -224,6 +236,18 @@ def _is_element(element: ControlElement, wrong: Collection[tuple[str, str, str, 
 
 def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, str, str]]) -> bool:
     return (DISTANCE.name, "", distance.name, distance.code) in wrong
+
+
+def _disregarded_station(station: Station, wrong: Collection[tuple[str, str, str, str]]) -> Station:
+    key = record_key(station.photo)
+    kinds = {kind for kind, photo, *_ in wrong if record_key(photo) == key}
+    if STATION.name in kinds:
+        x, y, z = (-abs(error) for error in station.position_error)
+        station = replace(station, position_error=(x, y, z))
+    if ATTITUDE.name in kinds:
+        omega, phi, kappa = (-abs(error) for error in station.angle_error)
+        station = replace(station, angle_error=(omega, phi, kappa))
+    return station
 
 
 def _disregarded_direction(

@@ -4,9 +4,11 @@
 - a control point: its weighted coordinates;
 - a control element; and together those of one projection centre, rotation or point;
 - a direction or a zenith angle; both to one target; and all of a theodolite set;
+- the position of an exposure station; its attitude;
 - a distance, and an observation of any other kind, by itself.
 
-Constants are no observations, and the zeros that additional parameters are observed to be are no measurements.
+Constants are no observations, and neither the zeros that additional parameters are observed to be nor the a-priori
+values of an antenna are measurements that would be left out.
 """
 
 from __future__ import annotations
@@ -19,11 +21,14 @@ import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.bundle.kinds.additional_parameter import AdditionalParameterObservations
+from orip.bundle.kinds.antenna_parameter import AntennaParameterObservations
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
 from orip.bundle.kinds.element import ElementObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.kinds.station_attitude import AttitudeObservations
+from orip.bundle.kinds.station_position import PositionObservations
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +80,7 @@ def _used(groups: Iterable[tuple[int, ...]], used: BoolArray, first: int) -> lis
 
 def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
     """Return the groups of rows of a kind; a group follows the single rows that it consists of."""
-    if kind.exact or isinstance(kind, AdditionalParameterObservations):
+    if kind.exact or isinstance(kind, (AdditionalParameterObservations, AntennaParameterObservations)):
         return ()
     if isinstance(kind, PhotoPointObservations):
         return ((row, row + 1) for row in range(0, len(kind.rows.photo), 2))
@@ -83,6 +88,8 @@ def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
         return _together(range(len(kind.point)), kind.point)
     if isinstance(kind, ElementObservations):
         return _element_groups(kind)
+    if isinstance(kind, (PositionObservations, AttitudeObservations)):
+        return _together(range(len(kind.station)), kind.station)
     if isinstance(kind, DirectionObservations):
         return _direction_groups(kind)
     return ((row,) for row in range(len(kind.rows.photo)))

@@ -14,6 +14,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
 from orip.records.observations.control import ControlElement, ControlPoint
 from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
+from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.variance_component import VarianceGroupKind
 
@@ -41,7 +42,8 @@ def variance_groups(solved: SolvedBlock) -> tuple[GroupRows, ...]:
     members: dict[VarianceGroup, list[IntArray]] = {}
     for part in observation_groups(solved, ()):
         kind = cast(VarianceGroupKind, part.kind)
-        group = VarianceGroup(kind, part.of, _common_component(kind, part.of, part.component))
+        of = "" if kind in ("station", "attitude") else part.of
+        group = VarianceGroup(kind, of, _common_component(kind, of, part.component))
         members.setdefault(group, []).append(part.rows[solved.weight_factors[part.rows] >= 1.0])
     return tuple(GroupRows(group, np.sort(np.concatenate(rows))) for group, rows in members.items())
 
@@ -82,6 +84,7 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
             for element in block.elements
         ),
         distances=tuple(replace(line, error=_times(line.error, factor("distance"))) for line in block.distances),
+        stations=tuple(_with_station_errors(each, factor("station"), factor("attitude")) for each in block.stations),
         directions=tuple(
             replace(
                 line,
@@ -104,6 +107,19 @@ def _with_errors(point: ControlPoint, factors: tuple[float, float, float]) -> Co
         None if error is None else _times(error, factor) for error, factor in zip(point.errors, factors, strict=True)
     )
     return replace(point, errors=(x, y, z))
+
+
+def _with_station_errors(station: Station, of_position: float, of_attitude: float) -> Station:
+    x, y, z = (_times(error, of_position) for error in station.position_error)
+    omega, phi, kappa = (_times(error, of_attitude) for error in station.angle_error)
+    covariance = None
+    if station.covariance is not None:
+        a, b, c = (
+            (of_position**2 * one, of_position**2 * two, of_position**2 * three)
+            for one, two, three in station.covariance
+        )
+        covariance = (a, b, c)
+    return replace(station, position_error=(x, y, z), angle_error=(omega, phi, kappa), covariance=covariance)
 
 
 def _times(error: float, factor: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -15,6 +15,8 @@ from orip.errors import UsageError
 if TYPE_CHECKING:
     from orip.workflow.digitise.setup import DigitisingSetup
     from orip.workflow.digitise.wanted_marks import MarkChoice
+
+LOG = Path("DIGITISED.MEA")
 
 LinkOption = Annotated[
     str | None, typer.Option("--link", envvar=LINK_VARIABLE, metavar="URL", help="As tcp://127.0.0.1:4788.")
@@ -33,7 +35,7 @@ ScriptOption = Annotated[
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the order and the places; needs no link.")]
 KindOption = Annotated[
     Literal["A", "C", "W"] | None,
-    typer.Option("--transformation", help="A affine, C conform, W without scale; default: as before, else A."),
+    typer.Option("--transformation", help="A affine, C conformal, W without scale; default: as before, else A."),
 ]
 AgainOption = Annotated[bool, typer.Option("--again", help="Drive to the old coordinates; ENTER keeps them.")]
 StageOption = Annotated[Literal["UPPER", "LOWER"], typer.Option("--stage", help="Where the film is mounted.")]
@@ -46,8 +48,55 @@ NewOption = Annotated[
 ]
 FirstOption = Annotated[str, typer.Option("--first", metavar="NAME", help="With --new: number points from here.")]
 ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
+NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")]
 
-LOG = Path("DIGITISED.MEA")
+
+class Instrument(NamedTuple):
+    """Where to digitise: at which plate processor, and who operates it."""
+
+    link: LinkOption = None
+    simulate: SimulateOption = None
+    script: ScriptOption = None
+
+    def setup(self, invocation: Invocation, *, dry_run: bool = False) -> DigitisingSetup:
+        """Return what the commands digitise with.
+
+        Raises
+        ------
+        UsageError
+            If there is no plate processor to digitise at, or there are two operators.
+        """
+        from orip.workflow.digitise.setup import by_link, rehearsal
+
+        if self.simulate and self.script is not None:
+            message = "the operator is simulated, or does what a script says; give --simulate or --script"
+            raise UsageError(message)
+        if dry_run:
+            return rehearsal(invocation.terminal.detail)
+        if self.link is None:
+            message = (
+                f"which plate processor? name it with --link tcp://127.0.0.1:4788 or in the environment variable "
+                f"{LINK_VARIABLE}, or see the order with --dry-run"
+            )
+            raise UsageError(message)
+        return by_link(self.link, invocation.terminal.say, simulate=self.simulate or (), script=self.script)
+
+
+class Orienting(NamedTuple):
+    """How marks of templates and photos are digitised."""
+
+    log: LogOption = LOG
+    transformation: KindOption = None
+    again: AgainOption = False
+    mark: MarkOption = None
+
+
+class RecordMarks(NamedTuple):
+    """Where the marks of a record are digitised."""
+
+    stage: StageOption = "UPPER"
+    log: LogOption = LOG
+
 
 _ABOUT = """Measure through the plate processor: it drives, the operator sets the mark and presses the foot switch.
 
@@ -76,14 +125,9 @@ def _register_template(group: typer.Typer) -> None:
     def template_command(
         invocation: Invocation,
         template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
-        link: LinkOption = None,
-        log: LogOption = LOG,
-        transformation: KindOption = None,
+        instrument: Instrument,
+        orienting: Orienting,
         stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
-        again: AgainOption = False,
-        mark: MarkOption = None,
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
         dry_run: DryRunOption = False,
     ) -> None:
         """Digitise the tick marks of a template that has been mounted.
@@ -93,16 +137,15 @@ def _register_template(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.marks import digitise_template
 
-        means = _means(invocation, link, simulate, script, dry_run=dry_run)
         found = digitise_template(
             invocation.folder,
-            log,
-            means,
+            orienting.log,
+            instrument.setup(invocation, dry_run=dry_run),
             template,
-            kind=transformation,
+            kind=orienting.transformation,
             stage=stage,
-            again=again,
-            chosen=_marks(mark),
+            again=orienting.again,
+            chosen=_marks(orienting.mark),
         )
         tell_digitised(invocation.terminal, "digitise template", found)
 
@@ -111,16 +154,11 @@ def _register_photo(group: typer.Typer) -> None:
     @command(group, "photo")
     def photo_command(
         invocation: Invocation,
+        instrument: Instrument,
+        orienting: Orienting,
         photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
         template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
-        link: LinkOption = None,
-        log: LogOption = LOG,
-        transformation: KindOption = None,
-        again: AgainOption = False,
         start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
-        mark: MarkOption = None,
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
         dry_run: DryRunOption = False,
     ) -> None:
         """Digitise the fiducial marks of photos.
@@ -130,17 +168,16 @@ def _register_photo(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.marks import digitise_photos
 
-        means = _means(invocation, link, simulate, script, dry_run=dry_run)
         found = digitise_photos(
             invocation.folder,
-            log,
-            means,
+            orienting.log,
+            instrument.setup(invocation, dry_run=dry_run),
             photos or (),
             template=template,
-            kind=transformation,
-            again=again,
+            kind=orienting.transformation,
+            again=orienting.again,
             start=start,
-            chosen=_marks(mark),
+            chosen=_marks(orienting.mark),
         )
         tell_digitised(invocation.terminal, "digitise photo", found)
 
@@ -149,6 +186,7 @@ def _register_points(group: typer.Typer) -> None:
     @command(group, "points")
     def points_command(
         invocation: Invocation,
+        instrument: Instrument,
         bundle: BundleArgument = None,
         photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
         point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
@@ -156,15 +194,12 @@ def _register_points(group: typer.Typer) -> None:
         stereo: Annotated[
             bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
         ] = None,
-        link: LinkOption = None,
         log: LogOption = LOG,
         again: AgainOption = False,
         start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
         listed: ListOption = None,
         new: NewOption = False,
         first: FirstOption = "1",
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
         dry_run: DryRunOption = False,
     ) -> None:
         """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
@@ -179,15 +214,15 @@ def _register_points(group: typer.Typer) -> None:
         from orip.workflow.digitise.points import digitise_points
         from orip.workflow.digitise.wanted import PointChoice
 
-        means = _means(invocation, link, simulate, script, dry_run=dry_run)
+        setup = instrument.setup(invocation, dry_run=dry_run)
         viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
         if new:
             _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
             chosen = NewPointsChoice(tuple(photo or ()), model, first)
-            found = digitise_new_points(invocation.folder, log, means, bundle, chosen, viewing=viewing)
+            found = digitise_new_points(invocation.folder, log, setup, bundle, chosen, viewing=viewing)
         else:
             choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
-            found = digitise_points(invocation.folder, log, means, bundle, choice, viewing=viewing, start=start)
+            found = digitise_points(invocation.folder, log, setup, bundle, choice, viewing=viewing, start=start)
         tell_digitised(invocation.terminal, "digitise points", found)
 
 
@@ -203,15 +238,12 @@ def _register_fiducials(group: typer.Typer) -> None:
     def fiducials_command(
         invocation: Invocation,
         camera: Annotated[str, typer.Argument(metavar="CAMERA")],
-        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")] = None,
+        instrument: Instrument,
+        marks: RecordMarks,
+        names: NamesArgument = None,
         arrangement: Annotated[
             Literal["corners", "midsides"], typer.Option("--at", help="Where the four marks of the system are.")
         ] = "corners",
-        stage: StageOption = "UPPER",
-        link: LinkOption = None,
-        log: LogOption = LOG,
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
     ) -> None:
         """Digitise the fiducial marks (reseau crosses, corners) of a camera, for its record.
 
@@ -220,8 +252,8 @@ def _register_fiducials(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.record_marks import digitise_fiducials
 
-        means = _means(invocation, link, simulate, script, dry_run=False)
-        found = digitise_fiducials(invocation.folder, log, means, camera, arrangement, stage, names or ())
+        setup = instrument.setup(invocation)
+        found = digitise_fiducials(invocation.folder, marks.log, setup, camera, arrangement, marks.stage, names or ())
         tell_digitised(invocation.terminal, "digitise fiducials", found)
 
 
@@ -230,12 +262,9 @@ def _register_ticks(group: typer.Typer) -> None:
     def ticks_command(
         invocation: Invocation,
         temtick: Annotated[str, typer.Argument(metavar="TEMTICK")],
-        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")] = None,
-        stage: StageOption = "UPPER",
-        link: LinkOption = None,
-        log: LogOption = LOG,
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
+        instrument: Instrument,
+        marks: RecordMarks,
+        names: NamesArgument = None,
     ) -> None:
         """Digitise the tick marks of templates, for their temtick record; plate coordinates are taken as they are.
 
@@ -244,8 +273,8 @@ def _register_ticks(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.record_marks import digitise_ticks
 
-        means = _means(invocation, link, simulate, script, dry_run=False)
-        found = digitise_ticks(invocation.folder, log, means, temtick, stage, names or ())
+        setup = instrument.setup(invocation)
+        found = digitise_ticks(invocation.folder, marks.log, setup, temtick, marks.stage, names or ())
         tell_digitised(invocation.terminal, "digitise ticks", found)
 
 
@@ -253,6 +282,7 @@ def _register_ground(group: typer.Typer) -> None:
     @command(group, "ground")
     def ground_command(
         invocation: Invocation,
+        instrument: Instrument,
         model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
         names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
         target: Annotated[
@@ -263,10 +293,7 @@ def _register_ground(group: typer.Typer) -> None:
             str | None, typer.Option("--first", metavar="NAME", help="Number points: 1000, 1001 ...")
         ] = None,
         listed: ListOption = None,
-        link: LinkOption = None,
         bundle: BundleOption = None,
-        simulate: SimulateOption = None,
-        script: ScriptOption = None,
     ) -> None:
         """Take ground coordinates from a model of the last adjustment.
 
@@ -275,9 +302,9 @@ def _register_ground(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_ground
         from orip.workflow.digitise.ground import GroundChoice, digitise_ground
 
-        means = _means(invocation, link, simulate, script, dry_run=False)
+        setup = instrument.setup(invocation)
         choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
-        tell_ground(invocation.terminal, digitise_ground(invocation.folder, means, bundle, choice))
+        tell_ground(invocation.terminal, digitise_ground(invocation.folder, setup, bundle, choice))
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:
@@ -291,26 +318,9 @@ def _marks(words: list[str] | None) -> list[MarkChoice]:
         except ValueError:
             xy = ()
         if not name or len(coordinates) != len(xy) or len(xy) not in (0, 2) or not all(map(isfinite, xy)):
-            message = f"'{word}' is no mark; write its name, or of a new mark NAME,X,Y in mm, for example 9,10.0,220.0"
+            message = (
+                f"'{word}' is not a mark; write its name, or of a new mark NAME,X,Y in mm, for example 9,10.0,220.0"
+            )
             raise UsageError(message)
         found.append(MarkChoice(name, (xy[0], xy[1]) if xy else None))
     return found
-
-
-def _means(
-    invocation: Invocation, link: str | None, simulate: list[Path] | None, script: Path | None, *, dry_run: bool
-) -> DigitisingSetup:
-    from orip.workflow.digitise.setup import by_link, rehearsal
-
-    if simulate and script is not None:
-        message = "the operator is simulated, or does what a script says; give --simulate or --script"
-        raise UsageError(message)
-    if dry_run:
-        return rehearsal(invocation.terminal.detail)
-    if link is None:
-        message = (
-            f"which plate processor? name it with --link tcp://127.0.0.1:4788 or in the environment variable "
-            f"{LINK_VARIABLE}, or see the order with --dry-run"
-        )
-        raise UsageError(message)
-    return by_link(link, invocation.terminal.say, simulate=simulate or (), script=script)

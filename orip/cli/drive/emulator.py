@@ -24,7 +24,9 @@ Rate = Annotated[float | None, typer.Option("--rate", min=1e-3, help="Hz at whic
 StagesOption = Annotated[
     str,
     typer.Option(
-        "--stages", metavar="LIMITS", help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table: as that says."
+        "--stages",
+        metavar="LIMITS",
+        help="dsr (240 mm), x_min,x_max,y_min,y_max in mm, or table (its limits).",
     ),
 ]
 AllowRemote = Annotated[

@@ -153,7 +153,7 @@ def with_words(form: ControlForm, fields: Sequence[str | None], words: Iterable[
         index = by_lower.get(key.strip().lower())
         fault = None
         if not equals or index is None:
-            fault = f"this is no KEY=VALUE of a {form.singular}; its keys are: {', '.join(form.keys)}"
+            fault = f"this is not KEY=VALUE of a {form.singular}; its keys are: {', '.join(form.keys)}"
         elif text and not is_field(text):
             fault = "a value is one word without blanks, and no comment"
         else:

@@ -58,6 +58,39 @@ def parse_stations(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Station,
     return Parsed(tuple(stations), tuple(complaints))
 
 
+def stations_text(stations: Sequence[Station]) -> str:
+    """Return the lines of stations: coordinates to a tenth of a millimetre, angles to a millionth of a degree."""
+    rows = [_fields(station) for station in stations]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        filled = len(row) - next((n for n, text in enumerate(reversed(row)) if text != _UNKNOWN), 0)
+        count = next(count for count in _COUNTS if count >= filled)
+        cells = [text.ljust(widths[0]) if n == 0 else text.rjust(widths[n]) for n, text in enumerate(row[:count])]
+        lines.append("  ".join(cells).rstrip() + "\n")
+    return "".join(lines)
+
+
+def _fields(station: Station) -> list[str]:
+    degrees = [angle / RADIANS_PER_DEGREE for angle in (*station.angles, *station.angle_error)]
+    correlation = [math.nan] * 3
+    if station.covariance is not None:
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = station.covariance
+        correlation = [xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)]
+    return [
+        station.photo,
+        *(_fixed(value, 4) for value in (*station.position, *station.position_error)),
+        *(_fixed(value, 6) for value in degrees),
+        _fixed(station.time, 4),
+        station.strip or _UNKNOWN,
+        *(_fixed(value, 4) for value in correlation),
+    ]
+
+
+def _fixed(value: float, decimals: int) -> str:
+    return _UNKNOWN if math.isnan(value) else f"{value:.{decimals}f}"
+
+
 def _read_station(reader: FieldReader) -> Station | None:
     if not reader.has_fields(_COUNTS, _FORM) or reader.is_heading(range(1, 7)):
         return None

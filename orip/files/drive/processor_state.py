@@ -83,7 +83,7 @@ def read_processor_state(path: Path, shown: str) -> SavedProcessorState | None:
 def raise_no_state(shown: str, reason: str) -> NoReturn:
     """Raise the error of a file that holds no state."""
     message = (
-        f"this is no state of a plate processor, or a damaged one ({reason}); remove the file to begin with an empty "
-        "plate processor, or name another one"
+        f"this is not the state of a plate processor, or a damaged one ({reason}); remove the file to begin with an "
+        "empty plate processor, or name another one"
     )
     raise InputError.single(message, shown)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from typing import TypeVar
+from urllib.parse import quote, unquote
 
 from orip.files.text.shown import printable, shown_token
 from orip.records.drive_table import (
@@ -33,7 +34,23 @@ _WHOLE = re.compile(r"[1-9][0-9]{0,8}")
 _UNITS = re.compile(r"UNITS PLATE (mm|px) PHOTO mm OBJECT (\S.*)")
 _OPTICS: tuple[Optics, ...] = ("NORMAL", "SWAPPED")
 _SETS: tuple[AdditionalSet, ...] = ("EBNER", "GRUEN")
+_NOBODY = "-"
+_PRINTABLE = " !\"#$&'()*+,-./:;<=>?@[\\]^_`{|}~"
+"""Besides letters and digits; not the percent sign, which begins a code."""
+
 _ARGUMENTS: dict[str, DistortionArgument] = {"IDEAL": "ideal", "MEASURED": "measured"}
+
+
+def user_text(user: str) -> str:
+    """Return the name of a user as the table has it: percent-encoded (RFC 3986) where it is not printable ASCII."""
+    if user in ("", _NOBODY):
+        return f"%{ord(_NOBODY):X}" if user else _NOBODY
+    return quote(user, safe=_PRINTABLE)
+
+
+def user_of(text: str) -> str:
+    """Return the name that `user_text` has written."""
+    return "" if text == _NOBODY else unquote(text)
 
 
 class TableLines:
@@ -54,7 +71,7 @@ class TableLines:
     def table(self) -> DriveTable:
         """Return the table; it means something only if there are no faults."""
         self._literal("ORIPDRIVE 1")
-        block, project = self._text("BLOCK"), self._text("PROJECT")
+        block, project, user = self._text("BLOCK"), self._text("PROJECT"), user_of(self._text("USER"))
         plate_unit, object_unit = self._units()
         upper, lower = self._limits("UPPER"), self._limits("LOWER")
         cameras = self._cameras()
@@ -66,7 +83,7 @@ class TableLines:
             self._next += 1
             self._format_fault("this line is out of order, or of no kind that is known here")
         return DriveTable(
-            block, project, plate_unit, object_unit, upper, lower, cameras, templates, photos, models, start
+            block, project, user, plate_unit, object_unit, upper, lower, cameras, templates, photos, models, start
         )
 
     def _cameras(self) -> tuple[DriveCamera, ...]:

@@ -3,6 +3,7 @@
     ORIPDRIVE 1
     BLOCK <bundle>
     PROJECT <project>
+    USER <user, percent-encoded where it is not ASCII; - for none>
     UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>
     STAGE UPPER <x min> <x max> <y min> <y max> <least count>
     STAGE LOWER …
@@ -27,7 +28,7 @@ import zlib
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from orip.files.drive.table_lines import TableLines
+from orip.files.drive.table_lines import TableLines, user_text
 from orip.records.drive_table import (
     DriveCamera,
     DriveCode,
@@ -105,6 +106,7 @@ def _lines(table: DriveTable) -> Iterator[str]:
     yield "ORIPDRIVE 1"
     yield f"BLOCK {table.block}"
     yield f"PROJECT {table.project}"
+    yield f"USER {user_text(table.user)}"
     yield f"UNITS PLATE {table.plate_unit} PHOTO mm OBJECT {table.object_unit}"
     yield f"STAGE UPPER {_limits(table.upper)}"
     yield f"STAGE LOWER {_limits(table.lower)}"

@@ -10,9 +10,10 @@ from orip.arrays import FloatArray
 from orip.files.text.fixed_cells import FixedCells, deviation_cells
 from orip.files.text.table import Column, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
+from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.project.camera import CAMERA_PARAMETERS, CAMERA_UNITS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import AdditionalEstimate, Estimates, Solution
+from orip.records.results.solution import AdditionalEstimate, AntennaEstimate, Estimates, Solution
 
 AXES_MARK = "*"
 
@@ -124,6 +125,28 @@ def zero_direction_lines(solution: Solution) -> list[str]:
             Column("sR", deviations(sd, decimals), "degrees"),
         ]
     )
+
+
+def antenna_lines(solution: Solution) -> list[str]:
+    """Return the table of the parameters of antennas, and of the shifts and drifts of their strips."""
+    rows = solution.antennas
+    decimals = [_decimals_of_antenna(row) for row in rows]
+    values = [fixed([row.value], own)[0] for row, own in zip(rows, decimals, strict=True)]
+    sd = [deviations(np.array([row.sd]), own)[0] for row, own in zip(rows, decimals, strict=True)]
+    return table_lines(
+        [
+            Column("Antenna", [row.antenna for row in rows], align="left"),
+            Column("Strip", [row.strip for row in rows], align="left"),
+            Column("Parameter", [row.name for row in rows], align="left"),
+            Column("Value", values, align="point"),
+            Column("Standard deviation", sd, align="point"),
+            Column("Unit", [unit_of_unknown(row.name, solution.ground_unit) for row in rows], align="left"),
+        ]
+    )
+
+
+def _decimals_of_antenna(row: AntennaEstimate) -> int:
+    return _decimals(np.array([row.value]), np.array([row.sd]), 3, 8)
 
 
 def variance_component_lines(solution: Solution) -> list[str]:

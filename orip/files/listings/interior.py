@@ -16,8 +16,8 @@ TITLE = "INTERIOR ORIENTATION: RESULTS"
 
 TRANSFORMATION_NAMES: dict[TransformationKind, str] = {
     "A": "affine",
-    "C": "conform",
-    "W": "conform without scale",
+    "C": "conformal",
+    "W": "conformal without scale",
 }
 
 GROUP_NAMES = {"templates": "Template", "photos": "Photo"}

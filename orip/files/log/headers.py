@@ -35,7 +35,7 @@ _EDITED: tuple[Edited, ...] = get_args(Edited)
 _ARRANGEMENTS: tuple[Arrangement, ...] = get_args(Arrangement)
 _KINDS: tuple[TransformationKind, ...] = get_args(TransformationKind)
 _STAGES: tuple[Stage, ...] = get_args(Stage)
-_TRANSFORMATION = "a transformation (A affine, C conform, W conform without scale)"
+_TRANSFORMATION = "a transformation (A affine, C conformal, W conformal without scale)"
 
 _HEADER_FORMS: Mapping[BlockKind, tuple[tuple[int, ...], str]] = {
     "TEMPLATE": ((3, 4), "TEMPLATE name A|C|W, and UPPER or LOWER"),

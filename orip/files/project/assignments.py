@@ -38,9 +38,9 @@ def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple
 
 def _word_fault(kind: str, key: str, equals: str) -> str | None:
     if not equals or not all(key.split(".")):
-        return "this is no KEY=VALUE; write the key of orip.toml, = and the value in one word"
+        return "this is not KEY=VALUE; write the key of orip.toml, = and the value in one word"
     if key == "name":
-        return f"a name is no value; give the record another one with 'orip {kind} rename'"
+        return f"a name is not a value; give the record another one with 'orip {kind} rename'"
     if kind == "bundle" and key.split(".", maxsplit=1)[0] == "model":
         return "models are records of their own; change them with 'orip model'"
     return None

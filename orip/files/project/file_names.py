@@ -21,7 +21,7 @@ def file_name_fault(name: str) -> str | None:
     unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
     if unfit:
         return f"has {' '.join(unfit)}, which file names cannot have"
-    return "is no file name" if name in {".", ".."} else _length_fault(name)
+    return "is not a file name" if name in {".", ".."} else _length_fault(name)
 
 
 def fit_file_name(name: str) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from orip.errors import Complaint, ProjectWarning
+from orip.files.project import antenna_checks, record_checks
 from orip.files.project import checks as project_checks
-from orip.files.project import record_checks
 from orip.files.project.records import project_definition
 from orip.files.project.source import ProjectSource, project_source
 from orip.files.project.toml_faults import Fault
@@ -104,6 +104,7 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     yield from record_checks.check_temticks(source, line_of)
     yield from record_checks.check_photo_parameters(source)
     yield from record_checks.check_bundles(source)
+    yield from antenna_checks.check_antennas(source, references)
     yield from project_checks.check_templates(source, references, line_of)
     yield from project_checks.check_photos(source, references, line_of)
     yield from project_checks.check_precision(source, references)

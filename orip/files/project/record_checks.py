@@ -70,7 +70,7 @@ def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
             message = f"{where} has both sensor and fiducials; a sensor is for cameras without fiducials"
             yield (*camera.place, "sensor"), message
         yield from _curve(camera, where)
-        yield from _parameters((*camera.place, "unknown"), table.unknown, CAMERA_PARAMETERS, f"unknown of {where}")
+        yield from parameter_names((*camera.place, "unknown"), table.unknown, CAMERA_PARAMETERS, f"unknown of {where}")
         yield from _marks((*camera.place, "fiducials"), table.fiducials, f"fiducial mark of {where}", line_of)
 
 
@@ -106,12 +106,16 @@ def _curve(camera: Located[Camera], where: str) -> Iterator[Fault]:
             yield (*place, index), f"distortion_curve of {where} has the radius {radius:g}; write 0 or more (mm)"
 
 
-def _parameters(place: KeyPath, given: Sequence[str], known: Sequence[str], where: str) -> Iterator[Fault]:
+def parameter_names(place: KeyPath, given: Sequence[str], known: Sequence[str], where: str) -> Iterator[Fault]:
+    """Check the names of parameters in a list."""
     for index, name in enumerate(given):
         if name not in known:
             near = difflib.get_close_matches(name.upper()[:100], known, 1)
             guess = f"did you mean '{near[0]}'? " if near else ""
-            yield (*place, index), f"{where}: '{shown_token(name)}' is no parameter; {guess}Allowed: {', '.join(known)}"
+            yield (
+                (*place, index),
+                f"{where}: '{shown_token(name)}' is not a parameter; {guess}Allowed: {', '.join(known)}",
+            )
         elif name in given[:index]:
             yield (*place, index), f"{where}: '{name}' comes twice; name it once"
 
@@ -120,7 +124,7 @@ def check_photo_parameters(source: ProjectSource) -> Iterator[Fault]:
     """Check the names of constant orientation elements."""
     for photo in source.photos:
         where = f"constant of photo '{photo.record.name}'"
-        yield from _parameters((*photo.place, "constant"), photo.record.constant, PHOTO_PARAMETERS, where)
+        yield from parameter_names((*photo.place, "constant"), photo.record.constant, PHOTO_PARAMETERS, where)
 
 
 def check_temticks(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:

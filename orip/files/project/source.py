@@ -13,6 +13,7 @@ from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, Projec
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
+from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.records.project.photo import Photo, Template, Temtick
@@ -52,6 +53,7 @@ class ProjectSource:
     temticks: list[Located[Temtick]] = field(default_factory=list)
     templates: list[Located[Template]] = field(default_factory=list)
     photos: list[Located[Photo]] = field(default_factory=list)
+    antennas: list[Located[Antenna]] = field(default_factory=list)
     bundles: list[Located[BundleDefinition]] = field(default_factory=list)
     models: list[Located[StereoModel]] = field(default_factory=list)
     names: dict[str, list[NamePlace]] = field(default_factory=dict)
@@ -70,6 +72,7 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.temticks = _records(document, "temtick", Temtick, source)
     source.templates = _records(document, "template", Template, source)
     source.photos = _records(document, "photo", Photo, source)
+    source.antennas = _records(document, "antenna", Antenna, source)
     _bundles(document, source)
     return source
 

@@ -22,7 +22,7 @@ from orip.records.project.fields import Field, Part, RecordField, fields_by_key,
 ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
 FilledText: TypeAlias = Annotated[str, Limits(min_length=1)]
 
-SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "bundle")
+SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "antenna", "bundle")
 """Tables of orip.toml; all but the first two may come several times."""
 
 

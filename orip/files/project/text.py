@@ -11,7 +11,7 @@ from orip.records.project.camera import Camera, without_radial_distortion
 from orip.records.project.definition import ProjectDefinition
 from orip.records.project.shared_lens import without_lens
 
-RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "bundle")
+RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")
 
 
 def project_document(definition: ProjectDefinition) -> TomlTable:
@@ -37,6 +37,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "temtick": [toml_of(temtick) for temtick in definition.temticks],
         "template": [toml_of(template) for template in definition.templates],
         "photo": [toml_of(photo) for photo in definition.photos],
+        "antenna": [toml_of(antenna) for antenna in definition.antennas],
         "bundle": [toml_of(bundle) for bundle in definition.bundles],
     }
 

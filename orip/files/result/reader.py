@@ -53,7 +53,7 @@ def read_result(path: Path, shown: str) -> ResultFigures:
         reason = str(fault)
     except (ValueError, RecursionError) as fault:
         reason = "it is nested too deeply" if isinstance(fault, RecursionError) else f"it is not JSON: {fault}"
-    message = f"this is no result of an adjustment: {reason}; name a result.json that 'orip solve' wrote"
+    message = f"this is not the result of an adjustment: {reason}; name a result.json that 'orip solve' wrote"
     raise InputError.single(message, shown)
 
 

@@ -103,7 +103,7 @@ class _Reader:
 
     def _take_header(self, line: int, header: object) -> None:
         if not isinstance(header, dict) or header.get("format") != FORMAT:
-            self.complaints.stop(line, f'this is no dump of a store: the first line has no "format": "{FORMAT}"')
+            self.complaints.stop(line, f'this is not a dump of a store: the first line has no "format": "{FORMAT}"')
             return
         kind, schema, self.run = header.get("kind"), header.get("schema"), header.get("run")
         if kind != self.store.kind:

@@ -63,7 +63,7 @@ def _explanation(error: sqlite3.Error, paths: Sequence[Path]) -> OripError | Non
         which = "is locked" if len(paths) == 1 else "(one of them) is locked"
         return LockedError(f"{names} {which} by another run of orip; wait for it, or end it, and repeat the command")
     if primary == sqlite3.SQLITE_NOTADB:
-        return InputError.single("this is no record store; move it away, or name another file", names)
+        return InputError.single("this is not a record store; move it away, or name another file", names)
     if isinstance(error, sqlite3.IntegrityError):
         return InputError.single(f"a record breaks a rule of the store ({error}); correct it", names)
     if primary in NO_ACCESS:

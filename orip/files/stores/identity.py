@@ -35,7 +35,7 @@ def is_present(store: Store) -> bool:
         meta = ("table", META.name)
         kind = _kind(store) if found.get(meta) == _statement(META) else None
     if kind is not None and kind != store.kind:
-        message = f"this store was made as .{kind} and is no .{store.kind}; give it back its extension"
+        message = f"this store was made as .{kind} and is not a .{store.kind}; give it back its extension"
         raise InputError.single(message, str(store.path))
     _refuse_other_objects(store, found)
     if kind is None:
@@ -97,7 +97,7 @@ def _refuse_other_objects(store: Store, found: _Objects) -> None:
 
 def _refuse_strangers(store: Store, application: int, version: int) -> None:
     if application != APPLICATION_ID:
-        message = "this SQLite file belongs to another program, it is no record store; move it away"
+        message = "this SQLite file belongs to another program, it is not a record store; move it away"
         raise InputError.single(message, str(store.path))
     if version > SCHEMA_VERSION:
         message = (

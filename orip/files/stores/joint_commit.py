@@ -172,6 +172,8 @@ def _bytes_of(file: Path, store: sqlite3.Connection) -> bytes:
 
 def _read_undo(file: Path) -> tuple[Path, bytes]:
     """Return the pact of a copy, and the bytes that the store had."""
+    if _undo_of(file).is_symlink():  # also one that leads nowhere, for which a missing copy would be waited for
+        raise damage(_undo_of(file), "it is a link, and no copy of a store")
     head, _, content = regular_bytes(_undo_of(file)).partition(b"\n")
     try:
         found = json.loads(head)
@@ -179,7 +181,7 @@ def _read_undo(file: Path) -> tuple[Path, bytes]:
     except (ValueError, KeyError, TypeError):
         pact, digest = file, ""
     if hashlib.sha256(content).hexdigest() != digest:
-        raise damage(_undo_of(file), "it is no copy of a store")
+        raise damage(_undo_of(file), "it is not a copy of a store")
     return pact, content
 
 
@@ -187,7 +189,7 @@ def _listed(pact: Path) -> list[Path]:
     try:
         return [_at(pact, name) for name in json.loads(regular_bytes(pact))]
     except (ValueError, TypeError):
-        raise damage(pact, "it is no list of stores") from None
+        raise damage(pact, "it is not a list of stores") from None
 
 
 def _undo_of(file: Path) -> Path:

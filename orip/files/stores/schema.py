@@ -11,11 +11,11 @@ from orip.files.stores.contents import cameras, exterior, observations, photos, 
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
-SCHEMA_VERSION = 5
-"""4: a photo had each point once, and there were no variance components; 3: there were no checksums and no zero
-directions; 2: no groups of observations, no alternatives of a blunder; 1: no correlations of coordinates. A store of an
-older version is refused."""
-DUMP_VERSION = 5
+SCHEMA_VERSION = 7
+"""6: there were no times of exposures; 5: there were no antennas; 4: a photo had each point once, and there were no
+variance components; 3: there were no checksums and no zero directions; 2: no groups of observations, no alternatives of
+a blunder; 1: no correlations of coordinates. A store of an older version is refused."""
+DUMP_VERSION = 7
 """Of the tables that a dump has; checksums are not among them."""
 
 TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
@@ -45,6 +45,6 @@ def kind_of(path: Path) -> str:
     kind = path.suffix.removeprefix(".").upper()
     if kind not in TABLES_OF_KIND:
         known = ", ".join(f".{name}" for name in TABLES_OF_KIND)
-        message = f"'{path}' is no record store: stores end in {known}"
+        message = f"'{path}' is not a record store: stores end in {known}"
         raise UsageError(message)
     return kind

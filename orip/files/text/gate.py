@@ -31,6 +31,6 @@ def parse_gate(text: str) -> Gate:
     match = _GATE.fullmatch(text)
     if match is None or not math.isfinite(limit := float(match["limit"])):
         allowed = "name operator number, for example 'sigma0<=1.5'; operators are < <= > >= == !="
-        message = f"'{shown_token(text)}' is no gate; write {allowed}"
+        message = f"'{shown_token(text)}' is not a gate; write {allowed}"
         raise ValueError(message)
     return Gate(match["name"], cast("GateOperator", match["operator"]), limit)

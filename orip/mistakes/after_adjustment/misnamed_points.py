@@ -62,8 +62,14 @@ class _DoubtedPhotoPoints:
         # its own ray the position of a point is no better known than that ray: hence the factor.
         self.rows = [row for row in rows if not self._distance(row) <= np.sqrt(2.0) * self.rays.limit(row)]
         self.measured: dict[int, set[int]] = {}
-        for photo, point in zip(block.photo_points.photo.tolist(), block.photo_points.point.tolist(), strict=True):
+        self.rays_of: dict[int, list[int]] = {}
+        points = block.photo_points
+        used = points.used.all(axis=1).tolist()
+        for row, (photo, point) in enumerate(zip(points.photo.tolist(), points.point.tolist(), strict=True)):
             self.measured.setdefault(photo, set()).add(point)
+            if used[row]:
+                self.rays_of.setdefault(point, []).append(row)
+        self.alone = {point: rays[0] for point, rays in self.rays_of.items() if len(rays) == 1}
 
     def warnings(self) -> list[ProjectWarning]:
         """Return what the photo points are; if none is another point, the one that is off most."""
@@ -108,7 +114,7 @@ class _DoubtedPhotoPoints:
 
     def _used_rows(self, row: int) -> list[int]:
         """Return all photo points of the same point that take part."""
-        return self._rays_of(int(self.block.photo_points.point[row]))
+        return self.rays_of.get(int(self.block.photo_points.point[row]), [])
 
     def _exchanged(self) -> list[tuple[int, int]]:
         """Return the pairs of photo points of one photo that are each where the other one should be."""
@@ -198,15 +204,11 @@ class _DoubtedPhotoPoints:
 
     def _met_alone(self, row: int, others: IntArray) -> str | None:
         """Return the only point of one ray that a photo point's ray meets; None if there is none, or several."""
-        alone = [rays for point in others.tolist() if len(rays := self._rays_of(point)) == 1]
+        alone = [self.alone[point] for point in others.tolist() if point in self.alone]
         if len(alone) > _MOST_ALONE:
             return None
-        met = [rays[0] for rays in alone if self.rays.meeting([rays[0], row]) is not None]
+        met = [other for other in alone if self.rays.meeting([other, row]) is not None]
         return self._point(met[0]) if len(met) == 1 else None
-
-    def _rays_of(self, point: int) -> list[int]:
-        points = self.block.photo_points
-        return np.flatnonzero((points.point == point) & points.used.all(axis=1)).tolist()
 
     def _point(self, row: int) -> str:
         return self.block.point_names[int(self.block.photo_points.point[row])]

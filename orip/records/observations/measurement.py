@@ -12,7 +12,7 @@ from orip.records.project.camera import Camera
 from orip.records.project.photo import Stage, Temtick
 
 TransformationKind = Literal["A", "C", "W"]
-"""Plane transformations: A affine, C conform, W conform without scale."""
+"""Plane transformations: A affine, C conformal, W conformal without scale."""
 
 
 @dataclass(frozen=True, slots=True)

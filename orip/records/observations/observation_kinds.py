@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
+from orip.records.project.antenna import ANTENNA_UNITS
 from orip.records.project.camera import CAMERA_UNITS
 from orip.records.project.photo import PHOTO_PARAMETERS
 
@@ -79,6 +80,11 @@ CONSTANT_ELEMENT: Final = _listed("constant element", "constant element", "unit 
 DISTANCE: Final = _listed("distance", "distance", "ground unit")
 CONSTANT_DISTANCE: Final = _listed("constant distance", "constant distance", "ground unit")
 DIRECTION: Final = _listed("direction", "direction", "degrees")
+STATION: Final = _listed("station", "station", "ground unit")
+ATTITUDE: Final = _listed("attitude", "attitude", "degrees")
+CONSTANT_STATION: Final = _listed("constant station", "constant station", "ground unit")
+CONSTANT_ATTITUDE: Final = _listed("constant attitude", "constant attitude", "degrees")
+ANTENNA_PARAMETER: Final = _listed("antenna", "antenna parameter", "unit of the unknown")
 
 OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType({kind.name: kind for kind in _ALL})
 """All kinds by name, in the order of their lines above, in which residuals are listed."""
@@ -95,4 +101,6 @@ def unit_of_unknown(unknown: str, ground_unit: str) -> str:
         return ground_unit
     if unknown in ANGULAR_UNKNOWNS:
         return "degrees"
+    if unknown in ANTENNA_UNITS:
+        return ANTENNA_UNITS[unknown].format(ground=ground_unit)
     return CAMERA_UNITS.get(unknown, "")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.fields import Field
 from orip.records.project.photo import Photo, Template, Temtick
@@ -118,3 +119,4 @@ class ProjectDefinition:
     photos: tuple[Photo, ...] = ()
     bundles: tuple[BundleDefinition, ...] = ()
     gates: tuple[str, ...] = ()
+    antennas: tuple[Antenna, ...] = ()

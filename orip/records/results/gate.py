@@ -66,7 +66,7 @@ _LARGEST_COUNT = 1e15
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """A condition: the figure called `name` stands to `limit` as `operator` says."""
+    """A condition: the figure `name` compared with `limit` by `operator`."""
 
     name: str
     operator: GateOperator
@@ -83,7 +83,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class GateResult:
-    """A gate held against a solution.
+    """What a gate finds in a solution.
 
     Parameters
     ----------

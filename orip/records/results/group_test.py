@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-GroupKind = Literal["photo", "control", "element", "distance", "direction", "check"]
+GroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "check"]
 
 ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
 """An error common to a group; residuals too large; one check point; too many observations that lost weight."""
@@ -23,7 +23,7 @@ class GroupTest:
     ----------
     kind : GroupKind
     of : str
-        The camera of photo points; PHOTO, CAMERA, POINT or THEODOLITE of elements; else empty.
+        The camera of photo points; PHOTO, CAMERA, POINT or THEODOLITE of elements; the strip of stations; else empty.
     component : str
         As in residuals.csv: ``x``, ``Z``, ``Z0``, ``XYZ``, ``zenith``.
     number, down_weighted : int
@@ -66,6 +66,16 @@ class GroupTest:
 
 
 @dataclass(frozen=True, slots=True)
+class CommonError:
+    """An error common to the stations of a strip in one component: a shift, or a drift each second."""
+
+    component: str
+    is_drift: bool
+    size: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class Contradiction:
     """What contradicts all other observations.
 
@@ -79,6 +89,8 @@ class Contradiction:
     shift, shift_sd : float
         The error common to the first group that all other observations and the check points suggest; NaN unless `what`
         is a shift on the ground.
+    common : tuple of CommonError
+        Of a strip of stations: its shift in all components, and its drift if it has one.
     """
 
     what: ContradictionKind
@@ -86,3 +98,4 @@ class Contradiction:
     p: float
     shift: float = math.nan
     shift_sd: float = math.nan
+    common: tuple[CommonError, ...] = ()

@@ -171,6 +171,38 @@ class AdditionalEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class Exposure:
+    """When and in which strip a photo with a station was taken; NaN and empty where that is not known."""
+
+    photo: str
+    strip: str
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class AntennaEstimate:
+    """A parameter of an antenna, or a shift or drift of its stations.
+
+    Parameters
+    ----------
+    antenna : str
+    strip : str
+        Of a shift or drift of a strip; else empty.
+    name : str
+        See `orip.records.project.antenna`.
+    value, sd : float
+        Ground unit, degrees, seconds, ground unit a second. The standard deviation is NaN for a constant, and infinite
+        for one that was removed.
+    """
+
+    antenna: str
+    strip: str
+    name: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class ZeroDirection:
     """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
 
@@ -236,6 +268,8 @@ class Solution:
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
     zero_directions: tuple[ZeroDirection, ...] = ()
+    antennas: tuple[AntennaEstimate, ...] = ()
+    exposures: tuple[Exposure, ...] = ()
     verdict: str = ""
     groups: tuple[GroupTest, ...] = ()
     variance_components: tuple[VarianceComponent, ...] = ()

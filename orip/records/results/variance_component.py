@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction"]
+VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude"]
 
 _ELEMENTS = {
     "CAMERA": "observed camera parameters",
@@ -58,6 +58,10 @@ class VarianceComponent:
                 return "exposure stations" if self.component.startswith("X0") else "rotations of the photos"
             case "element":
                 return _ELEMENTS[self.of]
+            case "station":
+                return "exposure stations"
+            case "attitude":
+                return "attitudes of the exposure stations"
             case "distance":
                 return "distances"
             case "direction":

@@ -36,4 +36,5 @@ def block_input(bundle: BundleState) -> BlockInput:
         definition.ground_unit,
         definition.crs,
         given.warnings,
+        definition.antennas,
     )

@@ -12,6 +12,7 @@ from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.names import record_key
+from orip.records.project.antenna import ANTENNA_KEYS
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.project.shared_lens import lens_key
@@ -146,7 +147,7 @@ def _updated_records(
         chosen = _estimates_by_key(estimates, rows, CAMERA_PARAMETERS)
         cameras, verdicts = _updated(old.cameras, _with_lenses(chosen, old), updated_camera, what)
         new = replace(old, cameras=cameras)
-        verdicts += _additional(solution, chosen)
+        verdicts += [*_additional(solution, chosen), *_antennas(solution)]
     else:
         chosen = _estimates_by_key(estimates, rows, PHOTO_PARAMETERS)
         photos, verdicts = _updated(old.photos, chosen, updated_photo, what)
@@ -207,6 +208,17 @@ def _updated(
         records.append(replace(item, record=record))
         verdicts += found
     return tuple(records), verdicts
+
+
+def _antennas(solution: Solution) -> Iterator[KeptValue]:
+    """Tell adjusted parameters of antennas: these are in orip.toml alone, which no update writes."""
+    for antenna in dict.fromkeys(row.antenna for row in solution.antennas):
+        own = {row.name: row for row in solution.antennas if row.antenna == antenna and not row.strip}
+        for key, names in ANTENNA_KEYS.items():
+            if any(own[name].sd == own[name].sd for name in names):
+                values = ", ".join(f"{own[name].value:.6g}" for name in names)
+                value = f"[{values}]" if len(names) > 1 else values
+                yield KeptValue(antenna, key, f"it is in orip.toml alone: write {key} = {value} there")
 
 
 def _additional(solution: Solution, chosen: dict[str, tuple[EstimatedParameter, ...]]) -> Iterator[KeptValue]:

@@ -140,7 +140,7 @@ def digitise_photos(
     """
     films = mounted_films(folder, log)
     if bool(photos) == (template is not None):
-        message = "name photos, or a template with --template whose photos are meant"
+        message = "name photos, or a template with --template to digitise all photos on it"
         raise UsageError(message)
     meant = [films.photo(name) for name in photos] if template is None else _on_template(films, template)
     if start is not None:

@@ -18,7 +18,7 @@ from orip.workflow.digitise.operator import Instrument, Named, Operator, Tell, V
 Outcome = Literal["digitised", "skipped", "kept"]
 """Skipped: nothing is measured there, and what was measured before is gone. Kept: nothing has changed."""
 
-Ending = Literal["complete", "ended by the operator", "nobody acts any more"]
+Ending = Literal["complete", "ended by the operator", "no further input"]
 
 Known = Literal["measured before", "predicted", "middle", "nowhere"]
 """Where a place that is driven to comes from; nowhere: the stage stays where it is, and the operator finds it."""
@@ -146,7 +146,7 @@ class Session:
             if isinstance(event, Named):
                 return event
             if event is None:
-                self.ending = "nobody acts any more"
+                self.ending = "no further input"
                 return Decision(None)
             if event.kind == "LEFT" and left_switch is not None:
                 left_switch()
@@ -184,7 +184,7 @@ class Rehearsal:
         return line
 
     def digest(self) -> str:
-        """Have a table of nobody."""
+        """Return no digest: no table is loaded."""
         return ""
 
     def download(self, _table: bytes) -> str:
@@ -192,7 +192,7 @@ class Rehearsal:
         return ""
 
     def drive_plate(self, stage: Stage, x: float, y: float) -> Driven:
-        """Drive there."""
+        """Drive nothing: the place is taken as reached."""
         self._plates[stage] = x, y
         return self._driven()
 
@@ -201,7 +201,7 @@ class Rehearsal:
         return self._driven()
 
     def position(self, _system: Literal["OBJECT"]) -> ObjectReadout:
-        """Be nowhere in the object."""
+        """Return no position in the object."""
         return ObjectReadout((0.0, 0.0, 0.0), 0.0)
 
     def status(self) -> Status:
@@ -209,7 +209,7 @@ class Rehearsal:
         return Status("-", "BOTH", "OUTSIDE", None, (0, 0), False)
 
     def is_moving(self) -> bool:
-        """Be at rest."""
+        """Return that the stages are at rest."""
         return False
 
     def guide(self, _system: Guide) -> Status:

@@ -69,7 +69,7 @@ class Digitised:
 
 @dataclass(frozen=True, slots=True)
 class DigitisingSetup:
-    """How is digitised.
+    """How marks and points are digitised.
 
     Parameters
     ----------

@@ -234,7 +234,7 @@ def _photos_of(points: BundlePoints, choice: PointChoice, photos: Iterable[str],
 def _refuse(points: BundlePoints, unknown: Sequence[str], measured: Sequence[str], *, again: bool) -> None:
     """Raise InputError for points that nothing can be done about, all of them."""
     complaints = [
-        Complaint(f"point {point} is measured in all photos that are meant; --again measures it again")
+        Complaint(f"point {point} is already measured in all photos that were chosen; measure it again with --again")
         for point in measured
     ]
     for point in unknown:
@@ -243,7 +243,7 @@ def _refuse(points: BundlePoints, unknown: Sequence[str], measured: Sequence[str
             complaints.append(Complaint(f"point {point}: {fault}"))
         elif again:
             near = near_names(point, points.measured_photos)
-            complaints.append(Complaint(f"point {point} is not measured in any photo that is meant; {near}"))
+            complaints.append(Complaint(f"point {point} is not measured in any of the photos that were chosen; {near}"))
         else:
             text = f"the position of point {point} is not known; name the photos with --photo, or a model with --model"
             complaints.append(Complaint(text))

@@ -158,7 +158,7 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
         if _is_loaded(project, name, link) and _is_in_system(project, name, solution, ground):
             return ground
     message = (
-        f"the plate processor at {link.url} has another table than that of this project's bundle {name}, so that "
+        f"the plate processor at {link.url} has a table other than that of bundle {name} of this project, so that "
         f"coordinates in {crs} cannot be driven to; run 'orip drive download' first"
     )
     raise LinkError(message)

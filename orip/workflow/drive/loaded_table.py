@@ -32,7 +32,7 @@ _REPLY_S = 2.0
 
 
 class TableHolder(Protocol):
-    """What of a plate processor has to do with its table."""
+    """The part of a plate processor that concerns its drive table."""
 
     def digest(self) -> str:
         """Return the SHA-256 of the table that is loaded."""
@@ -70,7 +70,7 @@ def table_fault(folder: Path, bundles: Sequence[str], loaded: str) -> str | None
     if any(hashlib.sha256(table).hexdigest() == loaded for table in made):
         return None
     if not made:
-        return "is not of this project, whose bundles have nothing to drive in"
+        return "is not one of this project: none of its bundles can be driven in"
     return (
         "is not the one that the last adjustment, mounting and measurement of marks give: points are driven to where "
         "they were before"

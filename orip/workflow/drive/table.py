@@ -163,7 +163,7 @@ def _drivable_models(
     used = {record_key(name) for model in models for name in (model.left, model.right)}
     alone = [name for name in bundle.adjusted.photos.names if record_key(name) not in used]
     if models and alone:
-        text = f"in no model of the drive table, and not in it: {', '.join(alone)}"
+        text = f"left out of the drive table, as no model in it has them: {', '.join(alone)}"
         warnings.append(ProjectWarning("photo-left-out", "photos", text))
     return tuple(models), warnings
 

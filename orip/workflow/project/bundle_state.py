@@ -96,7 +96,7 @@ class BundleState:
 
     @cached_property
     def digests(self) -> Digests:
-        """Return the digests of what a solution depends on in the stores, and of the project's crs if it has one."""
+        """Return the digests of what a solution depends on in the stores, and of crs and antennas if there are any."""
         project, definitions = self.project, self.state.definitions
         cameras = [stored.record for stored in definitions.cameras]
         photos = [stored.record for stored in definitions.photos]
@@ -106,6 +106,7 @@ class BundleState:
             (project.shown(project.exterior), digest_of_records([self.definition])),
             (project.shown(project.observations(self.name)), self.digest_of_observations),
             *project.crs_digest,
+            *project.antenna_digest,
         )
 
     @cached_property

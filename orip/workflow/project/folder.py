@@ -95,6 +95,12 @@ class ProjectFolder:
         return () if crs is None else ((f"crs of {PROJECT_FILE}", record_digest((crs,))),)
 
     @property
+    def antenna_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of each antenna."""
+        antennas = self.definition.antennas
+        return tuple((f"antenna {antenna.name} of {PROJECT_FILE}", record_digest(antenna)) for antenna in antennas)
+
+    @property
     def cameras(self) -> Path:
         """Return the store of cameras."""
         return self.folder / self.definition.camera_file

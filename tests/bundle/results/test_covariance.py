@@ -74,7 +74,7 @@ def values_of(found: SolvedBlock, state: BlockState) -> list[np.ndarray]:
 def differences(found: SolvedBlock, cofactors: np.ndarray) -> list[np.ndarray]:
     """Return the partials of the figures by all unknowns: each is moved by a tenth of its deviation."""
     state, unknowns = found.state, found.problem.unknowns
-    columns = np.unique(np.concatenate([each.columns for each in records(found)]))
+    columns = np.unique(np.concatenate([record.columns for record in records(found)]))
     partials = [np.zeros((len(value), len(cofactors))) for value in values_of(found, state)]
     for column in columns[columns != CONSTANT]:
         step = np.zeros(len(cofactors))
@@ -90,7 +90,7 @@ def assert_all_covariances(found: SolvedBlock, cofactors: np.ndarray, tolerance:
     """Compare all blocks between the records as correlations."""
     partials = differences(found, cofactors)
     scale = found.deviation_scale**2
-    roots = [np.sqrt(np.maximum(np.diag(each @ cofactors @ each.T), 0.0)) for each in partials]
+    roots = [np.sqrt(np.maximum(np.diag(partial @ cofactors @ partial.T), 0.0)) for partial in partials]
     for row, figures in enumerate(records(found)):
         for column, others in enumerate(records(found)):
             wanted = partials[row] @ cofactors @ partials[column].T
@@ -147,7 +147,7 @@ def test_in_the_axes_of_a_crs() -> None:
 
 
 def test_outside_the_band_of_a_large_block() -> None:
-    found = solved(large_aerial_block(80, 25))
+    found = solved(large_aerial_block(80, 12))
     assert isinstance(found.cofactors.reduced, BandMatrix)
     first, last = found.problem.unknowns.photos[[0, -1]]
     with pytest.raises(IndexError, match="no observation in common"):
@@ -195,7 +195,7 @@ def test_what_nothing_determines_has_no_covariance() -> None:
     used = block.photo_points.used.copy()
     used[rays[1:]] = False
     found = solved(replace(block, photo_points=replace(block.photo_points, used=used)))
-    assert [each.name for each in solution_of(found).singular] == [block.point_names[1]]
+    assert [unknown.name for unknown in solution_of(found).singular] == [block.point_names[1]]
     point, photo = point_figures(found, 1), photo_figures(found, 0)
     undetermined = np.isinf(solution_of(found).points.sd[1])
     joint = covariance(found, [point], [photo, point])

@@ -104,6 +104,6 @@ def test_constant_and_compared_control_stays_as_it_is() -> None:
         x, y, z = before.errors
         factors = (2.0, 2.0, 3.0) if before.kind == "control" else (1.0, 1.0, 1.0)
         assert after.errors == pytest.approx((x * factors[0], y * factors[1], z * factors[2]), rel=1e-15)
-    assert [each.error for each in scaled.elements] == [5.0 * each.error for each in block.elements]
+    assert [element.error for element in scaled.elements] == [5.0 * element.error for element in block.elements]
     assert scaled.photo_points.error is not None
     np.testing.assert_array_equal(scaled.photo_points.error, block.photo_points.error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import sqlite3
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,7 @@ def test_killed_at_any_step_all_stores_are_old_or_all_are_new(tmp_path, before):
         write(tmp_path / "count", "NEW")
     total, seen = steps(), set()
     commits = range(total - 60, total + 1)  # the pact, the copies, two commits
-    for step in sorted({*range(1, total, total // 4), *commits[::6], *commits[-5:]}):
+    for step in sorted({*range(1, total, total // 4), *commits[::10], *commits[-5:]}):
         folder = tmp_path / str(step)
         folder.mkdir()
         if before:
@@ -150,8 +151,18 @@ def test_a_copy_that_is_damaged_is_said(tmp_path):
     killed_between_commits(tmp_path)
     copy = tmp_path / "S03.TIK-undo"
     copy.write_bytes(copy.read_bytes()[:-1])
-    with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is no copy of a store\)"):
+    with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is not a copy of a store\)"):
         names(tmp_path)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("target", ["gone", "S04.TIK"])
+def test_a_copy_that_is_a_link_is_refused(tmp_path, target):
+    write(tmp_path, "OLD")
+    (tmp_path / "S03.TIK-undo").symlink_to(target)
+    for transaction in (names, partial(write, name="NEW")):
+        with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is a link"):
+            transaction(tmp_path)
 
 
 def _alternate(folder: str, name: str, rounds: int) -> None:

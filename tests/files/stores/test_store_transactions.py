@@ -17,6 +17,7 @@ from orip.errors import InputError, LockedError, OripError, UsageError
 from orip.files.stores import provenance
 from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.schema import SCHEMA_VERSION
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.photo import Photo, Temtick
 
@@ -38,7 +39,7 @@ def names_in(path):
 def test_a_new_store_tells_what_it_is(tik):
     header = tik.read_bytes()[:100]
     assert header[68:72] == b"ORIP"
-    assert header[60:64] == (5).to_bytes(4, "big")
+    assert header[60:64] == SCHEMA_VERSION.to_bytes(4, "big")
     assert header[18:20] == b"\x01\x01"  # rollback journal, not WAL
     with contextlib.closing(sqlite3.connect(tik)) as connection:
         tables = connection.execute("SELECT name, strict FROM pragma_table_list WHERE schema = 'main'").fetchall()
@@ -193,7 +194,7 @@ def not_utf8(path):
     [
         (foreign_text, "no record store; move it away"),
         (foreign_database, "belongs to another program"),
-        (other_kind, r"made as \.PHO and is no \.TIK"),
+        (other_kind, r"made as \.PHO and is not a \.TIK"),
         (newer, "newer orip .*update orip"),
         (older, r"older orip .schema 1, without checksums.*move it away: 'orip run' creates"),
         (without_table, "damaged .*tick.*last dump"),
@@ -239,7 +240,7 @@ def test_a_store_left_in_wal_mode_returns_to_the_rollback_journal(tik):
 
 def test_what_no_store_is_called_is_a_usage_error(tmp_path):
     with (
-        pytest.raises(UsageError, match=r"Z\.XYZ' is no record store: stores end in \.CAM"),
+        pytest.raises(UsageError, match=r"Z\.XYZ' is not a record store: stores end in \.CAM"),
         reading([tmp_path / "Z.XYZ"]),
     ):
         pass

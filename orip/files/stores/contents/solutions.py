@@ -16,11 +16,13 @@ from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupKind, GroupTest
 from orip.records.results.solution import (
     AdditionalEstimate,
+    AntennaEstimate,
     Blunder,
     CheckPoint,
     Correlation,
     Diagnosis,
     Estimates,
+    Exposure,
     InteriorSummary,
     IterationPass,
     Remark,
@@ -101,6 +103,11 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
         ZeroDirection,
         _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
     ),
+    "antennas": (
+        AntennaEstimate,
+        _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
+    ),
+    "exposures": (Exposure, _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time"))),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (
         SingularUnknown,

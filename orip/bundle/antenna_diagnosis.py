@@ -1,0 +1,141 @@
+"""Which unknowns of antennas cannot be told apart from each other or from those of cameras, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.antennas import name_of_stretch, station_places
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import UnknownName
+from orip.records.project.antenna import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from orip.records.results.solution import Diagnosis
+from orip.wording import counted
+
+_STRONG = 0.95
+"""Correlation above which two unknowns are named."""
+
+_ALIKE = 0.1
+"""Root mean square change of the direction of an axis between photos (radians) below which they are turned alike."""
+
+_FOR_A_DRIFT = 3
+
+_CAMERA = ("C", "DX", "DY")
+
+_ONE_HEIGHT = "photos from one flying height do not separate them: fly a second height, or hold one constant"
+_SAME_DIRECTION = "all photos are turned alike in kappa: opposite strips separate them, or hold one constant"
+_SAME_AXIS = "all photos look in the same direction: nothing separates them, hold one constant"
+_BOTH = "judge them together, or hold one constant"
+
+
+def antenna_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Return a diagnosis for each drift of too few stations, and for each pair of unknowns that hardly differ."""
+    if not solved.block.antennas or solved.block.is_free_network:
+        return
+    yield from _short_drifts(solved)
+    yield from _strong_pairs(solved)
+
+
+def cause_of_antenna(solved: SolvedBlock, name: str, kinds: list[str]) -> tuple[str, str]:
+    """Return why unknowns of an antenna, or of a strip of its stations, are not determined, and what to do."""
+    block = solved.block
+    with_position = any(station.has_position and min(station.position_error) >= 0.0 for station in block.stations)
+    with_angles = any(station.has_angles and min(station.angle_error) >= 0.0 for station in block.stations)
+    if set(kinds) & set(BORESIGHT):
+        if not with_angles:
+            return "no station of it has an attitude", "hold the boresight constant, or give OMEGA PHI KAPPA in .STA"
+        return "its strips do not separate it from the other unknowns", "add control, or strips of opposite direction"
+    if not with_position:
+        return "no station of it has a position", "hold it constant, or give positions in .STA"
+    if TIME_OFFSET in kinds and not np.any(station_places(block).velocity):
+        return "the stations have no times", "hold it constant, or give times in .STA"
+    if set(kinds) & set(DRIFT) and any(own == name for own, _ in _few(solved)):
+        return f"it has fewer than {_FOR_A_DRIFT} stations with different times", 'set drift = "session" or "none"'
+    return _inseparable(solved, kinds)
+
+
+def _inseparable(solved: SolvedBlock, kinds: list[str]) -> tuple[str, str]:
+    """Return why lever arm and shift cannot be told apart, or what else they hang together with."""
+    of_arm = [column for column in solved.problem.unknowns.names.reduced if column.kind in LEVER_ARM]
+    of_shift = [column for column in solved.problem.unknowns.names.reduced if column.kind in SHIFT]
+    if of_arm and of_shift:
+        along_axis = {kind[1] for kind in kinds} == {"Z"}
+        text = _SAME_AXIS if along_axis else _SAME_DIRECTION
+        return f"lever arm and shift are the same here: {text.partition(':')[0]}", "hold the lever arm constant"
+    if not any(point.kind == "control" for point in solved.block.control_points):
+        return "without control points the whole block shifts with it", "add control, or give its a-priori error"
+    return "the stations do not determine it", "hold it constant, or give its a-priori error"
+
+
+def _few(solved: SolvedBlock) -> Iterator[tuple[str, int]]:
+    """Yield the strips or sessions with a drift that have too few stations at different times, and their number."""
+    places, block = station_places(solved.block), solved.block
+    for row, stretch in enumerate(places.drifts):
+        count = len({block.stations[member].time for member in np.flatnonzero(places.drift == row).tolist()})
+        if count < _FOR_A_DRIFT:
+            yield name_of_stretch(block.antennas[stretch.antenna], stretch), count
+
+
+def _short_drifts(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    for name, count in _few(solved):
+        text = f"the drift of antenna {name} comes from {counted(count, 'station')}: it hides every error of theirs"
+        yield Diagnosis("inseparable", f"antenna {name}", text, 'set drift = "session" or "none" in [[antenna]]')
+
+
+def _strong_pairs(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name each unknown of an antenna with the unknown that it correlates with most, if that is too much."""
+    names, cofactor = solved.problem.unknowns.names.reduced, solved.cofactors.reduced
+    usable = [column for column in range(len(names)) if _is_usable(solved, column)]
+    said: set[frozenset[int]] = set()
+    for a in (column for column in usable if names[column].group == "ANTENNA"):
+        others = [column for column in usable if column != a]
+        r = np.array([cofactor[a, b] / np.sqrt(cofactor[a, a] * cofactor[b, b]) for b in others])
+        if not others or np.abs(r).max() <= _STRONG:
+            continue
+        b = others[int(np.argmax(np.abs(r)))]
+        if frozenset((a, b)) not in said:
+            said.add(frozenset((a, b)))
+            pair = f"{_name(names[a])} and {_name(names[b])}"
+            reason, _, remedy = _reason(solved, names[a], names[b]).partition(": ")
+            text = f"{pair} correlate by {float(r[np.argmax(np.abs(r))]):.3f}"
+            text, remedy = (f"{text}: {reason}", remedy) if remedy else (text, reason)
+            yield Diagnosis("inseparable", f"antenna {names[a].name}", text, remedy)
+
+
+def _is_usable(solved: SolvedBlock, column: int) -> bool:
+    name = solved.problem.unknowns.names.reduced[column]
+    concerned = name.group == "ANTENNA" or (name.group == "CAMERA" and name.kind in _CAMERA)
+    determined = not solved.normals.removed[column] and solved.cofactors.reduced[column, column] > 0.0
+    return concerned and bool(determined)
+
+
+def _name(unknown: UnknownName) -> str:
+    return f"{unknown.kind} of {unknown.group.lower()} {unknown.name}"
+
+
+def _reason(solved: SolvedBlock, one: UnknownName, other: UnknownName) -> str:
+    """Return why two unknowns hardly differ, then what to do."""
+    kinds = {one.kind, other.kind}
+    if "C" in kinds and kinds & {"LZ", "SZ"}:
+        return _ONE_HEIGHT
+    if kinds <= {"LZ", "SZ"} and _turns_least(solved, 2):
+        return _SAME_AXIS
+    level = {*LEVER_ARM, *SHIFT, *BORESIGHT, "DX", "DY"} - {"LZ", "SZ"}
+    if kinds <= level and _turns_least(solved, 0):
+        return _SAME_DIRECTION
+    return _BOTH
+
+
+def _turns_least(solved: SolvedBlock, axis: int) -> bool:
+    """Return whether an axis of the photos with stations has nearly the same direction in each strip of them."""
+    places = station_places(solved.block)
+    rotations = solved.state.rotations[places.photo][:, :, axis]
+    stretch = places.shift if len(places.shifts) else np.zeros(len(rotations), dtype=np.int64)
+    return bool(_spread(rotations, stretch) < _ALIKE)
+
+
+def _spread(directions: FloatArray, stretch: IntArray) -> float:
+    means = np.array([directions[stretch == row].mean(axis=0) for row in stretch.tolist()])
+    return float(np.sqrt(((directions - means) ** 2).sum(axis=1).mean())) if len(directions) else 0.0

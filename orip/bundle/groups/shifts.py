@@ -1,0 +1,163 @@
+"""Errors common to a group of observations, or to the stations of a strip: the gravest first.
+
+Those of a strip are tested in all components together (Baarda 1968, the test of several alternative errors), once as a
+shift and once as a shift with a drift. Tests of different freedom compete by their probabilities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri_exp
+
+from orip.adjustment.group_tests import chi_square_tail, two_sided_normal
+from orip.adjustment.residual_sums import ResidualSums
+from orip.arrays import BoolArray, FloatArray
+from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
+from orip.records.results.group_test import CommonError
+
+_ALIKE = 6.0
+"""Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
+
+_EQUAL = 1e-6
+"""Part of a statistic by which equal ones differ at most from rounding."""
+
+
+class CommonShift(NamedTuple):
+    """An error common to groups.
+
+    Parameters
+    ----------
+    log_p : float
+        Logarithm of the probability of so much or more by chance.
+    groups : tuple of int
+        The group that it is named by, then those that it cannot be told apart from.
+    doubted : tuple of int
+        All groups that it concerns.
+    shift, shift_sd : float
+        Of the first one.
+    common : tuple of CommonError
+        Of a strip: all components.
+    """
+
+    log_p: float
+    groups: tuple[int, ...]
+    doubted: tuple[int, ...]
+    shift: float
+    shift_sd: float
+    common: tuple[CommonError, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Together:
+    """Sums that are tested together: their columns, the number of them that are shifts, and the group's number."""
+
+    columns: tuple[int, ...]
+    shifts: int
+    group: int
+
+
+def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Iterator[CommonShift]:
+    """Yield the errors common to groups, the gravest first, each after those before it have been allowed for.
+
+    An error found takes the part of all other sums that is correlated with it, as if it were another unknown.
+
+    Parameters
+    ----------
+    ground : GroundGroups
+    sums : ResidualSums
+        Those of the groups, after the check points have been used.
+    limit : float
+        Logarithm of the probability below which a group is doubted.
+    """
+    values, covariance = sums.values.copy(), sums.covariance()
+    shift, shift_sd = common_errors(sums, ground.errors, covariance)
+    most = np.sum(sums.factors**2, axis=0)
+    tests = _tested_together(ground)
+    testable = is_testable(most, np.diag(covariance))
+    possible = np.array([testable[list(test.columns)].any() for test in tests], dtype=bool)
+    while possible.any():
+        squares = np.array(
+            [
+                _square(test, values, covariance, testable) if fit else 0.0
+                for test, fit in zip(tests, possible, strict=True)
+            ]
+        )
+        # the first of those that are equal but for rounding, so that the words are the same on all processors
+        best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
+        log_p = float(two_sided_normal(np.sqrt(squares[best])))
+        if log_p >= limit:
+            return
+        alike = possible & (squares > squares[best] - _ALIKE)
+        others = [
+            tests[number] for number in np.flatnonzero(alike).tolist() if tests[number].group != tests[best].group
+        ]
+        named = tuple(dict.fromkeys(test.group for test in (tests[best], *others)))
+        doubted = tuple(column for test in (tests[best], *others) for column in test.columns[: test.shifts])
+        first, common = tests[best].group, _common(ground, sums, tests[best], testable)
+        yield CommonShift(log_p, named, doubted, float(shift[first]), float(shift_sd[first]), common)
+        values, covariance = _without(tests[best], values, covariance, testable)
+        testable &= is_testable(most, np.diag(covariance))
+        gone = {test.group for test in (tests[best], *others)}
+        possible &= np.array(
+            [test.group not in gone and bool(testable[list(test.columns)].any()) for test in tests], dtype=bool
+        )
+
+
+def _tested_together(ground: GroundGroups) -> list[_Together]:
+    """Return each group by itself, and strips as a shift and, where times are known, as a shift with a drift."""
+    of_strips = {number for strip in ground.strips for number in strip.groups}
+    tests = [_Together((number,), 1, number) for number in range(len(ground.groups)) if number not in of_strips]
+    first = len(ground.groups)
+    for strip in ground.strips:
+        count, group = len(strip.groups), strip.groups[0]
+        tests.append(_Together(strip.groups, count, group))
+        if strip.has_drift:
+            tests.append(_Together((*strip.groups, *range(first, first + count)), count, group))
+            first += count
+    return tests
+
+
+def _square(test: _Together, values: FloatArray, covariance: FloatArray, testable: BoolArray) -> float:
+    """Return the square of the normal variable that is as improbable as the sums of a test."""
+    columns = [column for column in test.columns if testable[column]]
+    if len(columns) == 1:
+        (column,) = columns
+        return float(values[column] ** 2 / covariance[column, column])
+    of_test = covariance[np.ix_(columns, columns)]
+    log_p = chi_square_tail(float(values[columns] @ np.linalg.pinv(of_test) @ values[columns]), float(len(columns)))
+    return float(ndtri_exp(log_p - np.log(2.0)) ** 2) if log_p < 0.0 else 0.0
+
+
+def _without(
+    test: _Together, values: FloatArray, covariance: FloatArray, testable: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values and covariance of all sums once the error of a test has been allowed for."""
+    columns = [column for column in test.columns if testable[column]]
+    gain = covariance[:, columns] @ np.linalg.pinv(covariance[np.ix_(columns, columns)])
+    return values - gain @ values[columns], covariance - gain @ covariance[columns]
+
+
+def _common(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> tuple[CommonError, ...]:
+    """Return the errors in all components of a strip; none of other groups."""
+    if not any(test.group in strip.groups for strip in ground.strips):
+        return ()
+    columns = [column for column in test.columns if testable[column]]
+    response = np.array([sums.response(ground.errors[:, column])[columns] for column in columns]).T
+    inverse = np.linalg.pinv(response)
+    size = -inverse @ sums.values[columns]
+    sd = np.sqrt(np.diag(inverse @ sums.covariance()[np.ix_(columns, columns)] @ inverse.T))
+    names = dict(zip(test.columns, _components(ground, test), strict=True))
+    return tuple(
+        CommonError(*names[column], float(one), float(deviation))
+        for column, one, deviation in zip(columns, size, sd, strict=True)
+    )
+
+
+def _components(ground: GroundGroups, test: _Together) -> Sequence[tuple[str, bool]]:
+    """Return component, and whether it is a drift, of the columns of a test."""
+    shifts = [ground.groups[column].component for column in test.columns[: test.shifts]]
+    return [(name, False) for name in shifts] + [(name, True) for name in shifts[: len(test.columns) - test.shifts]]

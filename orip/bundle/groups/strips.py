@@ -1,0 +1,135 @@
+"""Strips of exposure stations: what a shift or a drift common to the stations of a strip does to their observations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.groups.observation_groups import ObservationGroup
+from orip.bundle.kinds.station_position import PositionObservations
+from orip.bundle.solve import SolvedBlock
+from orip.records.names import record_key
+
+STATIONS = ("station", "attitude")
+"""Kinds of group whose observations belong to strips."""
+
+_LEAST_FOR_DRIFT = 3
+"""Stations of a strip that a drift can be told from its shift and from single wrong stations with."""
+
+_AGREE = 5.0
+"""A-priori errors, or robust deviations, from the common error of a strip within which a station agrees with it."""
+
+_DEVIATION = 1.4826
+"""Standard deviation of normal errors over the median of their sizes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """The groups of a strip, one of each component: their numbers, and whether times allow a drift to be told."""
+
+    groups: tuple[int, ...]
+    has_drift: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StripErrors:
+    """Errors common to the stations of strips; of k observation equations and g groups.
+
+    Parameters
+    ----------
+    strips : tuple of Strip
+    errors, factors : arrays (k, g + drifts)
+        An error of one unit common to each group, divided by the a-priori errors, and what its residuals are multiplied
+        by before they are summed up; then, strip by strip, a drift of one unit a second of each of its groups.
+    """
+
+    strips: tuple[Strip, ...]
+    errors: FloatArray
+    factors: FloatArray
+
+
+def strip_errors(
+    solved: SolvedBlock, groups: Sequence[ObservationGroup], residual: FloatArray, error: FloatArray,
+    errors: FloatArray, factors: FloatArray,
+) -> StripErrors:  # fmt: skip
+    """Return the errors and factors (k, g) of groups with those of strips, whose stations keep their full weights.
+
+    Stations that are all off lose their weights together, and would say nothing of their common error.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    groups : sequence of ObservationGroup
+        Their observations make up the k equations, one group after the other.
+    residual, error : arrays (n,)
+        Residuals of all equations of the block, divided by their a-priori errors, and these.
+    errors, factors : arrays (k, g)
+    """
+    members: dict[tuple[str, str], list[int]] = {}
+    for number, group in enumerate(groups):
+        if group.kind in STATIONS:
+            members.setdefault((group.kind, group.of), []).append(number)
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
+    ends = np.cumsum([0, *(len(group.rows) for group in groups)])
+    time_of = {record_key(station.photo): station.time for station in solved.block.stations}
+    errors, factors = _with_correlations(solved, groups, rows, errors), factors.copy()
+    agrees, elapsed = np.zeros(len(rows)), np.zeros(len(rows))
+    strips, drifts = [], [errors[:, :0]]
+    for numbers in members.values():
+        with_drift = True
+        for number in numbers:
+            group, mine = groups[number], slice(ends[number], ends[number + 1])
+            time = np.array([time_of[record_key(name)] for name in group.names])
+            own = error[group.rows]
+            agrees[mine] = _agreeing(residual[group.rows] * own, own, time)
+            with_drift &= _tells_drift(time)
+            elapsed[mine] = time - time.mean() if _tells_drift(time) else 0.0
+        strips.append(Strip(tuple(numbers), with_drift))
+        factors[:, numbers] = agrees[:, None] * errors[:, numbers]
+        if with_drift:
+            drifts.append(elapsed[:, None] * errors[:, numbers])
+    of_drifts = np.hstack(drifts)
+    return StripErrors(tuple(strips), np.hstack([errors, of_drifts]), np.hstack([factors, agrees[:, None] * of_drifts]))
+
+
+def _with_correlations(
+    solved: SolvedBlock, groups: Sequence[ObservationGroup], rows: IntArray, errors: FloatArray
+) -> FloatArray:
+    """Return the errors (k, g) with what an error of a coordinate does to the decorrelated equations of the others."""
+    found, first = errors.copy(), 0
+    place = dict(zip(rows.tolist(), range(len(rows)), strict=True))
+    for kind in solved.problem.observations:
+        if isinstance(kind, PositionObservations) and (kind.whitening != np.eye(3)).any():
+            for number, group in enumerate(groups):
+                if group.kind != "station":
+                    continue
+                whitening = kind.whitening[kind.station, kind.axis, "XYZ".index(group.component)] / kind.rows.error
+                names = set(group.names)
+                for row, photo in enumerate(kind.rows.photo):
+                    if photo in names and first + row in place:
+                        found[place[first + row], number] = whitening[row]
+        first += len(kind.rows.error)
+    return found
+
+
+def _tells_drift(time: FloatArray) -> bool:
+    return bool(len(time) >= _LEAST_FOR_DRIFT and np.isfinite(time).all() and np.ptp(time) > 0.0)
+
+
+def _agreeing(residual: FloatArray, error: FloatArray, time: FloatArray) -> BoolArray:
+    """Return which stations (n,) have the error that most of their strip have in common, or its drift.
+
+    A single wrong station is no error of its strip.
+    """
+    rest = residual - np.median(residual)
+    if len(rest) > _LEAST_FOR_DRIFT and _tells_drift(time):
+        first, second = np.triu_indices(len(time), 1)
+        apart = time[second] != time[first]
+        slopes = (residual[second] - residual[first])[apart] / (time[second] - time[first])[apart]
+        rest = residual - float(np.median(slopes)) * time
+        rest -= np.median(rest)
+    usual = _DEVIATION * float(np.median(np.abs(rest)))
+    return np.asarray(np.abs(rest) <= _AGREE * np.maximum(error, usual))

@@ -1,0 +1,188 @@
+"""Solutions of RTKLIB (``.pos``), and positions at time marks (``_events.pos``), as Emlid Studio writes them too.
+
+A text whose comments begin with %; the last one before the data names the columns. Q 1 is fixed, 2 float, others code
+measurements. sdne, sdeu and sdun are roots of the sizes of covariances with their signs (RTKLIB, src/solution.c).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import Complaint
+from orip.exchange.stations.gps_time import seconds_of_date, seconds_of_week_time
+from orip.exchange.stations.rows import LARGEST_PLACE, Row, RowReader, text_rows
+from orip.files.text.parsed import Parsed
+from orip.files.text.shown import shown_token
+from orip.records.observations.epochs import Epochs, Quality, epochs
+from orip.units import RADIANS_PER_DEGREE
+
+_SEPARATORS = r"\s,;"
+_QUALITY: dict[int, Quality] = {1: "fixed", 2: "float", 6: "fixed"}
+_TIME_SYSTEMS = ("GPST", "UTC", "JST")
+
+
+@dataclass(slots=True)
+class _Form:
+    """How the columns of a file are to be read."""
+
+    system: str = "GPST"
+    kind: str = "geographic"
+    sexagesimal: bool = False
+    names: tuple[str, ...] = ()
+    heights_are_orthometric: bool = False
+
+    @property
+    def width(self) -> int:
+        """Return the number of fields of a place."""
+        return 7 if self.sexagesimal else 3
+
+    def hear(self, comment: str, row: Row) -> None:
+        """Take in what a comment says of the columns."""
+        words = [word.strip("%") for word in row.fields if word.strip("%")]
+        if "lat/lon/height=" in comment.replace(" ", ""):
+            self.heights_are_orthometric = "geodetic" in comment
+        if words[:1] and words[0] in _TIME_SYSTEMS:
+            self.system = words[0]
+            self.names = tuple(re.sub(r"\(.*?\)", "", word) for word in words[1:])
+            self.sexagesimal = "latitude(d'" in comment
+            first = self.names[:1]
+            self.kind = "geocentric" if first == ("x-ecef",) else "local" if first == ("e-baseline",) else "geographic"
+
+
+@dataclass(slots=True)
+class _Found:
+    line: list[int] = field(default_factory=list)
+    time: list[float] = field(default_factory=list)
+    place: list[list[float]] = field(default_factory=list)
+    covariance: list[FloatArray] = field(default_factory=list)
+    quality: list[Quality] = field(default_factory=list)
+    velocity: list[list[float]] = field(default_factory=list)
+
+
+def read_rtklib_pos(path: Path, shown: str) -> Parsed[Epochs]:
+    """Read a solution of RTKLIB: positions with their covariances, quality and, if written, velocities."""
+    reader, form, found = RowReader(shown), _Form(), _Found()
+    for row in text_rows(path, reader, _SEPARATORS):
+        if reader.is_full:
+            break
+        if row.fields[0].startswith("%"):
+            form.hear(" ".join(row.fields), row)
+        else:
+            _read_row(reader, row, form, found)
+    if form.heights_are_orthometric:
+        reader.complaints.append(_orthometric(shown))
+    return Parsed(_epochs(shown, form, found), tuple(reader.complaints))
+
+
+def _orthometric(shown: str) -> Complaint:
+    return Complaint(
+        "heights are above a geoid that the file does not name (its head says geodetic); "
+        "let RTKLIB write ellipsoidal heights, orip takes them to those of the project",
+        shown,
+    )
+
+
+def _read_row(reader: RowReader, row: Row, form: _Form, found: _Found) -> None:
+    before = len(reader.complaints)
+    start = 2
+    if len(row.fields) < start + form.width + 1:
+        reader.complain(
+            f"a field is missing, {len(row.fields)} found; a row is: date time latitude longitude height Q ... "
+            "(a .pos file of RTKLIB)",
+            row,
+        )
+        return
+    time = _time(reader, row, form)
+    place = _place(reader, row, form)
+    rest = start + form.width
+    quality = reader.number(row, rest)
+    deviations = _deviations(reader, row, rest + 2)
+    velocity = _velocity(reader, row, form, rest)
+    if len(reader.complaints) > before:
+        return
+    found.line.append(row.number)
+    found.time.append(time)
+    found.place.append(place)
+    found.quality.append(_QUALITY.get(int(quality), "code"))
+    found.covariance.append(_covariance(deviations, form))
+    found.velocity.append(velocity)
+
+
+def _time(reader: RowReader, row: Row, form: _Form) -> float:
+    if "/" in row.fields[0]:
+        try:
+            return seconds_of_date(row.fields[0], row.fields[1], form.system)
+        except (ValueError, OverflowError):
+            seconds = math.nan
+    else:
+        seconds = seconds_of_week_time(reader.number(row, 0), reader.number(row, 1))
+    if math.isnan(seconds):
+        shown = shown_token(f"{row.fields[0]} {row.fields[1]}")
+        reader.complain(f"'{shown}' is no time; write yyyy/mm/dd hh:mm:ss.sss, or the GPS week and its seconds", row, 0)
+    return seconds
+
+
+def _place(reader: RowReader, row: Row, form: _Form) -> list[float]:
+    if form.kind != "geographic":
+        return [reader.number(row, index, -LARGEST_PLACE, LARGEST_PLACE) for index in (2, 3, 4)]
+    if form.sexagesimal:
+        latitude, longitude = (_sexagesimal(reader, row, index) for index in (2, 5))
+        height = reader.number(row, 8, -LARGEST_PLACE, LARGEST_PLACE)
+    else:
+        latitude, longitude = reader.number(row, 2, -90.0, 90.0), reader.number(row, 3, -360.0, 360.0)
+        height = reader.number(row, 4, -LARGEST_PLACE, LARGEST_PLACE)
+    return [longitude * RADIANS_PER_DEGREE, latitude * RADIANS_PER_DEGREE, height]
+
+
+def _sexagesimal(reader: RowReader, row: Row, index: int) -> float:
+    degrees = reader.number(row, index, -360.0, 360.0)
+    minutes, seconds = reader.number(row, index + 1, 0.0, 60.0), reader.number(row, index + 2, 0.0, 60.0)
+    return math.copysign(abs(degrees) + minutes / 60.0 + seconds / 3600.0, -1.0 if row.fields[index][0] == "-" else 1.0)
+
+
+def _deviations(reader: RowReader, row: Row, start: int) -> list[float]:
+    if len(row.fields) < start + 6:
+        return [math.nan] * 6
+    return reader.numbers(row, range(start, start + 6))
+
+
+def _covariance(deviations: Sequence[float], form: _Form) -> FloatArray:
+    """Return the covariance matrix, along east, north and up of a geographic place."""
+    squares = [math.copysign(value * value, value) for value in deviations]
+    first, second, third, first_second, second_third, third_first = squares
+    if form.kind == "geographic":  # sdn sde sdu sdne sdeu sdun
+        north, east, up, north_east, east_up, up_north = squares
+        return np.array([[east, north_east, east_up], [north_east, north, up_north], [east_up, up_north, up]])
+    return np.array(
+        [[first, first_second, third_first], [first_second, second, second_third], [third_first, second_third, third]]
+    )
+
+
+def _velocity(reader: RowReader, row: Row, form: _Form, rest: int) -> list[float]:
+    """Return the velocity along east, north, up, if the head names its columns."""
+    after = form.names[3:]
+    if form.kind != "geographic" or not {"vn", "ve", "vu"} <= set(after):
+        return [math.nan] * 3
+    places = [rest + after.index(name) for name in ("ve", "vn", "vu")]
+    return reader.numbers(row, places) if max(places) < len(row.fields) else [math.nan] * 3
+
+
+def _epochs(shown: str, form: _Form, found: _Found) -> Epochs:
+    count = len(found.line)
+    return epochs(
+        shown,
+        np.array(found.line, dtype=np.int64),
+        time=np.array(found.time, dtype=np.float64),
+        place=np.array(found.place, dtype=np.float64).reshape(count, 3),
+        is_geographic=form.kind == "geographic",
+        covariance=np.array(found.covariance, dtype=np.float64).reshape(count, 3, 3),
+        quality=tuple(found.quality),
+        velocity=np.array(found.velocity, dtype=np.float64).reshape(count, 3),
+    )

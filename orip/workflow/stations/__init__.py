@@ -1,0 +1,1 @@
+"""Exposure stations from the files of GNSS and INS."""

@@ -1,0 +1,91 @@
+"""A shift or drift that the stations of a strip have in common is named; a single wrong station is no such thing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle.solving import noisy
+from bundle.stations_of_block import MADE, STRIP, stations, with_stations
+
+from orip.bundle.methods import Method, adjust_block
+from orip.bundle.snooping.search import SnoopingSettings
+from orip.records.observations.station import NOT_GIVEN
+from orip.records.project.antenna import Antenna
+from orip.records.results.solution import Solution
+
+SHIFT = np.array([0.4, -0.3, 0.5])
+ERROR = 0.03
+
+
+def observed(seed: int, shift=0.0, drift=0.0, wrong: int | None = None):
+    """Return stations with errors, those of strip 2 shifted and drifting, and one of them perhaps wrong by 2 m."""
+    random = np.random.default_rng(seed)
+    shifts, drifts = np.zeros((3, 3)), np.zeros((3, 3))
+    shifts[1], drifts[1] = shift, drift
+    found = []
+    for row, station in enumerate(stations(shifts=shifts, drifts=drifts, error=ERROR)):
+        position = np.array(station.position) + ERROR * random.normal(size=3) + (2.0 if row == wrong else 0.0)
+        found.append(replace(station, position=tuple(position.tolist()), angles=NOT_GIVEN, angle_error=NOT_GIVEN))
+    return tuple(found)
+
+
+DANISH = Method()
+
+
+def adjusted(seed: int, antenna: Antenna | None = None, method: Method = DANISH, **planted) -> Solution:
+    block = with_stations(observed(seed, **planted), antenna, noisy(MADE, seed))
+    found, _ = adjust_block(replace(block, definition=MADE.block.definition), method, lambda _: None, lambda: False)
+    return found
+
+
+def test_a_shifted_strip_is_named_first_with_size_and_setting() -> None:
+    found = adjusted(1, shift=SHIFT)
+    first = found.diagnosis[0]
+    assert first.code == "group"
+    assert "the exposure stations of strip 2 are all off by X +0." in first.text
+    assert "drift" not in first.text
+    assert 'shift = "strip"' in first.remedy
+    assert 'strips = ["2"]' in first.remedy
+    assert "exposure stations of strip 2" in found.verdict
+    doubted = {(group.kind, group.of) for group in found.groups if group.doubted}
+    assert ("station", "2") in doubted
+
+
+def test_with_the_setting_nothing_is_doubted_and_the_shift_is_estimated() -> None:
+    found = adjusted(1, Antenna("GNSS", shift="strip", strips=("2",)), shift=SHIFT)
+    assert not [each for each in found.diagnosis if each.code == "group"]
+    assert [(each.strip, each.name) for each in found.antennas[-3:]] == [("2", "SX"), ("2", "SY"), ("2", "SZ")]
+    for estimate, planted in zip(found.antennas[-3:], SHIFT, strict=True):
+        assert abs(estimate.value - planted) < 4.0 * estimate.sd
+
+
+def test_a_drift_is_named_with_its_rate() -> None:
+    found = adjusted(2, shift=SHIFT, drift=(0.05, 0.0, -0.04))
+    first = found.diagnosis[0]
+    assert "the exposure stations of strip 2 are all off by" in first.text
+    assert "with a drift of X +0.0" in first.text
+    assert 'drift = "strip"' in first.remedy
+
+
+def test_a_single_wrong_station_is_no_shift_of_its_strip() -> None:
+    found = adjusted(3, wrong=7)
+    assert not [each for each in found.diagnosis if "are all off" in each.text]
+
+
+def test_right_stations_are_not_doubted() -> None:
+    for seed in range(4, 8):
+        assert not [each for each in adjusted(seed).diagnosis if each.code == "group"]
+
+
+@pytest.mark.parametrize("wrong", [2, 7])
+def test_snooping_names_the_station_as_a_whole_and_leaves_the_photo_points_alone(wrong: int) -> None:
+    found = adjusted(9, method=Method(snooping=SnoopingSettings()), wrong=wrong)
+    assert {(each.kind, each.photo) for each in found.blunders} == {("station", f"P{wrong + 1}")}
+    assert [each.component for each in found.blunders] == ["X", "Y", "Z"]
+    for blunder in found.blunders:
+        assert abs(blunder.size - 2.0) < 4.0 * blunder.sd
+    text = next(each.text for each in found.diagnosis if each.code == "blunder")
+    assert text.startswith(f"station of photo P{wrong + 1} contradicts the other observations; it is off by X +")
+    assert STRIP[wrong] in (0, 1)

@@ -1,0 +1,98 @@
+"""Unknowns of antennas that nothing separates are named with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from bundle.solving import noisy, solution
+from bundle.stations_of_block import MADE, stations, with_stations
+
+from orip.records.observations.station import NOT_GIVEN
+from orip.records.project.antenna import Antenna
+from orip.records.results.solution import Diagnosis
+
+
+def diagnosed(antenna: Antenna, *, control: bool = True, camera: tuple[str, ...] = (), **changes) -> list[Diagnosis]:
+    """Return the diagnoses of the noisy block that concern the antenna; its kappas are all alike within degrees."""
+    block = noisy(MADE, 11)
+    block = replace(block, cameras=(replace(block.cameras[0], unknown=camera),))
+    if not control:
+        block = replace(block, control_points=())
+    observed = tuple(replace(station, **changes) for station in stations(error=0.03))
+    found = solution(with_stations(observed, antenna, block))
+    return [
+        each for each in found.diagnosis if each.where.startswith("antenna") or each.code in ("datum", "undetermined")
+    ]
+
+
+def test_lever_arm_z_and_a_height_shift() -> None:
+    antenna = Antenna("GNSS", unknown=("LZ",), shift="session", shift_error=(1.0, 1.0, 1.0))
+    (found,) = diagnosed(antenna)
+    assert found.code == "inseparable"
+    assert "LZ of antenna GNSS and SZ of antenna GNSS correlate by -" in found.text
+    assert "all photos look in the same direction" in found.text
+
+
+def test_lever_arm_in_plan_and_a_shift_where_kappas_are_alike() -> None:
+    antenna = Antenna("GNSS", unknown=("LX", "LY"), shift="session", shift_error=(5.0, 5.0, 5.0))
+    found = diagnosed(antenna)
+    assert {each.code for each in found} == {"inseparable"}
+    for arm, shift in (("LX", "SX"), ("LY", "SY")):
+        (text,) = [each.text for each in found if f"{arm} of antenna GNSS and {shift}" in each.text]
+        assert "all photos are turned alike in kappa" in text
+
+
+def test_opposite_strips_separate_them() -> None:
+    """Turning the camera of the middle strip round takes kappa by 180 degrees; the same points are measured."""
+    turned = [5, 6, 7, 8, 9]
+    block, orientations = noisy(MADE, 11), MADE.orientations.copy()
+    orientations[turned, 5] += 3.141592653589793
+    points = block.photo_points
+    xy = points.xy - [0.12, -0.07]
+    xy[[photo in turned for photo in points.photo.tolist()]] *= -1.0
+    block = replace(
+        block, photo_orientation=orientations, photo_points=replace(points, xy=xy),
+        cameras=(replace(block.cameras[0], parameters=(153.0, *(0.0,) * 10)),),
+    )  # fmt: skip
+    antenna = Antenna("GNSS", unknown=("LX", "LY"), shift="session", shift_error=(5.0, 5.0, 5.0))
+    observed = tuple(replace(each, angles=NOT_GIVEN, angle_error=NOT_GIVEN) for each in stations())
+    found = solution(with_stations(observed, antenna, block))
+    assert not [each for each in found.diagnosis if each.code == "inseparable"]
+
+
+def test_lever_arm_z_and_principal_distance_at_one_flying_height() -> None:
+    found = diagnosed(Antenna("GNSS", unknown=("LZ",)), camera=("C",))
+    (text,) = [each.text for each in found if each.code == "inseparable"]
+    assert "LZ of antenna GNSS and C of camera CAM correlate by" in text
+    assert "one flying height" in text
+
+
+def test_a_drift_of_two_stations() -> None:
+    antenna = Antenna("GNSS", shift="strip", drift="strip", drift_error=(0.1, 0.1, 0.1))
+    block = noisy(MADE, 11)
+    observed = tuple(each for each in stations(error=0.03) if each.strip != "3" or each.photo in ("p11", "p12"))
+    found = solution(with_stations(observed, antenna, block))
+    (short,) = [
+        each for each in found.diagnosis if "the drift of antenna GNSS strip 3 comes from 2 stations" in each.text
+    ]
+    assert short.code == "inseparable"
+    assert 'drift = "session"' in short.remedy
+
+
+def test_boresight_without_an_attitude() -> None:
+    found = diagnosed(Antenna("GNSS", unknown=("BX",)), angles=NOT_GIVEN, angle_error=NOT_GIVEN)
+    (text,) = [each.text for each in found if each.code == "undetermined"]
+    assert text.startswith("BX of antenna GNSS cannot be determined: no station of it has an attitude")
+
+
+def test_shifts_without_control_leave_the_datum_free() -> None:
+    found = diagnosed(Antenna("GNSS", shift="session"), control=False, angles=NOT_GIVEN, angle_error=NOT_GIVEN)
+    (datum,) = [each for each in found if each.code == "datum"]
+    assert "3 shifts" in datum.text
+    assert "unknown shifts of the stations" in datum.text
+
+
+@pytest.mark.parametrize("unknown", [("LX", "LY", "LZ"), ("BX", "BY", "BZ")])
+def test_with_control_and_no_shift_nothing_is_said(unknown: tuple[str, ...]) -> None:
+    assert not diagnosed(Antenna("GNSS", unknown=unknown))

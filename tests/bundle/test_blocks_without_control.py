@@ -1,0 +1,167 @@
+"""Blocks that no control point holds: by exposure stations, by a few observed elements, or by nothing at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle.aerial_block import aerial_block
+from bundle.solving import noisy, redefined, with_photo_points, with_rays
+from support.synthetic_block import SyntheticBlock
+
+from orip.bundle.station_orientations import with_orientations_of_stations
+from orip.records.block import Block
+from orip.records.observations.control import ControlDistance, ControlElement
+from orip.records.observations.station import Station
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Solution
+from orip.solving.solve import solve
+
+MADE = aerial_block("no control", 6)
+
+
+def from_nothing(made: SyntheticBlock, seed: int = 1) -> Block:
+    """Return the block with photo errors, but without control and orientations."""
+    block = noisy(made, seed)
+    unknown = np.full_like(block.photo_orientation, np.nan)
+    photos = tuple(replace(photo, orientation=(None,) * 6) for photo in block.photos)
+    points = np.full_like(block.point_start, np.nan)
+    return replace(block, control_points=(), photo_orientation=unknown, photos=photos, point_start=points)
+
+
+def of_first_photos(block: Block, count: int) -> Block:
+    """Return the block without the other photos, of which there are no photo points."""
+    orientation, cameras = block.photo_orientation[:count], block.photo_camera[:count]
+    return replace(block, photos=block.photos[:count], photo_camera=cameras, photo_orientation=orientation)
+
+
+def positions(made: SyntheticBlock, rows, error: float = 0.05) -> tuple[Station, ...]:
+    random = np.random.default_rng(2)
+    return tuple(
+        Station(
+            f"P{row + 1}", tuple((made.orientations[row, :3] + error * random.normal(size=3)).tolist()), (error,) * 3
+        )
+        for row in rows
+    )
+
+
+def off_truth(made: SyntheticBlock, found: Solution) -> float:
+    """Return the largest difference of points from the truth, in standard deviations."""
+    place = {name: row for row, name in enumerate(made.block.point_names)}
+    truth = made.points[[place[name] for name in found.points.names]]
+    return float(np.abs((found.points.values - truth) / found.points.sd).max())
+
+
+def test_three_stations_off_one_line_and_tie_points_orient_a_block() -> None:
+    found, _ = solve(replace(from_nothing(MADE), stations=positions(MADE, (0, 4, 12))))
+    assert found.status == "converged"
+    assert not [each for each in found.diagnosis if each.code == "datum"]
+    # three times 36 coordinates: five standard deviations are exceeded by chance once in 20 000 blocks
+    assert off_truth(MADE, found) < 5.0
+
+
+def test_stations_on_one_line_hold_no_block_without_attitudes() -> None:
+    strip = with_rays(replace(MADE, block=with_photo_points(MADE.block, MADE.block.photo_points.photo < 5)), 2)
+    block = from_nothing(strip)
+    block = replace(
+        block,
+        photos=block.photos[:5],
+        photo_camera=block.photo_camera[:5],
+        photo_orientation=block.photo_orientation[:5],
+    )
+    observed = positions(MADE, range(5))
+    with_attitudes = tuple(
+        replace(station, angles=tuple(angles), angle_error=(1e-4,) * 3)
+        for station, angles in zip(observed, MADE.orientations[:5, 3:].tolist(), strict=True)
+    )
+    oriented = with_orientations_of_stations(replace(block, stations=with_attitudes))
+    assert np.isfinite(oriented.photo_orientation).all()
+    found, _ = solve(oriented)
+    assert found.status == "converged"
+    assert off_truth(strip, found) < 5.0
+
+
+def first_model() -> tuple[SyntheticBlock, Block]:
+    """Return two photos with six common points and nothing else, as the first model of OLTRIS' Simplon block."""
+    points = MADE.block.photo_points
+    both = np.intersect1d(points.point[points.photo == 0], points.point[points.photo == 1])
+    chosen = both[np.linspace(0, len(both) - 1, 6).astype(int)]
+    block = with_photo_points(MADE.block, (points.photo < 2) & np.isin(points.point, chosen))
+    made = with_rays(replace(MADE, block=block), 2)
+    block = from_nothing(made)
+    return made, replace(
+        block,
+        photos=block.photos[:2],
+        photo_camera=block.photo_camera[:2],
+        photo_orientation=block.photo_orientation[:2],
+    )
+
+
+def test_a_first_model_from_seven_observed_elements_and_twelve_photo_points() -> None:
+    """24 + 7 observations, 12 + 18 unknowns, one redundant observation: OLTRIS (Gruen 1991), section 5."""
+    made, block = first_model()
+    angles = np.degrees(made.orientations[0, 3:])
+    values = [*made.orientations[0, :3], *angles]
+    elements = [
+        ControlElement("P1", "PHOTO", kind, float(value), 0.05 if kind.endswith("0") else 0.005)
+        for kind, value in zip(PHOTO_PARAMETERS, values, strict=True)
+    ]
+    elements.append(ControlElement("P2", "PHOTO", "X0", float(made.orientations[1, 0]), 0.05))
+    orientation = block.photo_orientation.copy()
+    orientation[0], orientation[1, 0] = made.orientations[0], made.orientations[1, 0]
+    found, _ = solve(replace(block, elements=tuple(elements), photo_orientation=orientation))
+    assert (found.observations, found.unknowns, found.redundancy) == (31, 30, 1)
+    assert found.status == "converged"
+    assert not found.singular
+    assert off_truth(made, found) < 5.0
+
+
+def test_a_free_network_with_two_oriented_photos_is_in_their_system() -> None:
+    block = redefined(from_nothing(MADE), datum="free")
+    orientation = block.photo_orientation.copy()
+    orientation[:2] = MADE.orientations[:2]
+    found, _ = solve(replace(block, photo_orientation=orientation))
+    assert found.status == "converged"
+    expected = "origin and axes are given by the orientation of photo P1, the scale by other projection centres"
+    assert any(expected in text for *_, text in found.warnings)
+    # two photos of 80 % overlap with errors of 5 micrometres give the block of 1200 m its place to a few metres
+    assert np.abs(found.points.values - MADE.points).max() < 5.0
+
+
+def test_a_free_network_from_nothing_says_what_its_scale_is() -> None:
+    block = redefined(from_nothing(MADE), datum="free")
+    found, _ = solve(block)
+    assert found.status == "converged"
+    assert any("its scale is arbitrary" in text for *_, text in found.warnings)
+    a, b = block.point_names[0], block.point_names[-1]
+    length = float(np.linalg.norm(MADE.points[-1] - MADE.points[0]))
+    found, _ = solve(replace(block, distances=(ControlDistance("D", a, b, "XYZ", length, 0.01),)))
+    assert any("its scale comes from 1 distance" in text for *_, text in found.warnings)
+    assert np.linalg.norm(found.points.values[-1] - found.points.values[0]) == pytest.approx(length, abs=0.05)
+
+
+def similarity(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return scale, rotation and shift by the closed form of Umeyama (1991)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    u, singular, vt = np.linalg.svd(b.T @ a)
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ sign @ vt
+    scale = float(np.trace(np.diag(singular) @ sign) / (a**2).sum())
+    return scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+
+
+def test_a_free_network_has_the_shape_of_the_block_that_stations_hold() -> None:
+    """Free and held by the fewest stations the blocks differ by a similarity, which has a closed form."""
+    block = from_nothing(MADE)
+    # one station in three coordinates, one in three, one in one would do; constant ones hold without a residual
+    a, b, c = positions(MADE, (0, 4, 12), error=1e-6)
+    c = replace(c, position_error=(-1.0, -1.0, 1e-6))
+    b = replace(b, position_error=(1e-6, 1e-6, 1e-6))
+    held, _ = solve(replace(block, stations=(a, b, c), photo_orientation=MADE.orientations.copy()))
+    free, _ = solve(redefined(block, datum="free"))
+    scale, rotation, shift = similarity(free.points.values, held.points.values)
+    moved = scale * free.points.values @ rotation.T + shift
+    # seven coordinates and the datum defect of seven: only where the iterations stopped differs
+    assert held.redundancy == free.redundancy
+    assert moved == pytest.approx(held.points.values, abs=1e-3)
