@@ -64,7 +64,7 @@ class _DoubtedPhotoPoints:
         self.measured: dict[int, set[int]] = {}
         self.rays_of: dict[int, list[int]] = {}
         points = block.photo_points
-        used = points.used.all(axis=1).tolist()
+        used: list[bool] = np.all(points.used, axis=1).tolist()
         for row, (photo, point) in enumerate(zip(points.photo.tolist(), points.point.tolist(), strict=True)):
             self.measured.setdefault(photo, set()).add(point)
             if used[row]:
