@@ -196,7 +196,8 @@ def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int
                 yield _changed(taken_back, other, limit), row
     gains = np.where(best.weight >= 1.0, _gains(best, [], limit), np.inf)
     for row in np.argsort(gains, kind="stable")[:_ALTERNATIVES].tolist():
-        yield best.with_weight(row, 0.0), row
+        if np.isfinite(gains[row]):
+            yield best.with_weight(row, 0.0), row
 
 
 def _gains(now: _Weighed, changed: Sequence[int], limit: float) -> FloatArray:
