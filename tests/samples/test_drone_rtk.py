@@ -115,6 +115,10 @@ def test_strip_and_fix_are_named_and_the_setting_that_is_named_helps(tmp_path: P
     assert before["sigma0"] > 1.1
     # redundancy 2115: sigma0 has a standard deviation of 0.015
     assert after["sigma0"] == pytest.approx(1.0, abs=0.05)
+    assert orip(folder, "report").code == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Exposure stations: residuals of positions" in page
+    assert all(f"Residuals of stations in {axis} over time" in page for axis in "XYZ")
     shift = after["antennas"]["RTK"]["strips"]["S3"]
     for key, value in zip(("SX", "SY", "SZ"), truth["shifted strip"]["east north up"], strict=True):
         # three standard deviations, and what the convergence of 0.75 degrees makes of a shift to the east
