@@ -21,6 +21,7 @@ from orip.records.observations.measurement import (
     TransformationKind,
 )
 from orip.records.project.camera import Camera, Mark
+from orip.wording import counted
 
 
 class DrivingOrientation(NamedTuple):
@@ -77,7 +78,7 @@ def _drive(
 ) -> DrivingOrientation:
     used = ~marks.disregarded
     measured, target = marks.measured[used], given[used]
-    fault = f"{len(measured)} usable marks, and transformation {kind} needs {MARKS_NEEDED[kind]}"
+    fault = f"{counted(len(measured), 'usable mark')}, and transformation {kind} needs {MARKS_NEEDED[kind]}"
     if len(measured) >= MARKS_NEEDED[kind]:
         try:
             return DrivingOrientation(fit_plane_transformation(kind, measured, target), None)

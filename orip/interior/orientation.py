@@ -24,7 +24,7 @@ from orip.records.project.photo import Stage
 from orip.records.results.interior import MarkAdjustment
 from orip.records.results.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
-from orip.wording import listed_names
+from orip.wording import counted, listed_names
 
 _MIRROR_GAIN = 0.1
 """A film is taken for mirrored when turning it over brings the residuals below this part of what they are."""
@@ -49,6 +49,7 @@ def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> 
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_template(orientation, ticks)
     return _orient(
@@ -68,6 +69,7 @@ def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: boo
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_photo(orientation, camera)
     system: Literal["plate", "template"] = "template" if on_template else "plate"
@@ -137,7 +139,7 @@ def _orient(
     what = "template" if group == "templates" else "photo"
     if (count := int(np.count_nonzero(used))) < MARKS_NEEDED[kind]:
         message = (
-            f"{what} {name} has {count} usable marks; transformation {kind} needs {MARKS_NEEDED[kind]}: "
+            f"{what} {name} has {counted(count, 'usable mark')}; transformation {kind} needs {MARKS_NEEDED[kind]}: "
             "measure more marks or include disregarded ones"
         )
         raise OrientationError(message)

@@ -151,6 +151,7 @@ def scene_document(block: OrientedBlock, plan: PlanView, axes: tuple[str, str, s
     return {
         "block": table.block,
         "project": table.project,
+        "user": table.user,
         "object_unit": table.object_unit,
         "plate_unit": table.plate_unit,
         "axes": list(axes),

@@ -172,6 +172,22 @@ def test_foot_switches_and_keys(browser, server):
     assert page.quiet()
 
 
+def test_the_page_fits_a_telephone(browser, server):
+    """What is operated comes right below the plan, and nothing is wider than the screen."""
+    screen = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    try:
+        page = Page(browser, server.url)
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+        names = ["place", "status", "panel", "readout", "upper"]
+        tops = [browser.find_element("id", name).rect["y"] for name in names]
+        assert tops == sorted(tops)
+        assert browser.find_element("css selector", "[data-foot=RIGHT]").rect["y"] < 844
+        assert page.quiet()
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
 def test_what_is_refused_is_said(browser, server):
     page = Page(browser, server.url)
     browser.execute_script("drive({ object: [10, 0, 500] })")

@@ -489,6 +489,23 @@ def test_copies_of_templates_and_models(film: Path) -> None:
 # delete
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("camera", "C36"), ("temtick", "T"), ("photo", "left"), ("template", "T9"), ("bundle", "MAIN"), ("model", "M")],
+)
+def test_delete_asks(film: Path, kind: str, name: str) -> None:
+    for words in (
+        "camera add C36 c=36", "temtick add T ticks.1={x=1,y=2}", "template add T9 temtick=T",
+        "model add M left=left right=right row=1 column=1",
+    ):  # fmt: skip
+        done(orip(film, *words.split()))
+    refused(film, f"Delete {kind} {name}", kind, "delete", name, "--with-referents", code=2)
+    assert "Say so with --yes" in orip(film, kind, "delete", name, "--with-referents").err
+    assert name in names(film, kind)
+    done(orip(film, kind, "delete", name, "--with-referents", "--yes"))
+    assert name not in names(film, kind)
+
+
 def test_delete_what_nothing_refers_to(project: Path) -> None:
     done(orip(project, "camera", "add", "O", "c=8.5"))
     said = done(orip(project, "camera", "delete", "o", "--yes", "--json"))

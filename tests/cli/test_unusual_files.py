@@ -76,6 +76,19 @@ def test_a_pipe_in_the_place_of_a_store_is_refused_at_once(project: Path, name: 
         assert f"{name}: this is a pipe (FIFO), not a file; a record store is one file" in said.err
 
 
+@pytest.mark.parametrize(("target", "kind"), [("/", "a folder"), ("..", "a folder"), ("/dev/null", "a device")])
+@pytest.mark.parametrize("words", [("run",), ("status",), ("bundle", "copy", "MAIN", "OTHER")])
+def test_a_store_that_leads_to_a_folder_or_a_device(
+    project: Path, words: tuple[str, ...], target: str, kind: str
+) -> None:
+    assert orip(project, "init").code == 0
+    (project / "FIRST.EXT").unlink()
+    (project / "FIRST.EXT").symlink_to(target)
+    said = orip(project, *words)
+    assert said.code == 3
+    assert f"FIRST.EXT: this is {kind}, not a file; a record store is one file" in said.err
+
+
 @pytest.mark.parametrize(("target", "kind"), [("/dev/zero", "a device"), ("/proc/self/maps", "a file of the running")])
 @pytest.mark.parametrize("name", ["FIRST.MEA", "orip.toml"])
 def test_devices_and_files_of_the_system_are_no_texts(project: Path, name: str, target: str, kind: str) -> None:

@@ -29,6 +29,7 @@ CONTROL_TEXTS = {
     "FIRST.STA": "left 1070 2075 330 5 5 5\nright 1130 2075 330 -5 -5 -5\n",
     "MAIN.PRE": "P1 1101 2083 107\n",
     "again.txt": "POINTS MAIN left\nP1 104.402 100.931\n",
+    "flown.csv": "photo,X,Y,Z\nleft,1070.5,2075.2,330.1\nright,1130.1,2075.3,330.2\nthird,1190.0,2075.0,330.0\n",
     "EDITS.MEA": "DISREGARD POINT MAIN left 4\n",
 }
 """Of the project on film; in FIRST.PNT point 5 is disregarded."""
@@ -51,7 +52,7 @@ _OTHERS = {
         "init --sample small_frame_block sample", "init MINE mine",
         "observations disregard point left P1", "observations include point left 4",
         "observations kill point left P1 --yes", "observations rename point left P1 P2",
-        "observations remeasure again.txt",
+        "observations remeasure again.txt", "stations import flown.csv --camera C35 --replace",
     ),
     OPERATED: (
         "digitise template RIGHT --link {} --simulate films/DAY1.MEA",

@@ -157,7 +157,8 @@ def _name_in_text(place: Path, chance: random.Random) -> str:
                 make(path)
     name = chance.choice(_NAMES)
     key = chance.choice(("camera_file", "temtick_file", "project_files", "control_files", "measurement_files"))
-    if key in ("camera_file", "temtick_file") and chance.random() < 0.5:
+    # with its suffix a name beside the project is a store that orip is asked to make there
+    if key in ("camera_file", "temtick_file") and BESIDE not in name and chance.random() < 0.5:
         name += ".CAM" if key == "camera_file" else ".TIK"
     value = f'["{name}"]' if key == "measurement_files" else f'"{name}"'
     text = place / "orip.toml"

@@ -83,7 +83,7 @@ def test_ticks_on_one_line_are_driven_by_a_conform_transformation():
 
 def test_disregarded_marks_do_not_count():
     found = drive_photo(photo("1234", "C", disregarded="124"), CAMERA)
-    assert "1 usable marks, and transformation C needs 2" in found.warning.text
+    assert "1 usable mark, and transformation C needs 2" in found.warning.text
     assert np.array_equal(found.transformation.matrix, np.eye(2))
 
 

@@ -157,7 +157,7 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_files():
         "b.MEA:1: bundle MIAN is not defined; known are: Main, Side",
         "b.MEA:3: template T7 is not defined; known are: T1, T2",
         "a.MEA:1: photo P9 is not defined; known are: P1, P2, P3, P4, P5, D1, B1",
-        "a.MEA:6: photo P3 has 1 usable marks; transformation A needs 3: " + REMEDY,
+        "a.MEA:6: photo P3 has 1 usable mark; transformation A needs 3: " + REMEDY,
         "a.MEA:8: template T8 is not defined; known are: T1, T2",
     ]
 

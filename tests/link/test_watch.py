@@ -97,6 +97,7 @@ def test_the_page_comes_alone(server):
 def test_the_scene(server):
     scene = json.loads(ask(server, "GET", f"/{server.token}/scene")[2])
     assert (scene["block"], scene["object_unit"], scene["plate_unit"]) == ("MAIN", "m", "mm")
+    assert (scene["project"], scene["user"]) == ("Any project", "A. Nyone")
     assert scene["axes"] == ["X", "Y", "Z"]
     plan = scene["plan"]
     assert (plan["right"], plan["up"], plan["third"], plan["mirrored"]) == (0, 1, 2, False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from workflow.commands import project_status
 from workflow.quiet import run_quietly
-from workflow.small_projects import first_project
+from workflow.small_projects import first_project, replace_in
 
 from orip.errors import InputError
 
@@ -118,3 +118,58 @@ def test_a_wrong_antenna_is_told_with_its_line(project: Path, wrong: str, messag
     with pytest.raises(InputError, match=r"orip\.toml:") as error:
         run_quietly(project)
     assert message in str(error.value)
+
+
+def test_listing_and_result_have_strip_time_and_residuals_of_stations(project: Path) -> None:
+    (project / "FIRST.STA").write_text(STATIONS)
+    run_quietly(project)
+    listing = (project / "BUNDLE_RESULT.OUT").read_text()
+    table = listing[listing.index("\nEXPOSURE STATIONS\n") :]
+    rows = {line.split()[0]: line.split() for line in table.splitlines()[:40] if line.startswith(("  left", "  right"))}
+    found = json.loads((project / "result.json").read_text())["stations"]
+    assert set(found) == {"left", "right"} == set(rows)
+    assert (found["right"]["strip"], found["right"]["time"]) == ("S1", 8.0)
+    assert (found["left"]["strip"], found["left"]["time"]) == (None, None)
+    residuals = [
+        line.split(",") for line in (project / "residuals.csv").read_text().splitlines() if line.startswith("station,")
+    ]
+    for _, photo, _, component, _, residual, *_ in residuals:
+        assert found[photo]["residual"][component] == float(residual)
+    assert set(found["right"]["attitude_residual"]) == {"OMEGA", "PHI", "KAPPA"}
+    assert "attitude_residual" not in found["left"]
+    assert f"{found['left']['residual']['Z']:.3f}" in rows["left"]
+
+
+def test_stations_in_another_system_end_where_those_in_the_grid_do(tmp_path: Path) -> None:
+    from pyproj import Transformer
+
+    first_project(tmp_path / "first")
+    for name in ("grid", "geographic"):
+        project = first_project(tmp_path / name)
+        replace_in(project / "orip.toml", 'name = "FIRST"', 'name = "FIRST", crs = "EPSG:25832"')
+        control = [line.split() for line in (project / "FIRST.PNT").read_text().splitlines()]
+        shifted = [[n, str(float(x) + 561000), str(float(y) + 5934000), *rest] for n, x, y, *rest in control]
+        (project / "FIRST.PNT").write_text("\n".join(map(" ".join, shifted)) + "\n")
+        toml = (project / "orip.toml").read_text()
+        toml = "\n".join(line for line in toml.splitlines() if line[:3] not in {"X0 ", "Y0 ", "Z0 "})
+        (project / "orip.toml").write_text(toml)
+    to_degrees = Transformer.from_crs(25832, 4258, always_xy=True)
+    places = {"left": (562070.02, 5936075.01, 330.03), "right": (562130.0, 5936075.0, 330.0)}
+    grid, geographic = "", "CRS EPSG:4258\n"
+    for name, (x, y, z) in places.items():
+        longitude, latitude = to_degrees.transform(x, y)
+        grid += f"{name} {x!r} {y!r} {z!r} 0.02 0.02 0.03\n"
+        geographic += f"{name} {longitude!r} {latitude!r} {z!r} 0.02 0.02 0.03\n"
+    (tmp_path / "grid" / "FIRST.STA").write_text(grid)
+    (tmp_path / "geographic" / "FIRST.STA").write_text(geographic)
+    expected, found = orientations(tmp_path / "grid"), orientations(tmp_path / "geographic")
+    for name in places:
+        for key in ("X0", "Y0", "Z0"):
+            assert found[name][key]["value"] == pytest.approx(expected[name][key]["value"], abs=1e-5)
+
+
+def test_a_system_that_is_not_known_is_said_with_its_line(project: Path) -> None:
+    (project / "FIRST.STA").write_text("! by hand\nCRS EPSG:99999\n" + STATIONS)
+    replace_in(project / "orip.toml", 'name = "FIRST"', 'name = "FIRST", crs = "EPSG:25832"')
+    with pytest.raises(InputError, match=r"FIRST\.STA:2: crs \"EPSG:99999\" is not known to PROJ"):
+        run_quietly(project)

@@ -172,6 +172,8 @@ def _bytes_of(file: Path, store: sqlite3.Connection) -> bytes:
 
 def _read_undo(file: Path) -> tuple[Path, bytes]:
     """Return the pact of a copy, and the bytes that the store had."""
+    if _undo_of(file).is_symlink():  # also one that leads nowhere, for which a missing copy would be waited for
+        raise damage(_undo_of(file), "it is a link, and no copy of a store")
     head, _, content = regular_bytes(_undo_of(file)).partition(b"\n")
     try:
         found = json.loads(head)

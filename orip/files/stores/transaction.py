@@ -205,7 +205,7 @@ def _require_regular(path: Path) -> None:
         raise InputError.single(message, str(path))
     file = file_of(path)
     for beside in ("", "-journal", "-wal", "-shm"):
-        found = file.with_name(file.name + beside)
+        found = Path(f"{file}{beside}")  # of '/' too, which has no name
         try:
             kind = kind_of_no_file(found.stat())
         except OSError:

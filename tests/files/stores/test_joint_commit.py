@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import sqlite3
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -152,6 +153,16 @@ def test_a_copy_that_is_damaged_is_said(tmp_path):
     copy.write_bytes(copy.read_bytes()[:-1])
     with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is not a copy of a store\)"):
         names(tmp_path)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("target", ["gone", "S04.TIK"])
+def test_a_copy_that_is_a_link_is_refused(tmp_path, target):
+    write(tmp_path, "OLD")
+    (tmp_path / "S03.TIK-undo").symlink_to(target)
+    for transaction in (names, partial(write, name="NEW")):
+        with pytest.raises(InputError, match=r"S03\.TIK-undo: the store is damaged \(it is a link"):
+            transaction(tmp_path)
 
 
 def _alternate(folder: str, name: str, rounds: int) -> None:
