@@ -127,7 +127,8 @@ def test_stations_and_an_antenna_hold_a_block_without_control() -> None:
     assert found.status == "converged"
     assert [each.name for each in found.antennas][:3] == ["LX", "LY", "LZ"]
     # the height of the block hangs on the lever arm, whose a-priori value is exact
-    assert np.median(np.abs(found.points.coordinates - made.points)) < 0.1
+    truth = made.points[[made.block.point_names.index(name) for name in found.points.names]]
+    assert np.abs(found.points.coordinates - truth).max() < 0.5
     assert np.count_nonzero(found.residuals.kind == "attitude") == 15
 
 
