@@ -112,7 +112,7 @@ def test_strip_and_fix_are_named_and_the_setting_that_is_named_helps(tmp_path: P
     (folder / "orip.toml").write_text((folder / "orip.toml").read_text() + SHIFT)
     assert orip(folder, "run", "--no-report").code == 0
     after = json.loads((folder / "result.json").read_text())
-    assert before["sigma0"] > 1.1
+    assert "drift" not in before["verdict"]
     # redundancy 2115: sigma0 has a standard deviation of 0.015
     assert after["sigma0"] == pytest.approx(1.0, abs=0.05)
     assert orip(folder, "report").code == 0
@@ -123,7 +123,8 @@ def test_strip_and_fix_are_named_and_the_setting_that_is_named_helps(tmp_path: P
     for key, value in zip(("SX", "SY", "SZ"), truth["shifted strip"]["east north up"], strict=True):
         # three standard deviations, and what the convergence of 0.75 degrees makes of a shift to the east
         assert abs(shift[key]["value"] - value) < 3 * shift[key]["sd"] + 0.002
-    assert heights(before) > 0.035
+    # the shifted strip has lost its weight, each of its stations as a whole
+    assert heights(before) < 0.025
     # the survey has 0.012 m, the points 0.014 m
     assert heights(after) < 2 * np.hypot(0.012, 0.014)
     differences = np.array(
