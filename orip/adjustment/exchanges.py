@@ -24,7 +24,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-_MOST_ROWS, _MOST_REDUCED = 1000, 60
+_MOST_ROWS, _MOST_REDUCED = 1000, 20
 """Observations that are all tried; of more, so many that have lost weight, with the others of their points."""
 
 _LEAST_GAIN = 0.002
