@@ -154,7 +154,7 @@ def _fault_of_number(number: float) -> str:
 
 def _fault_of(name: object) -> str | None:
     if not isinstance(name, str):
-        return f"{shown_token(repr(name))} is no text; a name is a text"
+        return f"{shown_token(repr(name))} is not text; a name is text"
     fault = name_fault(name)
     return None if fault is None else f"{fault}; choose another name"
 

@@ -67,7 +67,7 @@ class TwoPhotos(NamedTuple):
     rotation: FloatArray
 
     def of(self, rows: NDArray[np.int64]) -> TwoPhotos:
-        """Return some of the pairs."""
+        """Return some of the pairs, by their numbers (k,)."""
         return TwoPhotos(self.base[rows], self.rotation[rows])
 
 

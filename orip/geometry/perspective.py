@@ -21,7 +21,7 @@ IN_FRONT = 1e-6
 
 
 def is_in_front(u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
-    """Tell whether a point with the coordinates U in the photo's axes is in front of the camera."""
+    """Tell whether points, numbers or arrays (n,) of U in the photo's axes, are in front of the camera."""
     found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > IN_FRONT**2 * (u1 * u1 + u2 * u2 + u3 * u3))
     return found
 
@@ -55,7 +55,7 @@ class Perspective(NamedTuple):
     in_front: BoolArray
 
     def of(self, rows: BoolArray) -> Perspective:
-        """Return the rows of some points."""
+        """Return the rows of some of the n points, chosen by flags (n,)."""
         return Perspective(
             self.xy[rows],
             self.by_point[rows],

@@ -78,7 +78,7 @@ class Similarities(NamedTuple):
         return Similarity(float(self.scale[index]), self.rotation[index], self.shift[index])
 
     def only(self, chosen: NDArray[np.bool_]) -> Similarities:
-        """Return the chosen transformations."""
+        """Return some of the n transformations, chosen by flags (n,)."""
         return Similarities(self.scale[chosen], self.rotation[chosen], self.shift[chosen])
 
 

@@ -16,10 +16,10 @@ _ONE_PLACE = 1e-6
 
 
 def frame_corners(camera: Camera) -> tuple[FloatArray, FloatArray] | None:
-    """Return the lower left and the upper right corner (mm, fiducial system) of a camera's frame.
+    """Return the lower left and the upper right corner, (2,) each in mm of the fiducial system, of a camera's frame.
 
     A frame or sensor is centred at the fiducial centre; where a camera has neither, its fiducial marks (reseau crosses,
-    photo corners) tell how far it reaches. None where there is nothing to tell.
+    photo corners) tell how far it reaches. None where it has no marks either.
     """
     if camera.frame is not None:
         half = np.array(camera.frame) / 2.0

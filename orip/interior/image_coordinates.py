@@ -96,7 +96,7 @@ class ImageEquation:
         return _where(found & self.is_within_reach(x, y), x, y)
 
     def is_within_reach(self, x: Number, y: Number) -> bool | BoolArray:
-        """Tell whether the argument of the polynomial is within the reach, for an argument of the formula."""
+        """Tell whether the polynomial is evaluated within its reach for x, y (mm; numbers or arrays (n,))."""
         if self.at_measured:
             x = x - self.coefficients[6] * x - self.coefficients[7] * y
         within: bool | BoolArray = x * x + y * y < self.reach_square

@@ -48,7 +48,7 @@ class PointsOfPhoto:
     mounting: IntArray
 
     def where(self, kept: BoolArray) -> PointsOfPhoto:
-        """Return some of the points."""
+        """Return some of the n points, chosen by flags (n,)."""
         return PointsOfPhoto(tuple(compress(self.names, kept)), *(array[kept] for array in self._arrays()))
 
     def measured_again(self, new: PointsOfPhoto) -> tuple[PointsOfPhoto, int]:

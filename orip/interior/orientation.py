@@ -49,6 +49,7 @@ def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> 
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_template(orientation, ticks)
     return _orient(
@@ -68,6 +69,7 @@ def orient_photo(orientation: PhotoOrientation, camera: Camera, on_template: boo
     Raises
     ------
     OrientationError
+        If a mark is not known, there are too few, or they do not give a transformation.
     """
     given = given_coordinates_of_photo(orientation, camera)
     system: Literal["plate", "template"] = "template" if on_template else "plate"

@@ -24,6 +24,7 @@ from orip.report.precision import antenna_table, photo_table, point_table, sprea
 from orip.report.report_input import ReportInput
 from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
+from orip.report.stations import station_charts, station_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
 from orip.report.variance_components import variance_component_table
@@ -84,6 +85,8 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "photos": photo_table(solution),
         "zero_directions": zero_direction_table(solution),
         "antennas": antenna_table(solution),
+        "stations": station_table(solution),
+        "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
         "strong": STRONG,

@@ -113,7 +113,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     # names
     (photo_points(photo=["1", "1", "3"]), "photo_points.photo[2]: photo 3 is not defined; known are: 1, 2"),
     (photo_points(point=["A", "B C", "A"]), "photo_points.point[1]: 'B C' has a blank; names are one word"),
-    (photo_points(point=["A", 7, "A"]), "photo_points.point[1]: 7 is no text; a name is a text"),
+    (photo_points(point=["A", 7, "A"]), "photo_points.point[1]: 7 is not text; a name is text"),
     (photo_points(point=["A", "A", "A"]), "photo_points[1]: point 'A' of photo '1' is already in row 0"),
     (photos(name=["1", ""]), "photos.name[1]: an empty name; choose another name"),
     (photos(name=["a", "A"]), "photos[1]: photo 'A' differs from 'a' in row 0 only in case"),

@@ -109,9 +109,9 @@ def test_a_full_covariance_weights_as_its_inverse() -> None:
 
 def test_a_diagonal_covariance_is_that_of_independent_errors() -> None:
     plain = stations(error=0.03)
-    given = tuple(replace(each, covariance=tuple(map(tuple, (9e-4 * np.eye(3)).tolist()))) for each in plain)
+    given = tuple(replace(station, covariance=tuple(map(tuple, (9e-4 * np.eye(3)).tolist()))) for station in plain)
     block = noisy(MADE, 3)
-    one, other = (solution(with_stations(each, block=block)) for each in (plain, given))
+    one, other = (solution(with_stations(observed, block=block)) for observed in (plain, given))
     # both sum up the same figures, in another order
     assert one.photos.values == pytest.approx(other.photos.values, abs=1e-9)
     assert one.photos.sd == pytest.approx(other.photos.sd, rel=1e-9)
@@ -143,14 +143,14 @@ def test_a_free_network_uses_no_stations_and_has_no_antenna_unknowns() -> None:
 def test_a_shift_without_control_is_free_like_the_block() -> None:
     block = replace(MADE.block, control_points=())
     found = solution(with_stations(stations(), Antenna("GNSS", shift="session"), block))
-    (datum,) = [each for each in found.diagnosis if each.code == "datum"]
+    (datum,) = [diagnosis for diagnosis in found.diagnosis if diagnosis.code == "datum"]
     assert "3 shifts" in datum.text
 
 
 def test_parameters_are_in_the_solution() -> None:
     antenna = Antenna("GNSS", unknown=LEVER_ARM, shift="strip")
     found = solution(with_stations(stations(ARM, shifts=SHIFTS), antenna, noisy(MADE, 5)))
-    by_name = {(each.strip, each.name): each for each in found.antennas}
+    by_name = {(antenna.strip, antenna.name): antenna for antenna in found.antennas}
     assert set(by_name) == {
         *(("", name) for name in ANTENNA_PARAMETERS),
         *((strip, name) for strip in "123" for name in SHIFT),

@@ -165,7 +165,11 @@ def test_a_camera_survives_the_next_run_and_the_adjustment_stays(tmp_path: Path)
     assert orip(folder, "compare", "../before.json", ".", "--relative=1e-5").code == 0
 
 
-def test_zurich_from_its_own_results_takes_two_iterations_at_most(tmp_path: Path) -> None:
+def test_zurich_from_its_own_results_takes_two_iterations_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # what Zurich's wrong control points are taken for is not what is compared, and needs many adjustments
+    monkeypatch.setattr("orip.solving.solve.explain_misfit", lambda *_: [])
     folder = sample(ZURICH, tmp_path / "zurich")
     shutil.copy(folder / "result.json", tmp_path / "before.json")
     assert len(orip(folder, "solve", "--json").document["iterations"]) > 10

@@ -27,6 +27,7 @@ TOP = [
         "photos",
         "points",
         "antennas",
+        "stations",
         "theodolites",
         "down_weighted",
         "singular",

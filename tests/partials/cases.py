@@ -453,9 +453,10 @@ def _in_a_crs(block: Block) -> Block:
         photos=tuple(replace(photo, constant=at_rest.get(photo.name, ())) for photo in block.photos),
         constant_points=np.broadcast_to(stations[:, None], (len(stations), 3)),
         # a short arm moves coordinates on a map grid by little more than they are rounded to
-        antennas=tuple(replace(each, lever_arm=(30.0, -20.0, 80.0)) for each in block.antennas),
+        antennas=tuple(replace(antenna, lever_arm=(30.0, -20.0, 80.0)) for antenna in block.antennas),
         stations=tuple(
-            replace(each, position_error=(0.0, 0.0, 0.0)) if each.photo == "P4" else each for each in block.stations
+            replace(station, position_error=(0.0, 0.0, 0.0)) if station.photo == "P4" else station
+            for station in block.stations
         ),
         elements=(
             *(element for element in block.elements if element.name not in left_out),

@@ -118,3 +118,23 @@ def test_a_wrong_antenna_is_told_with_its_line(project: Path, wrong: str, messag
     with pytest.raises(InputError, match=r"orip\.toml:") as error:
         run_quietly(project)
     assert message in str(error.value)
+
+
+def test_listing_and_result_have_strip_time_and_residuals_of_stations(project: Path) -> None:
+    (project / "FIRST.STA").write_text(STATIONS)
+    run_quietly(project)
+    listing = (project / "BUNDLE_RESULT.OUT").read_text()
+    table = listing[listing.index("\nEXPOSURE STATIONS\n") :]
+    rows = {line.split()[0]: line.split() for line in table.splitlines()[:40] if line.startswith(("  left", "  right"))}
+    found = json.loads((project / "result.json").read_text())["stations"]
+    assert set(found) == {"left", "right"} == set(rows)
+    assert (found["right"]["strip"], found["right"]["time"]) == ("S1", 8.0)
+    assert (found["left"]["strip"], found["left"]["time"]) == (None, None)
+    residuals = [
+        line.split(",") for line in (project / "residuals.csv").read_text().splitlines() if line.startswith("station,")
+    ]
+    for _, photo, _, component, _, residual, *_ in residuals:
+        assert found[photo]["residual"][component] == float(residual)
+    assert set(found["right"]["attitude_residual"]) == {"OMEGA", "PHI", "KAPPA"}
+    assert "attitude_residual" not in found["left"]
+    assert f"{found['left']['residual']['Z']:.3f}" in rows["left"]

@@ -22,6 +22,7 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
@@ -32,6 +33,7 @@ from orip.records.results.solution import (
     CheckPoint,
     Correlation,
     Estimates,
+    Exposure,
     IterationPass,
     Remark,
     Residuals,
@@ -87,6 +89,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
         antennas=_antennas(solved),
+        exposures=_exposures(block),
         singular=_singular(solved),
         correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),
         check_points=_check_points(block, points),
@@ -197,6 +200,12 @@ def _antennas(solved: SolvedBlock) -> tuple[AntennaEstimate, ...]:
             for name, value, deviation in zip(names, *row, strict=True)
         ]
     return tuple(found)
+
+
+def _exposures(block: Block) -> tuple[Exposure, ...]:
+    """Return strips and times of the stations, photos as the block has their names."""
+    names = {record_key(photo.name): photo.name for photo in block.photos}
+    return tuple(Exposure(names[record_key(station.photo)], station.strip, station.time) for station in block.stations)
 
 
 def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:

@@ -20,6 +20,7 @@ from orip.files.listings.bundle_residuals import (
     largest_residual_lines,
     photo_residual_lines,
 )
+from orip.files.listings.bundle_stations import STATION_KINDS, station_lines
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, one_fixed, root_mean_square
@@ -61,7 +62,9 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
-    others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo"))
+    if any(kind in STATION_KINDS for kind in solution.residuals.kind):
+        yield from section("EXPOSURE STATIONS", station_lines(solution))
+    others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
     yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability, measured))
 

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from orip.number_text import shortest_texts
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.records.results.station_residuals import station_residuals
 
 SCHEMA = "orip.result/1"
 SINGULAR = "singular"
@@ -62,6 +64,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": points,
         "antennas": _antennas(solution),
+        "stations": _stations(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
@@ -164,6 +167,28 @@ def _antennas(solution: Solution) -> dict[str, dict[str, object]]:
         holder = of_strips.setdefault(row.strip, {}) if row.strip else own
         holder[row.name] = _estimate(row.value, row.sd)
     return {name: {**own, "strips": strips[name]} for name, own in found.items()}
+
+
+def _stations(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return strip and time of each photo with a station, and the residuals of its position and attitude."""
+    found: dict[str, dict[str, object]] = {
+        exposure.photo: {"strip": exposure.strip or None, "time": _number(exposure.time)}
+        for exposure in solution.exposures
+    }
+    kinds: tuple[tuple[Literal["position", "attitude"], str, tuple[str, ...]], ...] = (
+        ("position", "", PHOTO_PARAMETERS[:3]),
+        ("attitude", "attitude_", PHOTO_PARAMETERS[3:]),
+    )
+    for what, prefix, components in kinds:
+        rows = station_residuals(solution, what)
+        names = [component.removesuffix("0") for component in components]
+        for row, exposure in enumerate(rows.exposures):
+            entry = found.setdefault(exposure.photo, {"strip": None, "time": None})
+            for key, values in (("residual", rows.residual), ("w", rows.w), ("weight_factor", rows.weight_factor)):
+                entry[prefix + key] = {
+                    name: _number(value) for name, value in zip(names, values[row].tolist(), strict=True)
+                }
+    return found
 
 
 def _points(solution: Solution) -> dict[str, dict[str, object]]:

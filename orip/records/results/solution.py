@@ -171,6 +171,15 @@ class AdditionalEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class Exposure:
+    """When and in which strip a photo with a station was taken; NaN and empty where that is not known."""
+
+    photo: str
+    strip: str
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
 class AntennaEstimate:
     """A parameter of an antenna, or a shift or drift of its stations.
 
@@ -260,6 +269,7 @@ class Solution:
     remarks: tuple[Remark, ...] = ()
     zero_directions: tuple[ZeroDirection, ...] = ()
     antennas: tuple[AntennaEstimate, ...] = ()
+    exposures: tuple[Exposure, ...] = ()
     verdict: str = ""
     groups: tuple[GroupTest, ...] = ()
     variance_components: tuple[VarianceComponent, ...] = ()

@@ -147,7 +147,7 @@ def test_in_the_axes_of_a_crs() -> None:
 
 
 def test_outside_the_band_of_a_large_block() -> None:
-    found = solved(large_aerial_block(80, 25))
+    found = solved(large_aerial_block(80, 12))
     assert isinstance(found.cofactors.reduced, BandMatrix)
     first, last = found.problem.unknowns.photos[[0, -1]]
     with pytest.raises(IndexError, match="no observation in common"):

@@ -17,6 +17,7 @@ from orip.files.stores.contents import cameras, exterior, observations, photos, 
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
+from orip.files.stores.schema import DUMP_VERSION
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Temtick
@@ -148,7 +149,11 @@ FAULTS = {
     "an unknown table": ('{"table": "tick"', '{"table": "tock"', 'expected {"table": "tick"'),
     "an unknown column": ('"name", "x"', '"name", "u"', "expected"),
     "an unknown format": ("orip.dump/1", "orip.dump/9", "no dump of a store"),
-    "a newer schema": ('"schema": 6', '"schema": 7', "schema 7.*knows schema 6"),
+    "a newer schema": (
+        f'"schema": {DUMP_VERSION}',
+        f'"schema": {DUMP_VERSION + 1}',
+        f"schema {DUMP_VERSION + 1}.*knows schema {DUMP_VERSION}",
+    ),
     "another kind": ('"kind": "TIK"', '"kind": "CAM"', r"dump of a \.CAM"),
     "a run that is no text": ('"run": "run-1"', '"run": 5', "run 5 is neither"),
 }
@@ -225,7 +230,7 @@ def test_a_flood_of_faults_is_cut_off(tmp_path):
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.one_of(st.text(max_size=30), st.from_regex(r"[\[{]{1,3}.*[\]}]", fullmatch=True)), max_size=4))
 def test_arbitrary_text_is_refused_without_another_error(lines):
-    header = '{"format": "orip.dump/1", "kind": "TIK", "schema": 6, "run": null}'
+    header = f'{{"format": "orip.dump/1", "kind": "TIK", "schema": {DUMP_VERSION}, "run": null}}'
     with tempfile.TemporaryDirectory() as folder:
         for text in (lines, [header, *lines]):
             with pytest.raises(InputError):
@@ -259,7 +264,7 @@ def test_a_foreign_file_is_not_overwritten_by_a_load(tmp_path):
 def test_a_dump_reads_as_json_line_by_line_and_tells_its_columns(tmp_path):
     path = make(tmp_path / "Z.EXT")
     values = [json.loads(line) for line in dump(path)]
-    assert values[0] == {"format": "orip.dump/1", "kind": "EXT", "schema": 6, "run": "run-1"}
+    assert values[0] == {"format": "orip.dump/1", "kind": "EXT", "schema": DUMP_VERSION, "run": "run-1"}
     tables = {value["table"]: value["columns"] for value in values if isinstance(value, dict) and "table" in value}
     with closing(sqlite3.connect(path)) as connection:
         for table, columns in tables.items():

@@ -17,6 +17,7 @@ from orip.errors import InputError, LockedError, OripError, UsageError
 from orip.files.stores import provenance
 from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.schema import SCHEMA_VERSION
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.photo import Photo, Temtick
 
@@ -38,7 +39,7 @@ def names_in(path):
 def test_a_new_store_tells_what_it_is(tik):
     header = tik.read_bytes()[:100]
     assert header[68:72] == b"ORIP"
-    assert header[60:64] == (6).to_bytes(4, "big")
+    assert header[60:64] == SCHEMA_VERSION.to_bytes(4, "big")
     assert header[18:20] == b"\x01\x01"  # rollback journal, not WAL
     with contextlib.closing(sqlite3.connect(tik)) as connection:
         tables = connection.execute("SELECT name, strict FROM pragma_table_list WHERE schema = 'main'").fetchall()

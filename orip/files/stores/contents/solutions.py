@@ -22,6 +22,7 @@ from orip.records.results.solution import (
     Correlation,
     Diagnosis,
     Estimates,
+    Exposure,
     InteriorSummary,
     IterationPass,
     Remark,
@@ -106,6 +107,7 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
         AntennaEstimate,
         _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
     ),
+    "exposures": (Exposure, _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time"))),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),
     "singular": (
         SingularUnknown,

@@ -1,0 +1,59 @@
+"""The exposure stations of a solution, their residuals side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, CONSTANT_STATION, STATION
+from orip.records.results.solution import Exposure, Solution
+
+POSITION_KINDS = (STATION.name, CONSTANT_STATION.name)
+ATTITUDE_KINDS = (ATTITUDE.name, CONSTANT_ATTITUDE.name)
+
+
+@dataclass(frozen=True, slots=True)
+class StationResiduals:
+    """Positions or attitudes of n stations, in the order of time as far as that is known.
+
+    Parameters
+    ----------
+    exposures : tuple of n Exposure
+    residual, weight_factor, w : arrays (n, 3)
+        Of X, Y, Z or of the three angles; as in `Residuals`.
+    a_priori : array (n, 3)
+    """
+
+    exposures: tuple[Exposure, ...]
+    residual: FloatArray
+    a_priori: FloatArray
+    weight_factor: FloatArray
+    w: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of stations."""
+        return len(self.exposures)
+
+
+def station_residuals(solution: Solution, what: Literal["position", "attitude"]) -> StationResiduals:
+    """Return the residuals of positions or attitudes of stations, a row for each."""
+    kinds = POSITION_KINDS if what == "position" else ATTITUDE_KINDS
+    residuals = solution.residuals
+    rows: dict[str, list[int]] = {}
+    for row, kind in enumerate(residuals.kind):
+        if kind in kinds:
+            rows.setdefault(residuals.photo[row], []).append(row)
+    known = {exposure.photo: exposure for exposure in solution.exposures}
+    whole = [(known.get(photo, Exposure(photo, "", np.nan)), three) for photo, three in rows.items() if len(three) == 3]
+    whole.sort(key=lambda item: np.nan_to_num(item[0].time, nan=np.inf))
+    index = np.array([three for _, three in whole], dtype=np.int64).reshape(-1, 3)
+    return StationResiduals(
+        exposures=tuple(exposure for exposure, _ in whole),
+        residual=residuals.residual[index],
+        a_priori=residuals.a_priori[index],
+        weight_factor=residuals.weight_factor[index],
+        w=residuals.w[index],
+    )
