@@ -254,7 +254,7 @@ def test_a_foreign_file_is_not_overwritten_by_a_load(tmp_path):
     path = make(tmp_path / "T.TIK")
     lines = list(dump(path))
     path.write_text("a text of the user's\n" * 50)
-    with pytest.raises(InputError, match="no record store"):
+    with pytest.raises(InputError, match="is not a record store|no record store"):
         load(lines, path)
     assert path.read_text().startswith("a text")
     with pytest.raises(UsageError):

@@ -192,7 +192,7 @@ def not_utf8(path):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (foreign_text, "no record store; move it away"),
+        (foreign_text, "not a record store; move it away"),
         (foreign_database, "belongs to another program"),
         (other_kind, r"made as \.PHO and is not a \.TIK"),
         (newer, "newer orip .*update orip"),
