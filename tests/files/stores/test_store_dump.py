@@ -148,7 +148,7 @@ FAULTS = {
     "half a surrogate": ('["TT", 0, "ddd', '["TT", 0, "\\ud800ddd', "half a surrogate"),
     "an unknown table": ('{"table": "tick"', '{"table": "tock"', 'expected {"table": "tick"'),
     "an unknown column": ('"name", "x"', '"name", "u"', "expected"),
-    "an unknown format": ("orip.dump/1", "orip.dump/9", "no dump of a store"),
+    "an unknown format": ("orip.dump/1", "orip.dump/9", "not a dump of a store"),
     "a newer schema": (
         f'"schema": {DUMP_VERSION}',
         f'"schema": {DUMP_VERSION + 1}',
@@ -254,7 +254,7 @@ def test_a_foreign_file_is_not_overwritten_by_a_load(tmp_path):
     path = make(tmp_path / "T.TIK")
     lines = list(dump(path))
     path.write_text("a text of the user's\n" * 50)
-    with pytest.raises(InputError, match="is not a record store|no record store"):
+    with pytest.raises(InputError, match="not a record store"):
         load(lines, path)
     assert path.read_text().startswith("a text")
     with pytest.raises(UsageError):
