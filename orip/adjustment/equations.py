@@ -110,12 +110,36 @@ class Equations:
         False: a disregarded observation, or one that cannot be computed at this linearisation.
     exact : array (n,) of bool
         Exact constraints: always full weight, counted in the redundancy, not in sigma0.
+    groups : array (n,) of int, or None
+        Number of the group of observations that lose weight together, by the length of their residuals; -1 for those
+        that do so by themselves. None: all do.
     """
 
     rows: DesignMatrix
     residual: FloatArray
     active: BoolArray
     exact: BoolArray
+    groups: IntArray | None = None
+
+    def sizes(self, residual: FloatArray, among: BoolArray) -> FloatArray:
+        """Return by what size (n,) each of the residuals (n,) is judged: that of its group, those `among` them."""
+        size = np.abs(residual)
+        if self.groups is None:
+            return size
+        rows = np.flatnonzero(among & (self.groups >= 0))
+        if not len(rows):
+            return size
+        square_sums = np.bincount(self.groups[rows], size[rows] ** 2)
+        size[rows] = np.sqrt(square_sums[self.groups[rows]])
+        return size
+
+    def shares(self, among: BoolArray) -> FloatArray:
+        """Return the part (n,) that each observation has in its group: 1 by itself."""
+        share = np.ones(len(self.residual))
+        if self.groups is not None:
+            rows = np.flatnonzero(among & (self.groups >= 0))
+            share[rows] = 1.0 / np.bincount(self.groups[rows])[self.groups[rows]]
+        return share
 
     @property
     def design(self) -> csr_array:

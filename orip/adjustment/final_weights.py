@@ -105,5 +105,11 @@ def _fitting_with_full_weight(
     reduced = np.flatnonzero(equations.active & (weights < 1.0))
     leverage = cofactors(equations, normals).leverage[reduced]
     with_full_weight = np.abs(equations.residual[reduced]) / (1.0 + (1.0 - weights[reduced]) * leverage)
+    if equations.groups is not None:
+        fitted = np.zeros(len(weights))
+        fitted[reduced] = with_full_weight
+        among = np.zeros(len(weights), dtype=bool)
+        among[reduced] = True
+        with_full_weight = equations.sizes(fitted, among)[reduced]
     order = np.argsort(with_full_weight, kind="stable")
     return np.asarray(reduced[order[: np.count_nonzero(with_full_weight <= limit)]])

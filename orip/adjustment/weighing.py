@@ -79,7 +79,7 @@ class Weighing:
         if self.start is None or not (self.early or iteration >= self.start):
             return factors
         judged = _judged(equations)
-        size = np.abs(equations.residual[judged])
+        size = equations.sizes(equations.residual, judged)[judged]
         limit = self.limit * self.scale_in(equations, iteration)
         if self.has_begun_in(iteration):
             factors[judged] = danish_weights(size, limit)
@@ -93,11 +93,12 @@ class Weighing:
         For iterations in which many weights are reduced.
         """
         judged = _judged(equations)
-        size = np.abs(residuals[judged])
         if self.start is None:
-            return float(np.sum(size**2) / 2.0)
+            return float(np.sum(residuals[judged] ** 2) / 2.0)
+        size = equations.sizes(residuals, judged)[judged]
         costs = danish_costs if self.has_begun_in(iteration) else wide_costs
-        return float(costs(size, self.limit * self.scale_in(equations, iteration)).sum())
+        parts = costs(size, self.limit * self.scale_in(equations, iteration))
+        return float((parts * equations.shares(judged)[judged]).sum())
 
     def scale_in(self, equations: Equations, iteration: int) -> float:
         """Return the scale of the limit in an iteration: before the Danish method begins, that of the residuals."""
@@ -121,7 +122,8 @@ class Weighing:
         judged = _judged(equations)
         if self.start is None:
             return float(np.sum(equations.residual[judged] ** 2) / 2.0)
-        of_judged = danish_costs(np.abs(equations.residual[judged]), self.final_limit)
+        of_judged = danish_costs(equations.sizes(equations.residual, judged)[judged], self.final_limit)
+        of_judged *= equations.shares(judged)[judged]
         lost = int(np.count_nonzero(~equations.active))
         return float(of_judged.sum()) + lost * greatest_danish_cost(self.final_limit)
 

@@ -21,6 +21,7 @@ from orip.api.given import (
     PhotoPoints,
     Photos,
     PreliminaryPoints,
+    Stations,
 )
 from orip.api.project import Project, open_project
 from orip.api.solution import Solution
@@ -61,6 +62,7 @@ __all__ = [
     "Project",
     "ProjectWarning",
     "Solution",
+    "Stations",
     "UnknownNameError",
     "UsageError",
     "open_project",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from orip.api.gathering import Given, block_input
 from orip.api.given import (
@@ -16,6 +17,7 @@ from orip.api.given import (
     PhotoPoints,
     Photos,
     PreliminaryPoints,
+    Stations,
 )
 from orip.api.method import Sigma0, method_of, one_thread
 from orip.api.solution import Solution
@@ -33,10 +35,13 @@ class Block:
     photos : Photos
     photo_points : PhotoPoints
     control_points : ControlPoints, optional
-        Without control, give observed `elements` or `datum="free"`.
+        Without control, give `stations`, observed `elements` or `datum="free"`.
     elements : Elements, optional
     distances : Distances, optional
     directions : Directions, optional
+    stations : Stations, optional
+    antennas : sequence of dict
+        With the keys and values of ``[[antenna]]``.
     preliminary_points : PreliminaryPoints, optional
     name : str
         Of the bundle adjustment, in results and messages.
@@ -77,6 +82,8 @@ class Block:
         elements: Elements | None = None,
         distances: Distances | None = None,
         directions: Directions | None = None,
+        stations: Stations | None = None,
+        antennas: Sequence[Mapping[str, Any]] = (),
         preliminary_points: PreliminaryPoints | None = None,
         name: str = "MAIN",
         ground_unit: str = "m",
@@ -109,6 +116,8 @@ class Block:
             elements,
             distances,
             directions,
+            stations,
+            antennas,
             preliminary_points,
             ground_unit,
             crs,

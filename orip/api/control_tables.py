@@ -10,10 +10,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from orip.api.columns import Columns
-from orip.api.given import ControlPoints, Directions, Distances, Elements, PreliminaryPoints
+from orip.api.given import ControlPoints, Directions, Distances, Elements, PreliminaryPoints, Stations
 from orip.arrays import FloatArray
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.preliminary_text import parse_preliminary
+from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.text.parsed import Parsed
 from orip.records.observations.control import (
@@ -23,6 +24,7 @@ from orip.records.observations.control import (
     ControlPoint,
     PreliminaryPoint,
 )
+from orip.records.observations.station import Station
 
 _UNKNOWN = "-"
 _LINE = re.compile(r"\b(on )?line (\d+)\b")
@@ -75,6 +77,42 @@ def directions(given: Directions | None) -> Records[ControlDirection]:
         given = replace(given, **{column: np.nan for column in zeniths if getattr(given, column) is None})
         zeniths = zeniths if observed else ()
     return _table("directions", given, ("set", "station", "target"), ("direction", "error", *zeniths), parse_directions)
+
+
+def stations(given: Stations | None) -> Records[Station]:
+    """Return exposure stations; a position or attitude that is NaN was not observed."""
+    if given is None:
+        return Parsed(())
+    columns = Columns("stations")
+    names = columns.names("name", given.name)
+    angles, angle_error = given.angles, given.angle_error
+    if names is not None and angles is None:
+        angles, angle_error = np.full((len(names), 3), np.nan), np.nan
+    tables: dict[str, FloatArray | None] = {
+        "coordinates": columns.array("coordinates", given.coordinates, 3),
+        "error": columns.array("error", given.error, 3, may_be_one=True),
+        "angles": columns.array("angles", np.nan if angles is None else angles, 3),
+        "angle_error": columns.array("angle_error", np.nan if angle_error is None else angle_error, 3, may_be_one=True),
+        "time": columns.array("time", np.nan if given.time is None else given.time, may_be_one=True),
+    }
+    strips: list[str] | None = [_UNKNOWN] * (columns.count or 0)
+    if given.strip is not None:
+        strips = columns.names("strip", given.strip, may_be_one=True)
+    found = {column: table for column, table in tables.items() if table is not None}
+    if names is None or strips is None or len(found) < len(tables):
+        return Parsed((), tuple(columns.complaints))
+    for values, error in (("coordinates", "error"), ("angles", "angle_error")):
+        found[error] = np.where(np.isnan(found[values]), np.nan, found[error])
+    rows = [
+        [
+            _Field("name", None, name),
+            *(field for column in list(found)[:4] for field in _numbers(column, found[column][row])),
+            _Field("time", None, _numbers("time", found["time"][row : row + 1])[0].text),
+            _Field("strip", None, strip),
+        ]
+        for row, (name, strip) in enumerate(zip(names, strips, strict=True))
+    ]
+    return _read(columns, rows, parse_stations)
 
 
 def preliminary_points(given: PreliminaryPoints | None) -> Records[PreliminaryPoint]:

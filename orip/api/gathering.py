@@ -19,6 +19,7 @@ from orip.api.given import (
     PhotoPoints,
     Photos,
     PreliminaryPoints,
+    Stations,
 )
 from orip.bundle.assemble import BlockInput
 from orip.errors import Complaint, InputError, ProjectWarning
@@ -40,7 +41,7 @@ from orip.workflow.records.apply_text import with_polynomial
 _PROJECT = "BLOCK"
 """A name that a project must have; it appears nowhere."""
 
-_TABLES = {"camera": "cameras", "photo": "photos"}
+_TABLES = {"camera": "cameras", "photo": "photos", "antenna": "antennas"}
 """What the sections of orip.toml are called as arguments of a block."""
 
 _KINDS: Mapping[str, tuple[type, bool]] = {
@@ -50,6 +51,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
     "elements": (Elements, False),
     "distances": (Distances, False),
     "directions": (Directions, False),
+    "stations": (Stations, False),
     "preliminary_points": (PreliminaryPoints, False),
 }
 """The class of each table, and whether it must be given."""
@@ -66,6 +68,8 @@ class Given:
     elements: Elements | None
     distances: Distances | None
     directions: Directions | None
+    stations: Stations | None
+    antennas: Sequence[Mapping[str, Any]]
     preliminary_points: PreliminaryPoints | None
     ground_unit: str
     crs: str | None
@@ -87,12 +91,13 @@ def block_input(given: Given) -> BlockInput:
     points, elements = control_tables.control_points(given.control_points), control_tables.elements(given.elements)
     distances = control_tables.distances(given.distances)
     directions = control_tables.directions(given.directions)
+    stations = control_tables.stations(given.stations)
     preliminary = control_tables.preliminary_points(given.preliminary_points)
-    tables: tuple[Parsed[Any], ...] = (observations, points, elements, distances, directions, preliminary)
+    tables: tuple[Parsed[Any], ...] = (observations, points, elements, distances, directions, stations, preliminary)
     complaints += [complaint for table in tables for complaint in table.complaints]
     if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
-    control = Control(points.value, elements.value, distances.value, directions.value)
+    control = Control(points.value, elements.value, distances.value, directions.value, stations.value)
     return _block_input(definition, observations.value, control, preliminary.value, points.warnings)
 
 
@@ -126,7 +131,8 @@ def _block_input(
     measured = Measured(observations={record_key(bundle.name): observations})
     interior = interior_orientation(records, measured)
     unit, crs = definition.ground_unit, definition.crs
-    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings)
+    antennas = definition.antennas
+    return BlockInput(bundle, records, measured, interior, control, preliminary, unit, crs, warnings, antennas)
 
 
 # cameras, photos and settings, as the tables of orip.toml
@@ -141,6 +147,7 @@ def _definition(given: Given) -> tuple[ProjectDefinition | None, list[Complaint]
         "project": {"name": _PROJECT, "ground_unit": given.ground_unit} | ({"crs": given.crs} if given.crs else {}),
         "camera": cameras,
         "photo": photos,
+        "antenna": [{key: _plain(value) for key, value in antenna.items()} for antenna in given.antennas],
         "bundle": [settings],
     }
     source, faults = checked_tables(document, lambda place: int(place[1]) + 1 if len(place) > 1 else 0)

@@ -202,6 +202,37 @@ class Directions:
 
 
 @dataclass(frozen=True, slots=True)
+class Stations:
+    """Exposure stations of n photos, observed by GNSS and INS.
+
+    Parameters
+    ----------
+    name : (n,) of str
+        Of the photo.
+    coordinates : array (n, 3)
+        X, Y, Z of the antenna in ground units; NaN where no position was observed.
+    error : float or array (n, 3)
+        A-priori errors: 0 constant, negative: only compared.
+    angles : array (n, 3), optional
+        OMEGA, PHI, KAPPA in degrees; NaN where no attitude was observed.
+    angle_error : float or array (n, 3), optional
+        A-priori errors, degrees.
+    time : array (n,), optional
+        Of the exposures, seconds; NaN where it is not known.
+    strip : str or (n,) of str, optional
+        Strips may have a shift and drift of their own.
+    """
+
+    name: ArrayLike
+    coordinates: ArrayLike
+    error: ArrayLike
+    angles: ArrayLike | None = None
+    angle_error: ArrayLike | None = None
+    time: ArrayLike | None = None
+    strip: ArrayLike | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class PreliminaryPoints:
     """Starting values of n points; others start where their rays meet.
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import fdtri
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.unknowns import UnknownName
-from orip.records.project.antenna import BORESIGHT, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
+from orip.bundle.unknowns import CONSTANT, UnknownName
+from orip.records.project.antenna import BORESIGHT, BORESIGHT_PLACES, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
 from orip.records.results.solution import Diagnosis
-from orip.wording import counted
+from orip.wording import counted, joined
 
 _STRONG = 0.95
 """Correlation above which two unknowns are named."""
@@ -21,6 +22,9 @@ _ALIKE = 0.1
 """Root mean square change of the direction of an axis between photos (radians) below which they are turned alike."""
 
 _FOR_A_DRIFT = 3
+
+_ALPHA = 0.05
+"""Error probability of a test for significance, as for camera parameters."""
 
 _CAMERA = ("C", "DX", "DY")
 
@@ -36,6 +40,7 @@ def antenna_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
         return
     yield from _short_drifts(solved)
     yield from _strong_pairs(solved)
+    yield from _not_significant(solved)
 
 
 def cause_of_antenna(solved: SolvedBlock, name: str, kinds: list[str]) -> tuple[str, str]:
@@ -67,6 +72,45 @@ def _inseparable(solved: SolvedBlock, kinds: list[str]) -> tuple[str, str]:
     if not any(point.kind == "control" for point in solved.block.control_points):
         return "without control points the whole block shifts with it", "add control, or give its a-priori error"
     return "the stations do not determine it", "hold it constant, or give its a-priori error"
+
+
+def _not_significant(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name the shifts, drifts, boresights and time offsets that do not differ from zero: Fisher's F, three together."""
+    if solved.variance.redundancy <= 0:
+        return
+    block, state, unknowns = solved.block, solved.state, solved.problem.unknowns
+    places = station_places(block)
+    of_strips: dict[tuple[str, str], list[str]] = {}
+    for kind, stretches, values, columns in (
+        ("shift", places.shifts, state.shifts, unknowns.shifts),
+        ("drift", places.drifts, state.drifts, unknowns.drifts),
+    ):
+        for stretch, value, column in zip(stretches, values, columns, strict=True):
+            if not _differs(solved, value, column):
+                name = block.antennas[stretch.antenna].name
+                of_strips.setdefault((name, kind), []).append("" if stretch.strip is None else stretch.strip)
+    for (name, kind), strips in of_strips.items():
+        of = f" of strip {joined(strips)}" if any(strips) else ""
+        text = f"the {kind}{of} of antenna {name} is not significant"
+        remedy = f'name those that are with strips = [...] in [[antenna]], or set {kind} = "none"'
+        yield Diagnosis("not-significant", f"antenna {name}", text, remedy)
+    for antenna, value, column in zip(block.antennas, state.antennas, unknowns.antennas, strict=True):
+        for parameters, place in ((BORESIGHT, BORESIGHT_PLACES), ((TIME_OFFSET,), slice(6, 7))):
+            if (column[place] != CONSTANT).all() and not _differs(solved, value[place], column[place]):
+                text = f"{', '.join(parameters)} of antenna {antenna.name} is not significant"
+                yield Diagnosis("not-significant", f"antenna {antenna.name}", text, "hold it constant at zero")
+
+
+def _differs(solved: SolvedBlock, values: FloatArray, columns: IntArray) -> bool:
+    """Return whether unknowns are significant, or cannot be tested."""
+    if solved.normals.removed[columns].any():
+        return True
+    cofactor = solved.cofactors_of(columns)
+    scale = np.sqrt(np.diag(cofactor))
+    scaled = values / scale
+    quantity = float(scaled @ np.linalg.solve(cofactor / np.outer(scale, scale), scaled)) / len(columns)
+    limit = float(fdtri(len(columns), solved.variance.redundancy, 1.0 - _ALPHA))
+    return quantity > limit * solved.deviation_scale**2
 
 
 def _few(solved: SolvedBlock) -> Iterator[tuple[str, int]]:

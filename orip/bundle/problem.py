@@ -86,11 +86,23 @@ class BlockProblem:
     def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
         found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
+        found = replace(found, groups=self._groups())
         idle = self.excluded
         if state.left_out.any():
             of_points = self._rows_of_points(state.left_out)
             idle = of_points if idle is None else idle | of_points
         return found if idle is None else replace(found, active=found.active & ~idle)
+
+    def _groups(self) -> IntArray | None:
+        """Return the groups (n,) of observations that lose weight together; None if there are none."""
+        of_kinds = [kind.groups() if len(kind.rows.error) else None for kind in self.observations]
+        if all(groups is None for groups in of_kinds):
+            return None
+        found, first = [], 0
+        for kind, groups in zip(self.observations, of_kinds, strict=True):
+            found.append(np.full(len(kind.rows.error), -1) if groups is None else first + groups)
+            first += 0 if groups is None else int(groups.max()) + 1
+        return np.concatenate(found)
 
     def _rows_of_points(self, points: BoolArray) -> BoolArray:
         """Return which equations (n,) are photo points of some points (number of points,)."""

@@ -165,7 +165,7 @@ def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray
 
 def _whole(crs: str) -> tuple[pyproj.CRS, str]:
     """Return a system without a transformation to another datum bound to it, and how it is shown."""
-    whole = _known(crs)
+    whole = known_crs(crs)
     if whole.is_bound and whole.source_crs is not None:
         whole = whole.source_crs
     return whole, crs if len(crs) <= _LONGEST_SHOWN else whole.name
@@ -191,7 +191,19 @@ def _rows(first: Any, second: Any, third: Any) -> FloatArray:
     return result
 
 
-def _known(crs: str) -> pyproj.CRS:
+def geodetic_of(crs: str) -> pyproj.CRS:
+    """Return the geographic system that a projected one is projected from."""
+    return _horizontal(*_whole(crs))[1]
+
+
+def known_crs(crs: str) -> pyproj.CRS:
+    """Return the system that a text names.
+
+    Raises
+    ------
+    InputError
+        If PROJ does not know it.
+    """
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

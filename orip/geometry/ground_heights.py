@@ -61,7 +61,7 @@ def heights_to_ellipsoid(
         warnings.filterwarnings("ignore", message="Best transformation is not available")
         group = TransformerGroup(whole, spatial, always_xy=True, allow_ballpark=False, area_of_interest=area)
     if not group.best_available or not group.transformers:
-        raise InputError.single(_refusal(group, shown, whole.sub_crs_list[1].name))
+        raise InputError.single(_refusal(group, shown, whole.sub_crs_list[1].name if whole.is_compound else whole.name))
     return group.transformers[0]
 
 

@@ -34,6 +34,10 @@ _NAMED = {
 }
 
 
+_USUAL_ERRORS: Mapping[Quality, tuple[float, float, float]] = {"float": (0.5, 0.5, 1.0), "code": (5.0, 5.0, 10.0)}
+"""East, north, up, m: of positions without standard deviations that are not fixed."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sources:
     """What was read.
@@ -107,7 +111,7 @@ def find_exposures(sources: Sources, matching: Matching) -> tuple[Exposures, tup
         photo=tuple(photo[index] for index in kept),
         place=found.place[kept],
         is_geographic=sources.solution.is_geographic,
-        covariance=found.covariance[kept],
+        covariance=_with_usual_errors(found.covariance, quality)[kept],
         rotation=found.rotation[kept],
         angle_error=found.angle_error[kept],
         time=events.time[row[kept]],
@@ -293,6 +297,12 @@ def _interpolated_places(
     pairs = [(trajectory.quality[one], trajectory.quality[min(one + 1, last)]) for one in found.before.tolist()]
     quality: list[Quality] = [min(pair, key=_ORDER.index) for pair in pairs]
     return replace(found, place=place), quality, missing, list(_first(warnings))
+
+
+def _with_usual_errors(covariance: FloatArray, quality: Sequence[Quality]) -> FloatArray:
+    """Return covariances, where none is given those that are usual for positions that are not fixed."""
+    usual = np.array([np.diag(np.square(_USUAL_ERRORS.get(kind, (np.nan,) * 3))) for kind in quality])
+    return np.where(np.isnan(covariance), usual.reshape(covariance.shape), covariance)
 
 
 def _used(

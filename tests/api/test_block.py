@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from api.arrays import arrays_of
+from bundle.aerial_block import aerial_block
 from bundle.solving import noisy, solution
+from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 import orip
@@ -105,6 +108,41 @@ def test_blunders_are_searched() -> None:
     (blunder,) = found.blunders
     assert (blunder.photo, blunder.point) == (photo_points.photo[17], photo_points.point[17])
     assert blunder.size == pytest.approx(0.2, abs=4 * blunder.sd)
+
+
+def test_stations_and_an_antenna_hold_a_block_without_control() -> None:
+    made = aerial_block("api stations", 6)
+    given = arrays_of(noisy(made, 2)) | {"control_points": None}
+    arm = np.array([0.3, -0.2, 1.0])
+    antenna = Rotation.from_euler("XYZ", made.orientations[:, 3:]).apply(arm) + made.orientations[:, :3]
+    names = [photo.name for photo in made.block.photos]
+    angles = np.full((15, 3), np.nan)
+    angles[:5] = np.degrees(made.orientations[:5, 3:])
+    block = orip.Block(
+        **given,
+        stations=orip.Stations(names, antenna, 0.02, angles, 0.01, time=np.arange(15.0), strip="1"),
+        antennas=[{"name": "GNSS", "lever_arm": arm.tolist(), "unknown": ["LZ"], "lever_arm_error": [0.1, 0.1, 0.1]}],
+    )
+    found = block.adjust()
+    assert found.status == "converged"
+    assert [each.name for each in found.antennas][:3] == ["LX", "LY", "LZ"]
+    # the height of the block hangs on the lever arm, whose a-priori value is exact
+    truth = made.points[[made.block.point_names.index(name) for name in found.points.names]]
+    assert np.abs(found.points.coordinates - truth).max() < 0.5
+    assert np.count_nonzero(found.residuals.kind == "attitude") == 15
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({"stations": orip.Stations(["P1", "P1"], np.zeros((2, 3)), 0.1)}, "stations[1]"),
+        ({"antennas": [{"name": "A", "unknown": ["QX"]}]}, "antennas[0]"),
+    ],
+)
+def test_wrong_stations_and_antennas_are_named_by_table_and_row(changes: dict[str, Any], where: str) -> None:
+    with pytest.raises(orip.InputError) as error:
+        orip.Block(**arrays_of(noisy(synthetic_block("convergent", "api"), 2)), **changes)
+    assert where in str(error.value)
 
 
 def test_distances_directions_elements_and_starting_values() -> None:

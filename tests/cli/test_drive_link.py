@@ -133,7 +133,7 @@ def kept(**changes):
     ("text", "reason"),
     [
         ("", "Expecting value"),
-        (kept()[:-40], "no state of a plate processor, or a damaged one"),
+        (kept()[:-40], "not the state of a plate processor, or a damaged one"),
         ("[1, 2]", "does not begin with the schema"),
         (kept(schema="orip.result/1"), "does not begin with the schema"),
         (kept(plates=[[1.0, 2.0]]), "plates"),

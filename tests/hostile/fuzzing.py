@@ -88,7 +88,10 @@ def targets(folder: Path) -> Mapping[str, Target]:
         ".ELE": Target(lambda data: _of_lines(parse_elements, data), (b"PHOTO left KAPPA 1.5 0.1\n",)),
         ".LEN": Target(lambda data: _of_lines(parse_distances, data), (b"1 2 100.0 0.01\n3 4 50 0.02\n",)),
         ".DIR": Target(lambda data: _of_lines(parse_directions, data), (_DIRECTIONS.encode(),)),
-        ".STA": Target(lambda data: _of_lines(parse_stations, data), (_STATIONS.encode(),)),
+        ".STA": Target(
+            lambda data: _of_lines(parse_stations, data),
+            (_STATIONS.encode(), b"CRS EPSG:4258\nANGLES ROLL PITCH HEADING\n" + _STATIONS.encode()),
+        ),
         ".DRV": Target(read_drive_table, (TABLE,), 1),
         "result.json": Target(_of_file(folder / "fuzzed.json", read_result), (of["result.json"],), 1),
         "state": Target(_of_file(folder / "fuzzed.state", read_processor_state), (json.dumps(state).encode(),)),

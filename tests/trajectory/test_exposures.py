@@ -120,3 +120,11 @@ def test_a_trajectory_of_seconds_of_the_week_fits_events_with_weeks() -> None:
     flown = replace(trajectory(), has_week=False)
     found, _ = find_exposures(Sources(flown, numbered), Matching(names="P{}"))
     np.testing.assert_allclose(found.place[:, 0], 2 * TIMES, atol=1e-6)
+
+
+def test_positions_that_are_not_fixed_have_errors_of_their_kind_where_the_file_has_none() -> None:
+    named = events(photo=tuple("ABCDEF"), quality=("fixed", "float", "code", "", "fixed", "fixed"))
+    found, _ = find_exposures(Sources(named), Matching(accepted=("fixed", "float", "code", "")))
+    assert np.isnan(found.covariance[[0, 3, 4, 5]]).any(axis=(1, 2)).all()
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance[1])), [0.5, 0.5, 1.0])
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance[2])), [5.0, 5.0, 10.0])

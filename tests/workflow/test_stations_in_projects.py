@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from workflow.commands import project_status
 from workflow.quiet import run_quietly
-from workflow.small_projects import first_project
+from workflow.small_projects import first_project, replace_in
 
 from orip.errors import InputError
 
@@ -138,3 +138,38 @@ def test_listing_and_result_have_strip_time_and_residuals_of_stations(project: P
     assert set(found["right"]["attitude_residual"]) == {"OMEGA", "PHI", "KAPPA"}
     assert "attitude_residual" not in found["left"]
     assert f"{found['left']['residual']['Z']:.3f}" in rows["left"]
+
+
+def test_stations_in_another_system_end_where_those_in_the_grid_do(tmp_path: Path) -> None:
+    from pyproj import Transformer
+
+    first_project(tmp_path / "first")
+    for name in ("grid", "geographic"):
+        project = first_project(tmp_path / name)
+        replace_in(project / "orip.toml", 'name = "FIRST"', 'name = "FIRST", crs = "EPSG:25832"')
+        control = [line.split() for line in (project / "FIRST.PNT").read_text().splitlines()]
+        shifted = [[n, str(float(x) + 561000), str(float(y) + 5934000), *rest] for n, x, y, *rest in control]
+        (project / "FIRST.PNT").write_text("\n".join(map(" ".join, shifted)) + "\n")
+        toml = (project / "orip.toml").read_text()
+        toml = "\n".join(line for line in toml.splitlines() if line[:3] not in {"X0 ", "Y0 ", "Z0 "})
+        (project / "orip.toml").write_text(toml)
+    to_degrees = Transformer.from_crs(25832, 4258, always_xy=True)
+    places = {"left": (562070.02, 5936075.01, 330.03), "right": (562130.0, 5936075.0, 330.0)}
+    grid, geographic = "", "CRS EPSG:4258\n"
+    for name, (x, y, z) in places.items():
+        longitude, latitude = to_degrees.transform(x, y)
+        grid += f"{name} {x!r} {y!r} {z!r} 0.02 0.02 0.03\n"
+        geographic += f"{name} {longitude!r} {latitude!r} {z!r} 0.02 0.02 0.03\n"
+    (tmp_path / "grid" / "FIRST.STA").write_text(grid)
+    (tmp_path / "geographic" / "FIRST.STA").write_text(geographic)
+    expected, found = orientations(tmp_path / "grid"), orientations(tmp_path / "geographic")
+    for name in places:
+        for key in ("X0", "Y0", "Z0"):
+            assert found[name][key]["value"] == pytest.approx(expected[name][key]["value"], abs=1e-5)
+
+
+def test_a_system_that_is_not_known_is_said_with_its_line(project: Path) -> None:
+    (project / "FIRST.STA").write_text("! by hand\nCRS EPSG:99999\n" + STATIONS)
+    replace_in(project / "orip.toml", 'name = "FIRST"', 'name = "FIRST", crs = "EPSG:25832"')
+    with pytest.raises(InputError, match=r"FIRST\.STA:2: crs \"EPSG:99999\" is not known to PROJ"):
+        run_quietly(project)

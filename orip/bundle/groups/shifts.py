@@ -97,9 +97,10 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         ]
         named = tuple(dict.fromkeys(test.group for test in (tests[best], *others)))
         doubted = tuple(column for test in (tests[best], *others) for column in test.columns[: test.shifts])
-        first, common = tests[best].group, _common(ground, sums, tests[best], testable)
+        chosen = _without_drift(tests, tests[best], ground, sums, testable, limit)
+        first, common = chosen.group, _common(ground, sums, chosen, testable)
         yield CommonShift(log_p, named, doubted, float(shift[first]), float(shift_sd[first]), common)
-        values, covariance = _without(tests[best], values, covariance, testable)
+        values, covariance = _without(chosen, values, covariance, testable)
         testable &= is_testable(most, np.diag(covariance))
         gone = {test.group for test in (tests[best], *others)}
         possible &= np.array(
@@ -141,19 +142,50 @@ def _without(
     return values - gain @ values[columns], covariance - gain @ covariance[columns]
 
 
+class _Estimate(NamedTuple):
+    """Columns of a test that show an error, the errors, and their covariance."""
+
+    columns: list[int]
+    size: FloatArray
+    covariance: FloatArray
+
+
+def _estimated(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> _Estimate:
+    columns = [column for column in test.columns if testable[column]]
+    response = np.array([sums.response(ground.errors[:, column])[columns] for column in columns]).T
+    inverse = np.linalg.pinv(response)
+    covariance = inverse @ sums.covariance()[np.ix_(columns, columns)] @ inverse.T
+    return _Estimate(columns, np.asarray(-inverse @ sums.values[columns]), np.asarray(covariance))
+
+
+def _without_drift(
+    tests: Sequence[_Together], best: _Together, ground: GroundGroups, sums: ResidualSums, testable: BoolArray,
+    limit: float,
+) -> _Together:  # fmt: skip
+    """Return the test of a strip's shift alone in place of one with a drift that is not significant itself.
+
+    Where weights are reduced the statistic of both together overrates the drift.
+    """
+    found = _estimated(ground, sums, best, testable)
+    drifts = [place for place, column in enumerate(found.columns) if column in best.columns[best.shifts :]]
+    if not drifts:
+        return best
+    of_drifts = np.linalg.pinv(found.covariance[np.ix_(drifts, drifts)])
+    quantity = float(found.size[drifts] @ of_drifts @ found.size[drifts])
+    if chi_square_tail(quantity, float(len(drifts))) < limit:
+        return best
+    return next(test for test in tests if test.columns == best.columns[: best.shifts])
+
+
 def _common(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> tuple[CommonError, ...]:
     """Return the errors in all components of a strip; none of other groups."""
     if not any(test.group in strip.groups for strip in ground.strips):
         return ()
-    columns = [column for column in test.columns if testable[column]]
-    response = np.array([sums.response(ground.errors[:, column])[columns] for column in columns]).T
-    inverse = np.linalg.pinv(response)
-    size = -inverse @ sums.values[columns]
-    sd = np.sqrt(np.diag(inverse @ sums.covariance()[np.ix_(columns, columns)] @ inverse.T))
+    found = _estimated(ground, sums, test, testable)
     names = dict(zip(test.columns, _components(ground, test), strict=True))
     return tuple(
         CommonError(*names[column], float(one), float(deviation))
-        for column, one, deviation in zip(columns, size, sd, strict=True)
+        for column, one, deviation in zip(found.columns, found.size, np.sqrt(np.diag(found.covariance)), strict=True)
     )
 
 

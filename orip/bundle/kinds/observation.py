@@ -78,6 +78,10 @@ class Observations(ABC):
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
 
+    def groups(self) -> IntArray | None:
+        """Return the numbers of the groups (n,) that lose weight together; None: each observation by itself."""
+        return None
+
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Return the residuals (n,) of what was observed from those of the equations; both are in the rows' units.
 

@@ -40,6 +40,10 @@ class AttitudeObservations(Observations):
     places: StationPlaces
     ground: GroundSystem
 
+    def groups(self) -> IntArray:
+        """Return the rows of the stations: a station loses its weight as a whole."""
+        return self.station
+
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (degrees, wrapped) and partials by the photo's rotation (3) and the boresight (3).
 

@@ -53,6 +53,10 @@ class PositionObservations(Observations):
     places: StationPlaces
     ground: GroundSystem
 
+    def groups(self) -> IntArray:
+        """Return the rows of the stations: a station loses its weight as a whole."""
+        return self.station
+
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (ground unit) and partials by 16 unknowns.
 

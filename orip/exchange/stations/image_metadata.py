@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import struct
@@ -94,6 +95,8 @@ def _read(path: Path) -> _Image:
     except ImportError:
         message = "image files are read with exifread, which is not installed; pip install 'orip[exif]'"
         raise InputError.single(message) from None
+    # what it logs of damaged files is said in a complaint
+    logging.getLogger("exifread").setLevel(logging.CRITICAL)
     with open_regular(path) as file:
         tags: Mapping[str, Any] = exifread.process_file(file, details=False)
         file.seek(0)

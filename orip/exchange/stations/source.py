@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
+from orip.errors import Complaint
 from orip.exchange.stations.dji_mrk import read_dji_mrk
 from orip.exchange.stations.image_metadata import ENDINGS, image_files, read_images
 from orip.exchange.stations.rtklib_pos import read_rtklib_pos
 from orip.exchange.stations.sbet import read_sbet
 from orip.exchange.stations.station_table import read_station_table
 from orip.files.text.parsed import Parsed
-from orip.records.observations.epochs import Epochs
+from orip.records.observations.epochs import Epochs, epochs
 
 _SBET_ENDINGS = (".sbet", ".out")
 
@@ -35,7 +38,12 @@ def read_epochs(
     """
     ending = path.suffix.lower()
     if path.is_dir():
-        return read_images(image_files(path), shown)
+        try:
+            images = image_files(path)
+        except OSError as error:
+            fault = Complaint(f"the folder cannot be read ({error.strerror})", shown)
+            return Parsed(epochs(shown, np.zeros(0, dtype=np.int64)), (fault,))
+        return read_images(images, shown)
     if ending in ENDINGS:
         return read_images([path], shown)
     if ending == ".pos":

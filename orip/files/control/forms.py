@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from orip.files.control.lines import ControlLines
 from orip.files.control.preliminary_text import parse_preliminary
-from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, parse_stations
+from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, is_heading, parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextLine, split_line
@@ -48,6 +49,8 @@ class ControlForm:
         Groups of the last keys; any number of groups may be missing from the end.
     dashes : tuple of str
         Keys of fields that are ``-`` where nothing is known.
+    is_heading : function of a line
+        Tells lines that say something of all records, and are none.
     rejects : bool
         One field more, ``x``, rejects the record.
     """
@@ -63,6 +66,11 @@ class ControlForm:
     optional: tuple[tuple[str, ...], ...] = ()
     dashes: tuple[str, ...] = ()
     rejects: bool = False
+    is_heading: Callable[[TextLine], bool] = lambda _: False
+
+    def records(self, lines: ControlLines) -> Iterator[TextLine]:
+        """Iterate over the lines of a text that are records."""
+        return (line for line in lines.records() if not self.is_heading(line))
 
     def fields_of(self, line: TextLine) -> Fields:
         """Return the fields of a line, as many as there are keys."""
@@ -132,6 +140,7 @@ FORMS: dict[ControlKind, ControlForm] = {
         dashes=STATION_KEYS[1:],
         texts=("strip",),
         optional=OPTIONAL_KEYS,
+        is_heading=is_heading,
     ),
     "preliminary": ControlForm(
         "preliminary point",

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.lines import TextLine, field_lines, read_lines
 from orip.files.text.parsed import Parsed
 from orip.records.names import record_key
 from orip.records.observations.a_priori_error import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
-from orip.records.observations.station import NOT_GIVEN, Station
+from orip.records.observations.station import NOT_GIVEN, Station, StationReference
 from orip.units import RADIANS_PER_DEGREE
 
 STATION_KEYS = (
@@ -32,6 +33,13 @@ _UNKNOWN = "-"
 Triple = tuple[float, float, float]
 
 
+HEADINGS = ("CRS", "ANGLES")
+"""First words of the lines before the stations that say what these refer to."""
+
+_NAVIGATION = ("ROLL", "PITCH", "HEADING")
+_ROTATIONS = ("OMEGA", "PHI", "KAPPA")
+
+
 def read_stations(path: Path, shown: str) -> Parsed[tuple[Station, ...]]:
     """Read exposure stations: see `STATION_KEYS`; ground units, degrees, seconds.
 
@@ -42,11 +50,27 @@ def read_stations(path: Path, shown: str) -> Parsed[tuple[Station, ...]]:
 
 def parse_stations(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Station, ...]]:
     """Read a text as `read_stations` reads a file."""
+    parsed = parse_stations_and_reference(text, shown)
+    return Parsed(parsed.value[0], parsed.complaints)
+
+
+def parse_stations_and_reference(
+    text: Parsed[list[str]], shown: str
+) -> Parsed[tuple[tuple[Station, ...], StationReference]]:
+    """Read stations as they are written, and what they refer to.
+
+    Lines before the first station may be ``CRS EPSG:4258`` and ``ANGLES ROLL PITCH HEADING``.
+    """
     stations: list[Station] = []
+    reference = StationReference()
     complaints: list[Complaint] = list(text.complaints)
     first_lines: dict[str, int] = {}
     for line in field_lines(text.value):
         reader = FieldReader(line, shown)
+        if is_heading(line):
+            reference = _with_heading(reader, reference, is_late=bool(first_lines))
+            complaints += reader.complaints
+            continue
         station = _read_station(reader)
         if station is not None:
             first = first_lines.setdefault(record_key(station.photo), line.number)
@@ -55,7 +79,27 @@ def parse_stations(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Station,
         complaints += reader.complaints
         if station is not None and not reader.complaints:
             stations.append(station)
-    return Parsed(tuple(stations), tuple(complaints))
+    return Parsed((tuple(stations), reference), tuple(complaints))
+
+
+def is_heading(line: TextLine) -> bool:
+    """Return whether a line says what stations refer to."""
+    return line.fields[0].text.upper() in HEADINGS and len(line.fields) < _COUNTS[0]
+
+
+def _with_heading(reader: FieldReader, reference: StationReference, *, is_late: bool) -> StationReference:
+    if is_late:
+        reader.complain(f"{reader.shown_text(0)} stands after a station; write it before the first one", 0)
+    if reader.text(0).upper() == "CRS":
+        if reference.crs:
+            reader.complain("a second CRS; all stations of a file are in one", 0)
+        elif reader.has_fields((2,), "CRS and the coordinate reference system, such as EPSG:4258"):
+            return replace(reference, crs=reader.text(1), line=reader.number)
+        return reference
+    words = tuple(reader.text(index).upper() for index in range(1, reader.count))
+    if words not in {_NAVIGATION, _ROTATIONS}:
+        reader.complain("write ANGLES ROLL PITCH HEADING, or ANGLES OMEGA PHI KAPPA", 0)
+    return replace(reference, navigation=words == _NAVIGATION, line=reader.number)
 
 
 def stations_text(stations: Sequence[Station]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
@@ -281,10 +281,11 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     elements = read_elements(folder / names["ELE"], names["ELE"])
     distances = read_distances(folder / names["LEN"], names["LEN"])
     directions = read_directions(folder / names["DIR"], names["DIR"])
-    stations = read_stations(folder / names["STA"], names["STA"])
+    text = read_lines(folder / names["STA"], names["STA"], may_be_absent=True)
+    stations = parse_stations_and_reference(text, names["STA"])
     texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
     return Parsed(
-        Control(points.value, elements.value, distances.value, directions.value, stations.value),
+        Control(points.value, elements.value, distances.value, directions.value, *stations.value),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )

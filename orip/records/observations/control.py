@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from orip.records.observations.station import Station
+from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
 PointKind = Literal["control", "check", "rejected", "tie"]
 DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
@@ -92,6 +92,7 @@ class Control:
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
+    station_reference: StationReference = IN_PROJECT
 
 
 @dataclass(frozen=True, slots=True)

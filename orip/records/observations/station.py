@@ -10,6 +10,30 @@ NOT_GIVEN = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
+class StationReference:
+    """What positions and angles of stations refer to, as a file says.
+
+    Parameters
+    ----------
+    crs : str
+        Empty: the project's coordinates.
+    navigation : bool
+        Angles are roll, pitch and heading of a vehicle on which the camera looks down, the top of the picture forward;
+        else omega, phi and kappa.
+    line : int
+        Of the file, where it says so.
+    """
+
+    crs: str = ""
+    navigation: bool = False
+    line: int = 0
+
+
+IN_PROJECT = StationReference()
+"""Coordinates of the project, omega, phi and kappa."""
+
+
+@dataclass(frozen=True, slots=True)
 class Station:
     """The exposure station of a photo.
 

@@ -106,7 +106,9 @@ def list_control(state: ProjectState, kind: ControlKind, bundle: str | None = No
     file = _file(state, kind, bundle)
     lines = _read(file)
     _check(file, lines)
-    rows = tuple((line.number, file.form.fields_of(line), _is_rejected(file.form, line)) for line in lines.records())
+    rows = tuple(
+        (line.number, file.form.fields_of(line), _is_rejected(file.form, line)) for line in file.form.records(lines)
+    )
     return ControlTable(file.shown, file.form, rows)
 
 
@@ -134,7 +136,7 @@ def add_control(
         form = file.form
         fields, faults = with_words(form, [name, *[None] * (len(form.keys) - 1)], words)
         _raise(faults)
-        for line in lines.records():
+        for line in file.form.records(lines):
             known = form.fields_of(line)
             if form.identity_of(known) == form.identity_of(fields):
                 return _known(file, lines, line, fields)
@@ -173,7 +175,7 @@ def kill_control(
     """Delete the named lines, or all if none is named; comments on lines of their own stay; raises as `add_control`."""
 
     def edit(file: _File, lines: ControlLines) -> ControlLines:
-        found = [_find(file, lines, name) for name in names] if names else lines.records()
+        found = [_find(file, lines, name) for name in names] if names else file.form.records(lines)
         return lines.without_lines(line.number for line in found)
 
     return _change(_file(state, kind, bundle), edit, dry_run=dry_run)
@@ -206,11 +208,11 @@ def weight_control(
 
 def _find(file: _File, lines: ControlLines, name: str) -> TextLine:
     form = file.form
-    found = [line for line in lines.records() if form.is_meant(name, form.fields_of(line))]
+    found = [line for line in file.form.records(lines) if form.is_meant(name, form.fields_of(line))]
     if len(found) == 1:
         return found[0]
     if not found:
-        known = listed_names(dict.fromkeys(line.fields[0].text for line in lines.records()))
+        known = listed_names(dict.fromkeys(line.fields[0].text for line in file.form.records(lines)))
         message = f"{file.shown} has no {form.singular} '{shown_token(name)}'; known are: {known}"
     else:
         listed = ", ".join(f"'{' '.join(field.text for field in line.fields[: form.identity])}'" for line in found)

@@ -41,7 +41,7 @@ def unknown_name_warnings(
     known, form = _known(state), FORMS[kind]
     return tuple(
         ProjectWarning("unused-name", f"{shown}:{line.number}", text)
-        for line in lines.records()
+        for line in form.records(lines)
         if line.number in wanted
         for text in _unknown(kind, dict(zip(form.keys, form.fields_of(line), strict=True)), known)
     )

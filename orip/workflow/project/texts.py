@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from itertools import islice
@@ -25,7 +25,7 @@ from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
 from orip.records.observations.control import Control, PreliminaryPoint
 from orip.records.observations.measurement import LogRecord
-from orip.records.observations.station import Station
+from orip.records.observations.station import IN_PROJECT, Station
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"
@@ -147,7 +147,24 @@ def read_ground_control(project: ProjectFolder) -> Parsed[Control]:
     base = project.definition.control_files
     control = read_control(project.folder, base)
     misspelt = [_misspelt(project, project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
-    return Parsed(control.value, (*_given(misspelt), *control.complaints), control.warnings)
+    complaints = [*_given(misspelt), *control.complaints]
+    found = control.value
+    try:
+        found = replace(found, stations=_stations_in_project(project, found), station_reference=IN_PROJECT)
+    except InputError as error:
+        line = found.station_reference.line
+        complaints += [replace(fault, path=f"{base}.STA", line=fault.line or line) for fault in error.complaints]
+    return Parsed(found, tuple(complaints), control.warnings)
+
+
+def _stations_in_project(project: ProjectFolder, control: Control) -> tuple[Station, ...]:
+    """Return the stations in the project's coordinates."""
+    if control.station_reference == IN_PROJECT:
+        return control.stations
+    from orip.trajectory.reference import stations_of_reference
+
+    definition = project.definition
+    return stations_of_reference(control.stations, control.station_reference, definition.crs, definition.ground_unit)
 
 
 def _read_preliminary(project: ProjectFolder, path: Path) -> Parsed[tuple[PreliminaryPoint, ...]]:

@@ -10,7 +10,7 @@ from typing import Literal
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.exchange.stations.source import read_epochs
 from orip.files.control.lines import ControlLines, read_control_lines
-from orip.files.control.stations_text import parse_stations, stations_text
+from orip.files.control.stations_text import is_heading, parse_stations, stations_text
 from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
@@ -180,6 +180,12 @@ def _with_stations(path: Path, shown: str, stations: Sequence[Station], replaces
     digest = digest_of_text(path)
     lines: ControlLines = read_control_lines(path, shown)
     keys = {record_key(station.photo) for station in stations}
+    if heads := [line for line in lines.records() if is_heading(line)]:
+        message = (
+            f"the file has {heads[0].fields[0].text} for all its stations, but imported ones are in the project's "
+            "coordinates; move it away, or give its stations in the project's coordinates"
+        )
+        raise InputError.single(message, shown, heads[0].number)
     there = [line for line in lines.records() if record_key(line.fields[0].text) in keys]
     if there and not replaces:
         raise InputError(
