@@ -21,7 +21,6 @@ from orip.adjustment.convergence import (
     weights_are_steady,
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
-from orip.adjustment.final_weights import Tried
 from orip.adjustment.improvement import judged_attempt, next_attempt
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
@@ -142,7 +141,6 @@ def _initial(problem: Problem[StateT], start: StateT, settings: IterationSetting
         weighing_from(settings.max_standard_residual, settings.start_down_weight, early=settings.early_weights),
         StepControl(problem.layout.unknowns),
         Acceleration(),
-        Tried(),
     )
 
 
@@ -157,7 +155,8 @@ def _determined(
     while True:
         equations, iteration = now.current.equations, len(now.records) + 1
         weights = now.weighing.factors(equations, iteration)
-        weights[list(now.full_weight)] = 1.0
+        if now.exchange is not None:
+            weights = now.exchange.applied(weights)
         normals = solve_normals(equations, weights, problem.layout, settings.max_lost_digits, now.control.damping)
         if not now.weighing.is_crowded_in(iteration, equations, weights):
             return now, weights, normals
@@ -214,11 +213,11 @@ def _is_accepted(
     """Return whether a step is taken: judged by the robust cost where many weights are reduced, else by square sums.
 
     A block that is thrown far away by a few wrong observations raises square sums without limit, and the robust cost by
-    what these observations cost at most. Observations that were given full weight are to raise the cost.
+    what these observations cost at most. With exchanged weights a step raises the cost at first.
     """
     before, iteration = now.current.equations, len(now.records) + 1
     enp = exponent_of_numerical_precision(normals.reduced_square_sum, now.control.unknowns)
-    if now.full_weight or not has_many_reduced(before, weights):
+    if now.exchange is not None or not has_many_reduced(before, weights):
         return by_square_sum(before, after, weights, normals)
     here = now.weighing.cost_in(before, iteration, before.residual)
     return enp >= _SAME_COST_ENP or now.weighing.cost_in(before, iteration, judged_residuals(before, after)) <= here
@@ -235,7 +234,7 @@ def _after(
         weighing=now.weighing.after(record.iteration, record.enp),
         control=step.control,
         acceleration=step.acceleration,
-        full_weight=(),
+        exchange=None,
         records=(*now.records, record),
     )
 

@@ -7,7 +7,7 @@ from typing import Generic
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.equations import Linearised, StateT
-from orip.adjustment.final_weights import Tried
+from orip.adjustment.exchanges import Exchange
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
 
@@ -55,6 +55,22 @@ class IterationRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class Tried:
+    """What has been tried from converged solutions.
+
+    Parameters
+    ----------
+    attempts : int
+    exchange, consensus : bool
+        Whether it was looked for at the present solution.
+    """
+
+    attempts: int = 0
+    exchange: bool = False
+    consensus: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class IterationState(Generic[StateT]):
     """All that one iteration hands to the next.
 
@@ -66,9 +82,8 @@ class IterationState(Generic[StateT]):
     control : StepControl
     acceleration : Acceleration
     tried : Tried
-        What was tried from converged solutions.
-    full_weight : tuple of int
-        Observations that have full weight in the next iteration.
+    exchange : Exchange or None
+        Observations that have full weight, or none, in the next iteration.
     converged : IterationState or None
         The converged solution that the iterations try to improve.
     returned : bool
@@ -81,8 +96,8 @@ class IterationState(Generic[StateT]):
     weighing: Weighing
     control: StepControl
     acceleration: Acceleration
-    tried: Tried
-    full_weight: tuple[int, ...] = ()
+    tried: Tried = Tried()
+    exchange: Exchange | None = None
     converged: IterationState[StateT] | None = None
     returned: bool = False
     records: tuple[IterationRecord, ...] = ()

@@ -121,19 +121,23 @@ class FactoredRows:
         return FactoredRows(self.of_reduced[:, places], self.of_points[places], self.bound[places])
 
 
-def factored_rows(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> FactoredRows:
+def factored_rows(
+    equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, rows: IntArray
+) -> FactoredRows:
     """Return W and B of observations.
 
     Parameters
     ----------
     equations : Equations
-        At a solution in which all observations in use have full weight.
+        At a solution.
+    weights : array (n,)
+        Weight factors of the normal equations; those of observations that are not in use do not count.
     normals : SolvedNormals
     layout : Layout
     rows : array (c,) of int
         Their numbers among all rows.
     """
-    freed, of_points = _freed_of_points(equations, normals, layout, rows)
+    freed, of_points = _freed_of_points(equations, weights, normals, layout, rows)
     of_reduced = normals.factor.reduce(freed.toarray().T / normals.scale[:, None])
     constraints = normals.constraints
     if constraints is None:
@@ -144,13 +148,13 @@ def factored_rows(equations: Equations, normals: SolvedNormals, layout: Layout, 
 
 
 def joint_effects(equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray) -> JointEffects:
-    """Return how observations act on each other; see `factored_rows`."""
-    cofactor = factored_rows(equations, normals, layout, rows).cofactor()
+    """Return how observations act on each other at a solution in which those in use have full weight."""
+    cofactor = factored_rows(equations, np.ones(len(equations.residual)), normals, layout, rows).cofactor()
     return JointEffects(equations.residual[rows], cofactor, equations.active[rows])
 
 
 def _freed_of_points(
-    equations: Equations, normals: SolvedNormals, layout: Layout, rows: IntArray
+    equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, rows: IntArray
 ) -> tuple[csr_array, csr_array]:
     """Return a_r - a_p H^T B (c, m) and a_p H^T (c, 3 p) of rows a, with the points' rows B of the factor.
 
@@ -165,5 +169,6 @@ def _freed_of_points(
     along = (in_points[:, columns] @ half.T).tocsr()
     touching = design[:, m + columns].tocsr()
     at_points = np.flatnonzero((np.diff(touching.indptr) > 0) & equations.active)
-    rows_of_factor = half @ (touching[at_points].T @ design[at_points][:, :m])
+    weighted = touching[at_points].multiply(weights[at_points, None]).tocsr()
+    rows_of_factor = half @ (weighted.T @ design[at_points][:, :m])
     return (chosen[:, :m] - along @ rows_of_factor).tocsr(), along

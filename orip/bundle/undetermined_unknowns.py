@@ -55,7 +55,8 @@ def with_undetermined_held(
     -------
     Adjustment
         `found` itself where everything is determined, in free networks (all of whose unknowns are placed by their
-        datum), and where the adjustment did not converge, before or with these unknowns held.
+        datum), and where the adjustment did not converge, before or with these unknowns held. `max_iterations` is
+        the number of all iterations.
     """
     removed = found.normals.removed
     if problem.datum is not None or not removed.any() or found.reason is not TerminationReason.CONVERGED:
@@ -64,22 +65,21 @@ def with_undetermined_held(
     removed = of_angles.normals.removed
     if not (_moved(start, of_angles.state, problem.unknowns) & removed).any():
         return of_angles
-    count = int(np.count_nonzero(removed))
+    before, count = len(found.iterations), int(np.count_nonzero(removed))
+    if before >= settings.max_iterations:
+        return replace(found, reason=TerminationReason.MAX_ITERATIONS)
     held = _holding(problem, removed)
     again = adjust(
         held,
         _reset(of_angles.state, start, removed, problem.unknowns),
-        settings,
-        lambda record: on_iteration(_with_removed(record, count)),
+        replace(settings, max_iterations=settings.max_iterations - before),
+        lambda record: on_iteration(_continued(record, before, count)),
         stop_asked,
     )
+    iterations = (*found.iterations, *(_continued(record, before, count) for record in again.iterations))
     if again.reason is not TerminationReason.CONVERGED:
-        return found
-    return replace(
-        again,
-        normals=_with_removed_unknowns(again.normals, of_angles.normals),
-        iterations=tuple(_with_removed(record, count) for record in again.iterations),
-    )
+        return replace(found, iterations=iterations)
+    return replace(again, normals=_with_removed_unknowns(again.normals, of_angles.normals), iterations=iterations)
 
 
 def _by_angles(
@@ -103,8 +103,9 @@ def _holding(problem: BlockProblem, removed: BoolArray) -> BlockProblem:
     return replace(problem, unknowns=replace(problem.unknowns, layout=layout))
 
 
-def _with_removed(record: IterationRecord, count: int) -> IterationRecord:
-    return replace(record, singular=record.singular + count)
+def _continued(record: IterationRecord, before: int, held: int) -> IterationRecord:
+    """Return a record with the number of its iteration among all, and the unknowns that are held in it."""
+    return replace(record, iteration=before + record.iteration, singular=record.singular + held)
 
 
 def _with_removed_unknowns(normals: SolvedNormals, before: SolvedNormals) -> SolvedNormals:

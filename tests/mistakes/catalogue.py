@@ -298,7 +298,7 @@ def number_twice_in_a_photo(folder: Path) -> None:
 
 
 @mistake(
-    "A point measured in the wrong place", CLIFF, "photo 104", "point 1308", "does not fit",
+    "A point measured in the wrong place", CLIFF, "104", "point 1308", "does not fit",
     mend="Measure it again, or disregard it.",
 )  # fmt: skip
 def mispointed(folder: Path) -> None:

@@ -173,7 +173,7 @@ class _Search:
         numbers = kept + [index for index in failing.numbers[:_MOST_AT_ONCE].tolist() if index not in self.kept]
         rows, candidates = self._candidates(numbers)
         solved = self._with_stored_design()
-        factored = factored_rows(solved.equations, solved.normals, solved.problem.layout, rows)
+        factored = factored_rows(solved.equations, solved.weight_factors, solved.normals, solved.problem.layout, rows)
         effects = JointEffects(solved.equations.residual[rows], factored.cofactor(), solved.equations.active[rows])
         for place in range(len(kept)):
             effects = effects.changed(candidates.places[place])

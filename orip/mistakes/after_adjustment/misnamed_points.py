@@ -25,6 +25,9 @@ _MOST = 0.05
 _LEAST_RAYS, _MOST_RAYS = 4, 12
 """Least and most rays of a point that are divided into those of two: fewer meet by chance, more take too long."""
 
+_RAYS_OF_PAIR = 2
+"""Of so many rays neither can be called wrong."""
+
 _MOST_ALONE = 5
 """Most points with one ray among which one is sought that another ray meets: of more, some are met by chance."""
 
@@ -59,8 +62,14 @@ class _DoubtedPhotoPoints:
         # its own ray the position of a point is no better known than that ray: hence the factor.
         self.rows = [row for row in rows if not self._distance(row) <= np.sqrt(2.0) * self.rays.limit(row)]
         self.measured: dict[int, set[int]] = {}
-        for photo, point in zip(block.photo_points.photo.tolist(), block.photo_points.point.tolist(), strict=True):
+        self.rays_of: dict[int, list[int]] = {}
+        points = block.photo_points
+        used: list[bool] = np.all(points.used, axis=1).tolist()
+        for row, (photo, point) in enumerate(zip(points.photo.tolist(), points.point.tolist(), strict=True)):
             self.measured.setdefault(photo, set()).add(point)
+            if used[row]:
+                self.rays_of.setdefault(point, []).append(row)
+        self.alone = {point: rays[0] for point, rays in self.rays_of.items() if len(rays) == 1}
 
     def warnings(self) -> list[ProjectWarning]:
         """Return what the photo points are; if none is another point, the one that is off most."""
@@ -105,7 +114,7 @@ class _DoubtedPhotoPoints:
 
     def _used_rows(self, row: int) -> list[int]:
         """Return all photo points of the same point that take part."""
-        return self._rays_of(int(self.block.photo_points.point[row]))
+        return self.rays_of.get(int(self.block.photo_points.point[row]), [])
 
     def _exchanged(self) -> list[tuple[int, int]]:
         """Return the pairs of photo points of one photo that are each where the other one should be."""
@@ -150,11 +159,24 @@ class _DoubtedPhotoPoints:
             return []
         worst = max(rows, key=lambda row: np.nan_to_num(self._distance(row), nan=np.inf))
         more = f" ({len(rows) - 1} more do not fit)" if len(rows) > 1 else ""
-        text = (
-            f"point {self._point(worst)} does not fit by {self._distance(worst):.3f} mm and was down-weighted; its "
-            f"other rays meet: measure it again in this photo, or check its number{more}"
-        )
-        return [ProjectWarning("blunder", self._photos([worst]), text)]
+        text = f"point {self._point(worst)} does not fit by {self._distance(worst):.3f} mm and was down-weighted"
+        if others := self._as_likely(worst):
+            text = (
+                f"{text} in {self._photos([worst])}; without any one of these photos its other rays meet, so that it "
+                f"may be wrong in any of them: measure it again there, or check its number{more}"
+            )
+        else:
+            text = f"{text}; its other rays meet: measure it again in this photo, or check its number{more}"
+        return [ProjectWarning("blunder", self._photos([worst, *others]), text)]
+
+    def _as_likely(self, row: int) -> list[int]:
+        """Return the other photo points of the same point without which its rays meet as well."""
+        rays = [row, *self._other_rows(row)]
+        return [
+            other
+            for other in sorted(rays[1:])
+            if len(rays) > _RAYS_OF_PAIR and self.rays.meeting([ray for ray in rays if ray != other]) is not None
+        ]
 
     def _distance(self, row: int) -> float:
         """Return how far (mm) a photo point is from the image of its adjusted point."""
@@ -182,15 +204,11 @@ class _DoubtedPhotoPoints:
 
     def _met_alone(self, row: int, others: IntArray) -> str | None:
         """Return the only point of one ray that a photo point's ray meets; None if there is none, or several."""
-        alone = [rays for point in others.tolist() if len(rays := self._rays_of(point)) == 1]
+        alone = [self.alone[point] for point in others.tolist() if point in self.alone]
         if len(alone) > _MOST_ALONE:
             return None
-        met = [rays[0] for rays in alone if self.rays.meeting([rays[0], row]) is not None]
+        met = [other for other in alone if self.rays.meeting([other, row]) is not None]
         return self._point(met[0]) if len(met) == 1 else None
-
-    def _rays_of(self, point: int) -> list[int]:
-        points = self.block.photo_points
-        return np.flatnonzero((points.point == point) & points.used.all(axis=1)).tolist()
 
     def _point(self, row: int) -> str:
         return self.block.point_names[int(self.block.photo_points.point[row])]

@@ -1,0 +1,229 @@
+"""Exchanges: whether the robust cost is lower if other observations are the ones that lose their weight.
+
+A gross error pulls its neighbours along, and where the iterations begin decides which of them is the first to lose
+weight. The solution is a local minimum of the robust cost then: none of its observations fits with full weight, and yet
+the cost is lower with another one down-weighted in its place. Here such exchanges are tried without an adjustment. With
+cofactors H = A Q A^T of the adjusted observations, a change d of the weight of observation i changes the residuals by
+-H_i g v_i with g = d / (1 + d h_i), the cofactors by -g H_i H_i^T and the weighted square sum by g v_i^2. That is exact
+where the observations are linear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.joint_effects import factored_rows
+from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
+from orip.arrays import BoolArray, FloatArray, IntArray
+
+_MOST_ROWS, _MOST_REDUCED = 1000, 60
+"""Observations that are all tried; of more, so many that have lost weight, with the others of their points."""
+
+_LEAST_GAIN = 0.002
+"""Part of the square of the limit by which the cost has to fall: less is within the error of the linearisation."""
+
+_SHARED = 0.03
+"""Part of an error that has to appear in another observation, for which it may be mistaken."""
+
+_ALTERNATIVES = 4
+_LONGEST = 12
+_ROUNDS = 20
+_TESTABLE = 0.03
+"""Least redundancy number of an observation that may lose its weight."""
+
+
+class Exchange(NamedTuple):
+    """Observations that get full weight, and others that lose theirs."""
+
+    full_weight: tuple[int, ...]
+    no_weight: tuple[int, ...]
+
+    def applied(self, weights: FloatArray) -> FloatArray:
+        """Return the weights (n,) after it."""
+        exchanged = weights.copy()
+        exchanged[list(self.full_weight)] = 1.0
+        exchanged[list(self.no_weight)] = LEAST_WEIGHT
+        return exchanged
+
+
+@dataclass(frozen=True, slots=True)
+class _Weighed:
+    """c observations of a linear adjustment after changes of weights.
+
+    Parameters
+    ----------
+    cofactor : array (c, c)
+        H before the changes.
+    residual, leverage, weight : arrays (c,)
+        v, the diagonal of H, and the weights after them.
+    square_sum : float
+        Weighted square sum of all observations, up to a constant.
+    changes : tuple of (g, column (c,))
+    """
+
+    cofactor: FloatArray
+    residual: FloatArray
+    leverage: FloatArray
+    weight: FloatArray
+    square_sum: float
+    changes: tuple[tuple[float, FloatArray], ...] = ()
+
+    def with_weight(self, row: int, weight: float) -> _Weighed:
+        """Return the adjustment with another weight of an observation."""
+        column = self.cofactor[:, row].copy()
+        for factor, effect in self.changes:
+            column -= factor * effect[row] * effect
+        change = weight - self.weight[row]
+        factor = change / (1.0 + change * column[row])
+        weights = self.weight.copy()
+        weights[row] = weight
+        return _Weighed(
+            self.cofactor,
+            self.residual - factor * self.residual[row] * column,
+            self.leverage - factor * column**2,
+            weights,
+            self.square_sum + factor * float(self.residual[row]) ** 2,
+            (*self.changes, (factor, column)),
+        )
+
+    def cost(self, limit: float) -> float:
+        """Return the robust cost, up to a constant: that of these observations, half the square sum of all others."""
+        others = self.square_sum - float(np.sum(self.weight * self.residual**2))
+        return others / 2.0 + float(danish_costs(np.abs(self.residual), limit).sum())
+
+    def gains(self, limit: float, weight: FloatArray) -> FloatArray:
+        """Return the change (c,) of the cost by another weight of each observation, the others' own left out."""
+        change = weight - self.weight
+        # the smallest factors are those of observations that nothing checks; they are not changed
+        factor = np.maximum(1.0 + change * self.leverage, _TESTABLE)
+        moved = self.residual / factor
+        before = danish_costs(np.abs(self.residual), limit) - self.weight * self.residual**2 / 2.0
+        after = danish_costs(np.abs(moved), limit) - weight * moved**2 / 2.0
+        return np.asarray(change / factor * self.residual**2 / 2.0 + after - before)
+
+    def reduced_weight(self, row: int, limit: float) -> float:
+        """Return the weight that an observation has at the residual that it has with this weight."""
+        weight, residual, leverage = 0.0, abs(float(self.residual[row])), float(self.leverage[row])
+        for _ in range(3):
+            moved = residual / (1.0 + (weight - self.weight[row]) * leverage)
+            weight = math.exp(-moved / limit) if moved > limit else 1.0
+        return weight
+
+
+def better_exchange(
+    equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, limit: float
+) -> Exchange | None:
+    """Return the exchange that lowers the robust cost of a converged solution; None if none was found.
+
+    Parameters
+    ----------
+    equations : Equations
+    weights : array (n,)
+        Weight factors at the solution.
+    normals : SolvedNormals
+        With these weights.
+    layout : Layout
+    limit : float
+        Standard residual up to which an observation has full weight.
+    """
+    rows = _rows_to_exchange(equations, weights, layout)
+    cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
+    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
+    rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
+    residual, weight = equations.residual[rows], weights[rows]
+    start = _Weighed(cofactor, residual, np.diag(cofactor).copy(), weight, float(np.sum(weight * residual**2)))
+    found = _lowest(start, limit)
+    if found is start:
+        return None
+    reduced_before, reduced = start.weight < 1.0, found.weight < 1.0
+    return Exchange(tuple(rows[reduced_before & ~reduced].tolist()), tuple(rows[reduced & ~reduced_before].tolist()))
+
+
+def _rows_to_exchange(equations: Equations, weights: FloatArray, layout: Layout) -> IntArray:
+    """Return the observations that may be exchanged: all, or in large blocks those of the points least in doubt.
+
+    In large blocks they are the observations of the points with the smallest residuals among those that lost weight.
+    """
+    judged = np.flatnonzero(equations.active & ~equations.exact)
+    if len(judged) <= _MOST_ROWS:
+        return judged
+    reduced = judged[weights[judged] < 1.0]
+    reduced = reduced[np.argsort(np.abs(equations.residual[reduced]), kind="stable")[:_MOST_REDUCED]]
+    points = equations.design[:, layout.reduced :]
+    touched = np.unique(points[reduced].indices // 3)
+    columns = (3 * touched[:, None] + np.arange(3)).ravel()
+    beside = np.diff(points[judged][:, columns].tocsr().indptr) > 0
+    return np.union1d(reduced, judged[beside])
+
+
+def _related(cofactor: FloatArray, weight: FloatArray) -> BoolArray:
+    """Return which observations (c,) have lost weight, or share an error with one that has."""
+    reduced = weight < 1.0
+    leverage = np.diag(cofactor)
+    # the part of an error of the reduced observation, taken back, that appears in the other one
+    shared = np.abs(cofactor[:, reduced]) / (1.0 + (1.0 - weight[reduced]) * leverage[reduced])
+    return np.asarray(reduced | (shared.max(axis=1, initial=0.0) > _SHARED))
+
+
+def _lowest(start: _Weighed, limit: float) -> _Weighed:
+    """Return the lowest cost that is reached by changing the weight of one observation, and going down from there."""
+    best, least = start, start.cost(limit)
+    for _ in range(_ROUNDS):
+        ends = (_descended(first, row, limit) for first, row in _first_changes(best, limit))
+        cost, end = min(ends, key=itemgetter(0), default=(least, best))
+        if cost > least - _LEAST_GAIN * limit**2:
+            return best
+        best, least = end, cost
+    return best
+
+
+def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int]]:
+    """Yield an adjustment with one observation taken back, or taken back in exchange for another, or one left out."""
+    for row in np.flatnonzero(best.weight < 1.0).tolist():
+        taken_back = best.with_weight(row, 1.0)
+        yield taken_back, row
+        gains = _gains(taken_back, [row], limit)
+        for other in np.argsort(gains, kind="stable")[1:_ALTERNATIVES].tolist():
+            if gains[other] < 0.0:
+                yield _changed(taken_back, other, limit), row
+    gains = np.where(best.weight >= 1.0, _gains(best, [], limit), np.inf)
+    for row in np.argsort(gains, kind="stable")[:_ALTERNATIVES].tolist():
+        if np.isfinite(gains[row]):
+            yield best.with_weight(row, 0.0), row
+
+
+def _gains(now: _Weighed, changed: Sequence[int], limit: float) -> FloatArray:
+    """Return the change (c,) of the cost by taking back, or leaving out, each observation that was not changed yet."""
+    in_use = now.weight >= 1.0
+    gains = now.gains(limit, np.where(in_use, 0.0, 1.0))
+    gains[in_use & (1.0 - now.leverage < _TESTABLE)] = np.inf
+    gains[list(changed)] = np.inf
+    return gains
+
+
+def _changed(now: _Weighed, row: int, limit: float) -> _Weighed:
+    return now.with_weight(row, now.reduced_weight(row, limit) if now.weight[row] >= 1.0 else 1.0)
+
+
+def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weighed]:
+    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is."""
+    cost = now.cost(limit)
+    for _ in range(_LONGEST):
+        gains = _gains(now, [changed], limit)
+        row = int(np.argmin(gains))
+        if gains[row] >= 0.0:
+            break
+        moved = _changed(now, row, limit)
+        lower = moved.cost(limit)
+        if lower >= cost:
+            break
+        now, cost = moved, lower
+    return cost, now

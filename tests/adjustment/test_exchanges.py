@@ -1,0 +1,116 @@
+"""Exchanges of weights against all subsets of observations, each adjusted by a straightforward iteration."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from adjustment.factorisation.linear_systems import (
+    adjusted,
+    converged,
+    dense_normals,
+    equations_of,
+    linear_problem,
+    random_equations,
+    random_weights,
+    settings,
+)
+
+from orip.adjustment.exchanges import better_exchange
+from orip.adjustment.joint_effects import factored_rows
+from orip.adjustment.normals import solve_normals
+
+COUNT, LIMIT = 12, 5.0
+SUBSETS = [subset for number in range(5) for subset in combinations(range(COUNT), number)]
+
+
+def costs(residuals: np.ndarray) -> np.ndarray:
+    """Return the robust cost of each row of residuals, written out."""
+    u = np.abs(residuals) / LIMIT
+    above = 0.5 + 2.0 / np.e - (1.0 + u) * np.exp(-u)
+    return LIMIT**2 * np.where(u <= 1.0, u**2 / 2.0, above).sum(axis=1)
+
+
+def minima(design: np.ndarray, observed: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return costs and weights of the local minima that sets of weights (s, n) lead to."""
+    for _ in range(50):
+        normals = np.einsum("sn,ni,nj->sij", weights, design, design)
+        right = np.einsum("sn,ni,n->si", weights, design, observed)
+        residuals = np.linalg.solve(normals, right[:, :, None])[:, :, 0] @ design.T - observed
+        u = np.abs(residuals) / LIMIT
+        weights = np.where(u <= 1.0, 1.0, np.exp(-u))
+    return costs(residuals), weights
+
+
+def lowest(design: np.ndarray, observed: np.ndarray) -> float:
+    """Return the lowest of the minima with up to four observations left out at first."""
+    return float(minima(design, observed, of_subsets())[0].min())
+
+
+def of_subsets() -> np.ndarray:
+    weights = np.ones((len(SUBSETS), COUNT))
+    for row, subset in enumerate(SUBSETS):
+        weights[row, list(subset)] = 1e-10
+    return weights
+
+
+def line_with_blunders(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a straight line through points of which four are wrong, with two at an end of it, where they hide."""
+    random = np.random.default_rng(seed)
+    x = np.sort(random.uniform(0.0, 10.0, COUNT))
+    observed = 2.0 + 0.5 * x + random.normal(size=COUNT)
+    wrong = [0, 1, *random.choice(np.arange(2, COUNT), 2, replace=False)]
+    observed[wrong] += random.uniform(8.0, 30.0, 4) * random.choice([-1.0, 1.0], 4)
+    return np.stack([np.ones(COUNT), x], axis=1), observed
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_the_iterations_end_at_the_lowest_cost_of_all_subsets(seed: int) -> None:
+    design, observed = line_with_blunders(seed)
+    found = adjusted(linear_problem(design, observed), np.zeros(2), settings(start=2, enp_stop=6.0))
+    assert converged(found)
+    # ENP 6: the cost, quadratic in the rest of the correction, is that of the minimum within rounding
+    assert costs(found.equations.residual[None])[0] <= lowest(design, observed) * (1.0 + 1e-6)
+
+
+def test_an_exchange_lowers_the_cost_of_a_local_minimum() -> None:
+    exchanged = 0
+    for seed in range(12):
+        design, observed = line_with_blunders(seed)
+        problem = linear_problem(design, observed)
+        every, of_all = minima(design, observed, of_subsets())
+        cost, weights = every.max(), of_all[every.argmax()]
+        normals = design.T @ (weights[:, None] * design)
+        residual = design @ np.linalg.solve(normals, design.T @ (weights * observed)) - observed
+        equations = equations_of(design, residual)
+        exchange = better_exchange(
+            equations, weights, solve_normals(equations, weights, problem.layout, 12.0), problem.layout, LIMIT
+        )
+        if exchange is None:
+            continue
+        exchanged += 1
+        (lower,), _ = minima(design, observed, exchange.applied(weights)[None])
+        assert lower < cost
+    assert exchanged >= 6
+
+
+def test_no_exchange_where_all_observations_fit() -> None:
+    design, observed = line_with_blunders(3)
+    equations = equations_of(design, np.random.default_rng(3).normal(size=COUNT))
+    problem = linear_problem(design, observed)
+    weights = np.ones(COUNT)
+    normals = solve_normals(equations, weights, problem.layout, 12.0)
+    assert better_exchange(equations, weights, normals, problem.layout, LIMIT) is None
+
+
+def test_cofactors_of_weighted_observations() -> None:
+    equations, layout = random_equations(5)
+    weights = random_weights(5, len(equations.residual))
+    rows = np.arange(0, len(weights), 3)
+    normals = solve_normals(equations, weights, layout, 12.0)
+    design = equations.design.toarray()
+    expected = design @ np.linalg.solve(dense_normals(equations, weights), design.T)
+    found = factored_rows(equations, weights, normals, layout, rows).cofactor()
+    # unknowns have units that differ by 1e6, which scaling removes; the scaled matrix has a condition below 1e4
+    assert np.allclose(found, expected[np.ix_(rows, rows)], atol=1e-8)
