@@ -107,7 +107,7 @@ def _refuse_strangers(store: Store, application: int, version: int) -> None:
         raise InputError.single(message, str(store.path))
     if version < SCHEMA_VERSION:
         message = (
-            f"this store was written by an older orip (schema {version}, without checksums; this one writes "
+            f"this store was written by an older orip (schema {version}; this one writes "
             f"{SCHEMA_VERSION}); bring what was edited in it into the text with that orip ('orip export-toml'), and "
             f"move it away: 'orip run' creates a new one"
         )
