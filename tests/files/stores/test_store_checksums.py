@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import random
 import sqlite3
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from orip.errors import InputError
 from orip.files.stores.contents import observations, solutions, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
-from orip.files.stores.transaction import reading, writing
+from orip.files.stores.transaction import connected, reading, writing
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.photo import Temtick
 
@@ -172,3 +173,16 @@ def test_a_store_that_changes_bit_by_bit_keeps_its_sums(tmp_path: Path) -> None:
         assert list(dump(path))
         with reading([path]) as stores:
             assert [item.record.name for item in temticks.read(stores[path])] == names
+
+
+def test_sqlite_trusts_no_file() -> None:
+    with contextlib.closing(connected(":memory:", 1.0)) as connection:
+        settings = {
+            name: connection.execute(f"PRAGMA {name}").fetchone()[0]
+            for name in ("trusted_schema", "cell_size_check", "foreign_keys")
+        }
+        assert settings == {"trusted_schema": 0, "cell_size_check": 1, "foreign_keys": 1}
+        with pytest.raises(sqlite3.DataError):
+            connection.execute("SELECT zeroblob(2000000000)").fetchone()
+        if sys.version_info >= (3, 12):
+            assert connection.getconfig(sqlite3.SQLITE_DBCONFIG_DEFENSIVE)
