@@ -10,8 +10,7 @@ where the observations are linear.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
@@ -99,23 +98,36 @@ class _Weighed:
         others = self.square_sum - float(np.sum(self.weight * self.residual**2))
         return others / 2.0 + float(danish_costs(np.abs(self.residual), limit).sum())
 
-    def gains(self, limit: float, weight: FloatArray) -> FloatArray:
-        """Return the change (c,) of the cost by another weight of each observation, the others' own left out."""
-        change = weight - self.weight
-        # the smallest factors are those of observations that nothing checks; they are not changed
-        factor = np.maximum(1.0 + change * self.leverage, _TESTABLE)
-        moved = self.residual / factor
-        before = danish_costs(np.abs(self.residual), limit) - self.weight * self.residual**2 / 2.0
-        after = danish_costs(np.abs(moved), limit) - weight * moved**2 / 2.0
-        return np.asarray(change / factor * self.residual**2 / 2.0 + after - before)
+    def gains(self, limit: float) -> tuple[FloatArray, FloatArray]:
+        """Return the change (c,) of the cost by changing each observation, and the weights (c,) that it has then.
 
-    def reduced_weight(self, row: int, limit: float) -> float:
-        """Return the weight that an observation has at the residual that it has with this weight."""
-        weight, residual, leverage = 0.0, abs(float(self.residual[row])), float(self.leverage[row])
+        One that has lost weight is taken back; one whose residual is more than half the limit loses its weight. What
+        the others contribute to the cost is taken as unchanged. Infinite for all that cannot be changed.
+        """
+        gains, weights = np.full(len(self.residual), np.inf), self.other_weights(limit)
+        rows = np.flatnonzero(weights != self.weight)
+        now, then, residual = self.weight[rows], weights[rows], self.residual[rows]
+        factor = 1.0 + (then - now) * self.leverage[rows]
+        moved = residual / factor
+        before = danish_costs(np.abs(residual), limit) - now * residual**2 / 2.0
+        after = danish_costs(np.abs(moved), limit) - then * moved**2 / 2.0
+        gains[rows] = (then - now) / factor * residual**2 / 2.0 + after - before
+        return gains, weights
+
+    def other_weights(self, limit: float) -> FloatArray:
+        """Return 1 (c,) for observations that have lost weight, and for others the weight that agrees with itself.
+
+        That is the weight of the residual that an observation has with this weight, 0 if there is none.
+        """
+        weights = np.where(self.weight < 1.0, 1.0, self.weight)
+        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > limit / 2.0)
+        rows = np.flatnonzero(in_use & (1.0 - self.leverage > _TESTABLE))
+        size, leverage, weight = np.abs(self.residual[rows]), self.leverage[rows], np.zeros(len(rows))
         for _ in range(3):
-            moved = residual / (1.0 + (weight - self.weight[row]) * leverage)
-            weight = math.exp(-moved / limit) if moved > limit else 1.0
-        return weight
+            moved = size / (1.0 - (1.0 - weight) * leverage)
+            weight = np.where(moved > limit, np.exp(-moved / limit), 0.0)
+        weights[rows] = weight
+        return weights
 
 
 def better_exchange(
@@ -190,38 +202,32 @@ def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int
     for row in np.flatnonzero(best.weight < 1.0).tolist():
         taken_back = best.with_weight(row, 1.0)
         yield taken_back, row
-        gains = _gains(taken_back, [row], limit)
-        for other in np.argsort(gains, kind="stable")[1:_ALTERNATIVES].tolist():
-            if gains[other] < 0.0:
-                yield _changed(taken_back, other, limit), row
-    gains = np.where(best.weight >= 1.0, _gains(best, [], limit), np.inf)
+        for other, gain, weight in _best_changes(taken_back, row, limit)[1:]:
+            if gain < 0.0:
+                yield taken_back.with_weight(other, weight), row
+    gains, weights = best.gains(limit)
+    gains[best.weight < 1.0] = np.inf
     for row in np.argsort(gains, kind="stable")[:_ALTERNATIVES].tolist():
         if np.isfinite(gains[row]):
-            yield best.with_weight(row, 0.0), row
+            yield best.with_weight(row, float(weights[row])), row
 
 
-def _gains(now: _Weighed, changed: Sequence[int], limit: float) -> FloatArray:
-    """Return the change (c,) of the cost by taking back, or leaving out, each observation that was not changed yet."""
-    in_use = now.weight >= 1.0
-    gains = now.gains(limit, np.where(in_use, 0.0, 1.0))
-    gains[in_use & (1.0 - now.leverage < _TESTABLE)] = np.inf
-    gains[list(changed)] = np.inf
-    return gains
-
-
-def _changed(now: _Weighed, row: int, limit: float) -> _Weighed:
-    return now.with_weight(row, now.reduced_weight(row, limit) if now.weight[row] >= 1.0 else 1.0)
+def _best_changes(now: _Weighed, changed: int, limit: float) -> list[tuple[int, float, float]]:
+    """Return the observations by whose change the cost falls most: number, change of the cost, weight."""
+    gains, weights = now.gains(limit)
+    gains[changed] = np.inf
+    order = np.argsort(gains, kind="stable")[:_ALTERNATIVES]
+    return list(zip(order.tolist(), gains[order].tolist(), weights[order].tolist(), strict=True))
 
 
 def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weighed]:
     """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is."""
     cost = now.cost(limit)
     for _ in range(_LONGEST):
-        gains = _gains(now, [changed], limit)
-        row = int(np.argmin(gains))
-        if gains[row] >= 0.0:
+        row, gain, weight = _best_changes(now, changed, limit)[0]
+        if gain >= 0.0:
             break
-        moved = _changed(now, row, limit)
+        moved = now.with_weight(row, weight)
         lower = moved.cost(limit)
         if lower >= cost:
             break
