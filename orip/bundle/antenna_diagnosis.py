@@ -16,10 +16,13 @@ from orip.records.results.solution import Diagnosis
 from orip.wording import counted, joined
 
 _STRONG = 0.95
-"""Correlation above which two unknowns are named."""
+"""Correlation above which an unknown is named with another one, or with several together: it triples its deviation."""
 
 _ALIKE = 0.1
 """Root mean square change of the direction of an axis between photos (radians) below which they are turned alike."""
+
+_MOST_NAMED = 4
+"""Unknowns that are named as hiding one together."""
 
 _FOR_A_DRIFT = 3
 
@@ -28,6 +31,9 @@ _ALPHA = 0.05
 
 _CAMERA = ("C", "DX", "DY")
 
+_PLAN = frozenset((*LEVER_ARM[:2], *SHIFT[:2], "DX", "DY"))
+"""What moves the image on the ground in plan, as a small turn of the photo about x or y does."""
+
 _ONE_HEIGHT = "photos from one flying height do not separate them: fly a second height, or hold one constant"
 _SAME_DIRECTION = "all photos are turned alike in kappa: opposite strips separate them, or hold one constant"
 _SAME_AXIS = "all photos look in the same direction: nothing separates them, hold one constant"
@@ -35,11 +41,12 @@ _BOTH = "judge them together, or hold one constant"
 
 
 def antenna_diagnosis(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Return a diagnosis for each drift of too few stations, and for each pair of unknowns that hardly differ."""
+    """Return a diagnosis for each drift of too few stations, and for unknowns that hardly differ."""
     if not solved.block.antennas or solved.block.is_free_network:
         return
     yield from _short_drifts(solved)
     yield from _strong_pairs(solved)
+    yield from _hidden_boresights(solved)
     yield from _not_significant(solved)
 
 
@@ -142,10 +149,61 @@ def _strong_pairs(solved: SolvedBlock) -> Iterator[Diagnosis]:
         if frozenset((a, b)) not in said:
             said.add(frozenset((a, b)))
             pair = f"{_name(names[a])} and {_name(names[b])}"
-            reason, _, remedy = _reason(solved, names[a], names[b]).partition(": ")
             text = f"{pair} correlate by {float(r[np.argmax(np.abs(r))]):.3f}"
-            text, remedy = (f"{text}: {reason}", remedy) if remedy else (text, reason)
-            yield Diagnosis("inseparable", f"antenna {names[a].name}", text, remedy)
+            yield _inseparable_ones(solved, text, [names[a], names[b]])
+
+
+def _hidden_boresights(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name each boresight with the fewest others that it correlates with too much together, though with none alone.
+
+    A shift and the principal point, for instance, share between them what one of them would hide.
+    """
+    names = solved.problem.unknowns.names.reduced
+    usable = [column for column in range(len(names)) if _is_usable(solved, column)]
+    plan = [column for column in usable if names[column].kind in _PLAN]
+    for a in (column for column in usable if names[column].kind in BORESIGHT):
+        cofactor = solved.cofactors_of(np.array([a, *plan]))
+        scale = np.sqrt(np.diag(cofactor))
+        places, r = _fewest_that_hide(cofactor / np.outer(scale, scale))
+        if len(places) > 1:
+            hiding = [names[plan[place - 1]] for place in places]
+            others = [_name(unknown) for unknown in hiding[:_MOST_NAMED]]
+            if len(hiding) > _MOST_NAMED:
+                others.append("others")
+            text = f"{_name(names[a])} correlates by {r:.3f} with {joined(others)} together"
+            yield _inseparable_ones(solved, text, [names[a], *hiding])
+
+
+def _fewest_that_hide(correlation: FloatArray) -> tuple[list[int], float]:
+    """Return the unknowns that correlate too much with the first one together, and how much; none if all do not.
+
+    They are chosen one by one, each as the one that raises the multiple correlation most, as far as they are named.
+    """
+    places = list(range(1, len(correlation)))
+    of_all = _multiple_correlation(correlation, places)
+    if of_all <= _STRONG:
+        return [], of_all
+    chosen: list[int] = []
+    for _ in range(min(_MOST_NAMED, len(places))):
+        found = [0.0 if place in chosen else _multiple_correlation(correlation, [*chosen, place]) for place in places]
+        chosen.append(places[int(np.argmax(found))])
+        if max(found) > _STRONG:
+            return chosen, max(found)
+    return places, of_all
+
+
+def _multiple_correlation(correlation: FloatArray, places: list[int]) -> float:
+    """Return the multiple correlation of the first variable with others: R² = r' C^-1 r, C of the others."""
+    with_first = correlation[places, 0]
+    square = with_first @ np.linalg.lstsq(correlation[np.ix_(places, places)], with_first, rcond=None)[0]
+    return float(np.sqrt(np.clip(square, 0.0, 1.0)))
+
+
+def _inseparable_ones(solved: SolvedBlock, text: str, unknowns: list[UnknownName]) -> Diagnosis:
+    """Return the diagnosis of unknowns that hardly differ; the first is an antenna's."""
+    reason, _, remedy = _reason(solved, {unknown.kind for unknown in unknowns}).partition(": ")
+    text, remedy = (f"{text}: {reason}", remedy) if remedy else (text, reason)
+    return Diagnosis("inseparable", f"antenna {unknowns[0].name}", text, remedy)
 
 
 def _is_usable(solved: SolvedBlock, column: int) -> bool:
@@ -159,15 +217,13 @@ def _name(unknown: UnknownName) -> str:
     return f"{unknown.kind} of {unknown.group.lower()} {unknown.name}"
 
 
-def _reason(solved: SolvedBlock, one: UnknownName, other: UnknownName) -> str:
-    """Return why two unknowns hardly differ, then what to do."""
-    kinds = {one.kind, other.kind}
+def _reason(solved: SolvedBlock, kinds: set[str]) -> str:
+    """Return why unknowns hardly differ, then what to do."""
     if "C" in kinds and kinds & {"LZ", "SZ"}:
         return _ONE_HEIGHT
     if kinds <= {"LZ", "SZ"} and _turns_least(solved, 2):
         return _SAME_AXIS
-    level = {*LEVER_ARM, *SHIFT, *BORESIGHT, "DX", "DY"} - {"LZ", "SZ"}
-    if kinds <= level and _turns_least(solved, 0):
+    if kinds <= _PLAN.union(BORESIGHT) and _turns_least(solved, 0):
         return _SAME_DIRECTION
     return _BOTH
 

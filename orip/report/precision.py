@@ -9,12 +9,17 @@ import numpy as np
 from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Estimates, Solution
+from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
 from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
 from orip.report.table import PageColumn, PageTable
 
 MOST_POINTS = 2000
 MOST_PHOTOS = 1000
+
+_STRONG = 0.95
+"""Correlation from which an antenna's unknown is marked, as in the listing."""
+
+_CORRELATION = "Largest r: the largest correlation with an unknown of an antenna or camera; marked from 0.95 on."
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,7 @@ def antenna_table(solution: Solution) -> PageTable | None:
     if not rows:
         return None
     decimals = [decimals_for([row.sd]) for row in rows]
+    largest = [_largest_correlation(solution, row) for row in rows]
     columns = [
         PageColumn("Antenna", [row.antenna for row in rows], words=True),
         PageColumn("Strip", [row.strip for row in rows], words=True),
@@ -106,8 +112,21 @@ def antenna_table(solution: Solution) -> PageTable | None:
         PageColumn("Value", [fixed(row.value, own) for row, own in zip(rows, decimals, strict=True)], "", "value"),
         PageColumn("sd", [deviation(row.sd, own) for row, own in zip(rows, decimals, strict=True)], "", "sd"),
         PageColumn("Unit", [unit_of_unknown(row.name, solution.ground_unit) for row in rows], words=True),
+        PageColumn("Largest r", ["" if each is None else f"{each.r:+.3f}" for each in largest]),
+        PageColumn("with", ["" if each is None else each.b for each in largest], words=True),
     ]
-    return PageTable("antennas", "Antennas: lever arm, boresight, shifts and drifts", columns)
+    strong = frozenset(row for row, each in enumerate(largest) if each is not None and abs(each.r) >= _STRONG)
+    return PageTable("antennas", "Antennas: lever arm, boresight, shifts and drifts", columns, _CORRELATION, strong)
+
+
+def _largest_correlation(solution: Solution, row: AntennaEstimate) -> Correlation | None:
+    """Return the largest correlation of a parameter, `b` being the other unknown; None of a constant."""
+    name = f"antenna {f'{row.antenna} strip {row.strip}' if row.strip else row.antenna}.{row.name}"
+    own = [each for each in solution.correlations if name in (each.a, each.b)]
+    if not own:
+        return None
+    largest = max(own, key=lambda each: abs(each.r))
+    return Correlation(name, largest.b if largest.a == name else largest.a, largest.r)
 
 
 def _values(estimates: Estimates, rows: list[int], axis: int, label: tuple[str, str], decimals: int) -> PageColumn:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from bundle.solving import noisy, solution
+from bundle.solving import noisy, solution, with_photos
 from bundle.stations_of_block import MADE, stations, with_stations
 
 from orip.records.observations.station import NOT_GIVEN
@@ -95,6 +96,62 @@ def test_shifts_that_are_not_significant_are_named_together() -> None:
     found = diagnosed(Antenna("GNSS", shift="strip"), angles=NOT_GIVEN, angle_error=NOT_GIVEN)
     (text,) = [each.text for each in found if each.code == "not-significant"]
     assert text == "the shift of strip 1, 2 and 3 of antenna GNSS is not significant"
+
+
+STRIP = with_photos(MADE, 5)
+BORESIGHT_ALONE, WITH_LEVER_ARM = ("BX", "BY", "BZ"), ("LX", "LY", "BX", "BY", "BZ")
+
+
+def of_boresight(antenna: Antenna, camera: tuple[str, ...], *, forth_and_back: bool) -> list[Diagnosis]:
+    """Return what is said of the boresight in a strip with two control points close to its axis.
+
+    A turn of the strip about these points moves the projection centres sideways, and only attitudes observed in both
+    directions tell the boresight from it. Forth and back, every second photo is turned by 180 degrees.
+    """
+    block, orientations = noisy(STRIP, 11), STRIP.orientations.copy()
+    turned = np.array([False, True, False, True, False]) & forth_and_back
+    orientations[turned, 5] += np.pi
+    points, principal_point = block.photo_points, STRIP.cameras[0, 1:3]
+    xy = points.xy - principal_point
+    xy[turned[points.photo]] *= -1.0
+    control = sorted(block.control_points, key=lambda point: abs(point.coordinates[1]))[:2]
+    block = replace(
+        block, photo_orientation=orientations, photo_points=replace(points, xy=xy + principal_point),
+        cameras=(replace(block.cameras[0], unknown=camera),), control_points=tuple(control),
+    )  # fmt: skip
+    observed = tuple(
+        replace(station, angles=(*station.angles[:2], station.angles[2] + np.pi * turn), angle_error=(1e-4,) * 3)
+        for station, turn in zip(stations(error=0.03), turned.tolist(), strict=False)
+    )
+    found = solution(with_stations(observed, antenna, block))
+    return [each for each in found.diagnosis if each.code == "inseparable" and "BX" in each.text]
+
+
+@pytest.mark.parametrize(
+    ("antenna", "camera", "named"),
+    [
+        (Antenna("INS", unknown=BORESIGHT_ALONE, shift="session"), (), "BX of antenna INS and SY of antenna INS"),
+        (Antenna("INS", unknown=WITH_LEVER_ARM), (), "LY of antenna INS and BX of antenna INS"),
+        (Antenna("INS", unknown=BORESIGHT_ALONE), ("DX", "DY"), "BX of antenna INS and DY of camera CAM"),
+        (
+            Antenna("INS", unknown=BORESIGHT_ALONE, shift="session"), ("DX", "DY"),
+            "SY of antenna INS and DY of camera CAM together",
+        ),
+        (Antenna("INS", unknown=WITH_LEVER_ARM), ("DX", "DY"), "LY of antenna INS and DY of camera CAM together"),
+    ],
+)  # fmt: skip
+def test_boresight_without_opposite_strips(antenna: Antenna, camera: tuple[str, ...], named: str) -> None:
+    (found,) = of_boresight(antenna, camera, forth_and_back=False)
+    assert named in found.text
+    assert found.text.endswith("all photos are turned alike in kappa")
+    assert found.remedy == "opposite strips separate them, or hold one constant"
+    assert not of_boresight(antenna, camera, forth_and_back=True)
+
+
+def test_several_strips_and_good_control_determine_the_boresight_in_one_direction() -> None:
+    antenna = Antenna("GNSS", unknown=BORESIGHT_ALONE, shift="session")
+    texts = [each.text for each in diagnosed(antenna, camera=("DX", "DY")) if each.code == "inseparable"]
+    assert not [text for text in texts if any(kind in text for kind in BORESIGHT_ALONE)]
 
 
 @pytest.mark.parametrize("unknown", [("LX", "LY", "LZ"), ("BX", "BY", "BZ")])

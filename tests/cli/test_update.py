@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import stat
 from pathlib import Path
@@ -192,6 +193,27 @@ def test_a_text_that_changes_the_same_record_is_a_conflict(project: Path) -> Non
     replace_in(project / "orip.toml", "X0 = 1071.0", "X0 = 1072.0")
     assert orip(project, "init", "--prefer", "text").code == 0
     assert orientation(project, "left")[0] == 1072.0
+
+
+def test_an_adjusted_lever_arm_is_to_be_written_into_the_text(project: Path) -> None:
+    (project / "FIRST.STA").write_text(
+        "left 1070.02 2075.01 330.43 0.02 0.02 0.03\nright 1130 2075 330.4 0.02 0.02 0.03\n"
+    )
+    text = (project / "orip.toml").read_text()
+    antenna = '\n[[antenna]]\nname = "GNSS"\nunknown = ["LZ"]\n'
+    (project / "orip.toml").write_text(text + antenna)
+    assert orip(project, "run").code == 0
+    said, document = orip(project, "update", "cameras"), orip(project, "update", "cameras", "--json").document
+    height = json.loads((project / "result.json").read_text())["antennas"]["GNSS"]["LZ"]["value"]
+    written = f"lever_arm = [0, 0, {height:.6g}]"
+    assert f"kept     antenna GNSS lever_arm: orip.toml alone has it: write {written} in [[antenna]] there" in said.err
+    assert [(row["name"], row["parameter"]) for row in document["antennas"]] == [("GNSS", "lever_arm")]
+    (project / "orip.toml").write_text(text + antenna + "lever_arm_error = [0.1, 0.1, 0.1]\n")
+    assert orip(project, "run").code == 0
+    assert "lever_arm" not in orip(project, "update", "cameras").err  # it stays as measured
+    (project / "orip.toml").write_text(text + antenna + written.replace("0, 0,", "0.0, 0.0,") + "\n")
+    assert orip(project, "run").code == 0
+    assert "lever_arm" not in orip(project, "update", "cameras").err
 
 
 @pytest.mark.parametrize("what", KINDS)

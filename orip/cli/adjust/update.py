@@ -57,6 +57,7 @@ def register(app: typer.Typer) -> None:
                     "changed": list(outcome.changed),
                     "changes": [asdict(change) for change in outcome.values],
                     "kept": [asdict(value) for value in outcome.kept],
+                    "antennas": [asdict(value) for value in outcome.antennas],
                     "constant": outcome.constant,
                     "others": outcome.others,
                     "warnings": warning_rows(outcome.warnings),
@@ -82,6 +83,8 @@ def tell(terminal: Terminal, outcome: UpdateOutcome) -> None:
         terminal.say(f"kept     {outcome.what[:-1]} {value.name} {value.parameter}: {value.reason}", "yellow")
     if (more := len(outcome.kept) - _SHOWN_KEPT) > 0:
         terminal.say(f"         and {more} more; --json lists all")
+    for value in outcome.antennas:
+        terminal.say(f"kept     antenna {value.name} {value.parameter}: {value.reason}", "yellow")
     if outcome.others:
         terminal.say(f"kept     {outcome.others} points of {shown} that {source} does not have")
 

@@ -12,7 +12,7 @@ from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.names import record_key
-from orip.records.project.antenna import ANTENNA_KEYS
+from orip.records.project.antenna import ANTENNA_KEYS, ANTENNA_PARAMETERS
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.project.shared_lens import lens_key
@@ -45,6 +45,9 @@ T = TypeVar("T", bound=NamedRecord)
 
 _SHOWN_NAMES = 12
 
+_OF_DEVIATION = 0.01
+"""Part of its standard deviation up to which a parameter of an antenna counts as written already."""
+
 
 @dataclass(frozen=True, slots=True)
 class UpdateOutcome:
@@ -67,6 +70,8 @@ class UpdateOutcome:
         Unknowns that did not take their adjusted values.
     constant : int
         Number of considered records that have no unknown.
+    antennas : tuple of KeptValue
+        Adjusted parameters that are still to be written into orip.toml, told with all cameras.
     others : int
         Points of the file that the adjustment does not have; they stay.
     warnings : tuple of ProjectWarning
@@ -82,6 +87,7 @@ class UpdateOutcome:
     values: tuple[ChangedValue, ...]
     kept: tuple[KeptValue, ...]
     constant: int
+    antennas: tuple[KeptValue, ...]
     others: int
     warnings: tuple[ProjectWarning, ...]
 
@@ -147,7 +153,7 @@ def _updated_records(
         chosen = _estimates_by_key(estimates, rows, CAMERA_PARAMETERS)
         cameras, verdicts = _updated(old.cameras, _with_lenses(chosen, old), updated_camera, what)
         new = replace(old, cameras=cameras)
-        verdicts += [*_additional(solution, chosen), *_antennas(solution)]
+        verdicts += _additional(solution, chosen)
     else:
         chosen = _estimates_by_key(estimates, rows, PHOTO_PARAMETERS)
         photos, verdicts = _updated(old.photos, chosen, updated_photo, what)
@@ -161,6 +167,7 @@ def _updated_records(
         values=values,
         kept=tuple(verdict for verdict in verdicts if isinstance(verdict, KeptValue)),
         constant=_constant(estimates, rows),
+        antennas=tuple(_antennas(bundle, solution)) if what == "cameras" and not names else (),
         others=0,
         warnings=warnings,
     )  # fmt: skip
@@ -210,15 +217,24 @@ def _updated(
     return tuple(records), verdicts
 
 
-def _antennas(solution: Solution) -> Iterator[KeptValue]:
-    """Tell adjusted parameters of antennas: these are in orip.toml alone, which no update writes."""
-    for antenna in dict.fromkeys(row.antenna for row in solution.antennas):
-        own = {row.name: row for row in solution.antennas if row.antenna == antenna and not row.strip}
+def _antennas(bundle: BundleState, solution: Solution) -> Iterator[KeptValue]:
+    """Tell adjusted parameters of antennas that orip.toml, which no update writes, does not have yet.
+
+    Those with an a-priori error stay as they were measured: the adjusted value is no new measurement.
+    """
+    for antenna in bundle.project.definition.antennas:
+        given = dict(zip(ANTENNA_PARAMETERS, antenna.values, strict=True))
+        own = {row.name: row for row in solution.antennas if row.antenna == antenna.name and not row.strip}
         for key, names in ANTENNA_KEYS.items():
-            if any(own[name].sd == own[name].sd for name in names):
-                values = ", ".join(f"{own[name].value:.6g}" for name in names)
+            rows = [own[name] for name in names if name in own]
+            if getattr(antenna, f"{key}_error") is not None:
+                continue
+            if any(abs(row.value - given[row.name]) > _OF_DEVIATION * row.sd for row in rows if math.isfinite(row.sd)):
+                values = ", ".join(f"{row.value:.6g}" for row in rows)
                 value = f"[{values}]" if len(names) > 1 else values
-                yield KeptValue(antenna, key, f"it is in orip.toml alone: write {key} = {value} there")
+                yield KeptValue(
+                    antenna.name, key, f"orip.toml alone has it: write {key} = {value} in [[antenna]] there"
+                )
 
 
 def _additional(solution: Solution, chosen: dict[str, tuple[EstimatedParameter, ...]]) -> Iterator[KeptValue]:
@@ -245,6 +261,7 @@ def _updated_points(
         values=found.values,
         kept=found.kept,
         constant=_constant(solution.points, rows),
+        antennas=(),
         others=0 if names else sum(point.name not in known for point in text.points),
         warnings=warnings,
     )  # fmt: skip
