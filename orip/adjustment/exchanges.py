@@ -26,6 +26,9 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 _MOST_ROWS, _MOST_REDUCED = 1000, 20
 """Observations that are all tried; of more, so many that have lost weight, with the others of their points."""
 
+_MOST_PART = 0.15
+"""Part of the observations that may have lost weight: where it is more, single ones are not what is wrong."""
+
 _LEAST_GAIN = 0.002
 """Part of the square of the limit by which the cost has to fall: less is within the error of the linearisation."""
 
@@ -146,6 +149,9 @@ def better_exchange(
     limit : float
         Standard residual up to which an observation has full weight.
     """
+    judged = equations.active & ~equations.exact
+    if np.count_nonzero(weights[judged] < 1.0) > _MOST_PART * np.count_nonzero(judged):
+        return None
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
     related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
