@@ -26,8 +26,8 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 _MOST_ROWS, _MOST_REDUCED = 1000, 20
 """Observations that are all tried; of more, so many that have lost weight, with the others of their points."""
 
-_MOST_PART = 0.15
-"""Part of the observations that may have lost weight: where it is more, single ones are not what is wrong."""
+_MOST_TAKEN_BACK = 60
+"""Observations that are taken back for trial: of more, those with the smallest residuals."""
 
 _LEAST_GAIN = 0.002
 """Part of the square of the limit by which the cost has to fall: less is within the error of the linearisation."""
@@ -149,8 +149,10 @@ def better_exchange(
     limit : float
         Standard residual up to which an observation has full weight.
     """
-    judged = equations.active & ~equations.exact
-    if np.count_nonzero(weights[judged] < 1.0) > _MOST_PART * np.count_nonzero(judged):
+    judged = weights[equations.active & ~equations.exact]
+    number = int(np.count_nonzero(judged < 1.0))
+    if number > max(_MOST_TAKEN_BACK, len(judged) // 2):
+        # it is not single observations that are wrong
         return None
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
@@ -162,7 +164,17 @@ def better_exchange(
     if found is start:
         return None
     reduced_before, reduced = start.weight < 1.0, found.weight < 1.0
-    return Exchange(tuple(rows[reduced_before & ~reduced].tolist()), tuple(rows[reduced & ~reduced_before].tolist()))
+    full = _with_their_groups(rows[reduced_before & ~reduced], equations)
+    none = np.setdiff1d(_with_their_groups(rows[reduced & ~reduced_before], equations), full)
+    return Exchange(tuple(full.tolist()), tuple(none.tolist()))
+
+
+def _with_their_groups(rows: IntArray, equations: Equations) -> IntArray:
+    """Return observations with those that lose weight together with them."""
+    if equations.groups is None:
+        return rows
+    groups = equations.groups[rows]
+    return np.union1d(rows, np.flatnonzero(np.isin(equations.groups, groups[groups >= 0]) & equations.active))
 
 
 def _rows_to_exchange(equations: Equations, weights: FloatArray, layout: Layout) -> IntArray:
@@ -205,7 +217,9 @@ def _lowest(start: _Weighed, limit: float) -> _Weighed:
 
 def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int]]:
     """Yield an adjustment with one observation taken back, or taken back in exchange for another, or one left out."""
-    for row in np.flatnonzero(best.weight < 1.0).tolist():
+    reduced = np.flatnonzero(best.weight < 1.0)
+    nearest = reduced[np.argsort(np.abs(best.residual[reduced]), kind="stable")[:_MOST_TAKEN_BACK]]
+    for row in nearest.tolist():
         taken_back = best.with_weight(row, 1.0)
         yield taken_back, row
         for other, gain, weight in _best_changes(taken_back, row, limit)[1:]:
