@@ -32,7 +32,9 @@ def test_tracks_of_a_facade_have_one_solution_at_any_a_priori_error(tmp_path):
     kept = []
     for precision in ("0.5px", "1px", "2px", "4px"):
         found = adjusted(tmp_path, precision)
-        assert found.status == "converged"
+        # doubtful: converged, but the square sum of all rays is far larger than that of the ones that fit
+        assert found.status in ("converged", "doubtful")
+        assert len(found.iterations) <= 30
         camera = found.cameras["CANON"]
         place = camera.parameter_names.index("C")
         c, sd = camera.parameters[place], camera.deviations[place]
