@@ -29,6 +29,9 @@ _MOST_ROWS, _MOST_REDUCED = 1000, 20
 _MOST_TAKEN_BACK = 60
 """Observations that are taken back for trial: of more, those with the smallest residuals."""
 
+_FEW, _MOST_PART = 12, 0.1
+"""Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
+
 _LEAST_GAIN = 0.002
 """Part of the square of the limit by which the cost has to fall: less is within the error of the linearisation."""
 
@@ -151,8 +154,7 @@ def better_exchange(
     """
     judged = weights[equations.active & ~equations.exact]
     number = int(np.count_nonzero(judged < 1.0))
-    if number > max(_MOST_TAKEN_BACK, len(judged) // 2):
-        # it is not single observations that are wrong
+    if number > max(_FEW, _MOST_PART * len(judged)):
         return None
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
