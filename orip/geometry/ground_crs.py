@@ -8,7 +8,7 @@ coordinates are longitude and latitude (radians, from the system's own prime mer
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -121,12 +121,7 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
         If the system is unknown, not projected, mirrored or turned to the south, in another unit than the project, if
         the origin is not in it, or if its heights cannot be taken to the ellipsoid with what is installed.
     """
-    whole, shown = _whole(crs)
-    horizontal, geodetic = _horizontal(whole, shown)
-    complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
-    if complaints:
-        raise InputError(complaints)
-    result = _of_ellipsoid(whole, horizontal, geodetic, shown)
+    whole, shown, geodetic, result = _checked(crs, ground_unit)
     place = result.to_geographic(origin[None])[0]
     if not np.isfinite(place).all():
         raise InputError.single(_no_place(result, origin))
@@ -149,18 +144,32 @@ def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray
     InputError
         If the system is unknown, not projected or has no such place.
     """
-    whole, shown = _whole(crs)
-    horizontal, geodetic = _horizontal(whole, shown)
-    complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
-    if complaints:
-        raise InputError(complaints)
-    result = _of_ellipsoid(whole, horizontal, geodetic, shown)
+    whole, shown, _, result = _checked(crs, ground_unit)
     place = result.from_geographic(geographic[None])[0]
     if not np.isfinite(place).all():
         longitude, latitude = degrees_at(result, geographic)
         message = f"crs {shown} ({whole.name}) does not reach {longitude:.6f}° E {latitude:.6f}° N; check crs"
         raise InputError.single(message)
     return np.asarray(place)
+
+
+class _CheckedCrs(NamedTuple):
+    """A projected system: as a whole, as it is shown, what it is projected from, and with Z above its ellipsoid."""
+
+    whole: pyproj.CRS
+    shown: str
+    geodetic: pyproj.CRS
+    ground: GroundCrs
+
+
+def _checked(crs: str, ground_unit: str) -> _CheckedCrs:
+    """Return a system, with all complaints about its axes and units at once."""
+    whole, shown = _whole(crs)
+    horizontal, geodetic = _horizontal(whole, shown)
+    complaints = [*_axis_complaints(horizontal, shown), *_unit_complaints(whole, shown, ground_unit)]
+    if complaints:
+        raise InputError(complaints)
+    return _CheckedCrs(whole, shown, geodetic, _of_ellipsoid(whole, horizontal, geodetic, shown))
 
 
 def _whole(crs: str) -> tuple[pyproj.CRS, str]:
