@@ -171,7 +171,7 @@ def empty() -> Solution:
         unknowns=0,
         enp=-INF,
         iterations=(),
-        cameras=estimates((), [], [], 11),
+        cameras=estimates((), [], [], 12),
         photos=estimates((), [], [], 6),
         points=estimates((), [], [], 3),
         point_rays=(),

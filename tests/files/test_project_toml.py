@@ -50,7 +50,7 @@ def test_the_defaults() -> None:
         measurement_files=("*.MEA",),
         ground_unit="m",
         crs=None,
-        cameras=(Camera("O", (8.5, *[0.0] * 10)),),
+        cameras=(Camera("O", (8.5, *[0.0] * 11)),),
         photos=(Photo("P", "o"),),
         bundles=(BundleDefinition("M"),),
     )

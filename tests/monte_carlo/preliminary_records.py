@@ -117,7 +117,7 @@ def cameras_of(scene: Scene, random: np.random.Generator, *, wrong: bool) -> tup
     if not wrong:
         return true, true
     nominal = c * (1.0 + random.uniform(-0.02, 0.02))
-    return replace(true, parameters=(nominal, *(0.0,) * 10), unknown=SELF_CALIBRATION), true
+    return replace(true, parameters=(nominal, *(0.0,) * 11), unknown=SELF_CALIBRATION), true
 
 
 def records_of(

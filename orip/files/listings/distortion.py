@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, table_lines
 from orip.number_text import fixed, root_mean_square
+from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
 
 
 def distortion_lines(
@@ -20,14 +21,14 @@ def distortion_lines(
 
     Parameters
     ----------
-    coefficients : (A1, A3, A5, A7)
+    coefficients : (A1, A3, A5, A7, A9)
     isp : (R0, A1, A2, A3) or None
     radius, given, residual : arrays (n,)
         Points of the curve and polynomial minus given, mm; empty without a curve.
     """
-    lines = [_named("polynomial", ("A1", "A3", "A5", "A7"), coefficients)]
+    lines = [_named("polynomial", RADIAL_PARAMETERS, coefficients)]
     if isp is not None:
-        lines.append(_named("ISP form", ("R0", "A1", "A2", "A3"), isp))
+        lines.append(_named("ISP form", ISP_PARAMETERS, isp))
     if len(radius):
         columns = [
             Column("R", fixed(radius, 3), "mm"),
