@@ -1,6 +1,7 @@
 """Other forms of giving a radial distortion, taken to the polynomial D = A1 R + A3 R³ + A5 R⁵ + A7 R⁷ + A9 R⁹ and back.
 
-Neither form has the term of A9: of what is taken to a polynomial it is 0."""
+Neither form has the term of A9: of what is taken to a polynomial it is 0.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +46,8 @@ def isp_from_polynomial(coefficients: Sequence[float]) -> tuple[float, float, fl
     Raises
     ------
     ValueError
-        If A9 is not 0, or the distortion vanishes nowhere but at the centre: the ISP form has no such curve, unless A1 is
-        0 and with it R0.
+        If A9 is not 0, or the distortion vanishes nowhere but at the centre: the ISP form has no such curve, unless
+        A1 is 0 and with it R0.
     """
     a1, a3, a5, a7, a9 = (float(value) for value in coefficients)
     if a9 != 0.0:

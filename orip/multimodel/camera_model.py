@@ -89,8 +89,9 @@ def _bound_square(camera: CameraModel) -> float:
 
 
 def _reach_square(radial: Sequence[float], sign: float) -> float:
-    """Return the smallest r² at which r + sign (A1 r + A3 r³ + A5 r⁵ + A7 r⁷ + A9 r⁹) stops rising, infinite if none."""
-    rising = np.array([1.0, 0.0, 0.0, 0.0, 0.0]) + sign * np.array([1.0, 3.0, 5.0, 7.0, 9.0]) * radial
+    """Return the smallest r² at which r + sign (A1 r + A3 r³ + … + A9 r⁹) stops rising, infinite if none."""
+    rising = sign * np.array([1.0, 3.0, 5.0, 7.0, 9.0]) * radial
+    rising[0] += 1.0
     if not rising[0] > 0.0:
         return 0.0
     try:

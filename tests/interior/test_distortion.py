@@ -153,12 +153,13 @@ def test_four_radial_terms_of_another_program_are_reproduced():
 
     c = f * pitch
     ours = coefficients(A3=k1 / c**2, A5=k2 / c**4, A7=k3 / c**6, A9=k4 / c**8, P1=p1 / c, P2=-p2 / c)
-    found = distorted(c * np.stack([x, -y], axis=1), ours) + [cx * pitch, -cy * pitch]
+    principal_point = np.array([cx * pitch, -cy * pitch])
+    found = principal_point + distorted(c * np.stack([x, -y], axis=1), ours)
     expected = np.stack([(column - width / 2.0) * pitch, -(row - height / 2.0) * pitch], axis=1)
     # coordinates below 15 mm are rounded to 2e-15 mm, some ten times each
     assert np.abs(found - expected).max() / pitch < 1e-11
-    without = distorted(c * np.stack([x, -y], axis=1), np.where(np.arange(9) == 4, 0.0, ours))
-    assert np.abs(found - without - [cx * pitch, -cy * pitch]).max() / pitch > 50.0
+    without = principal_point + distorted(c * np.stack([x, -y], axis=1), np.where(np.arange(9) == 4, 0.0, ours))
+    assert np.abs(found - without).max() / pitch > 50.0
 
 
 def test_both_arguments_describe_one_camera_when_each_has_its_own_polynomial():
@@ -255,12 +256,15 @@ def test_isp_form_found_is_the_same_curve_as_the_polynomial(r0, a1, a2, a3):
     assert back[0] == pytest.approx(polynomial[0], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("polynomial", [
+@pytest.mark.parametrize(
+    "polynomial",
+    [
         (1e-3, 0.0, 0.0, 0.0, 0.0),
         (1e-3, 1e-6, 0.0, 0.0, 0.0),
         (-1e-3, -1e-6, -1e-9, -1e-12, 0.0),
         (-1e-3, 1e-5, 0.0, 0.0, 1e-15),
-    ])
+    ],
+)
 def test_polynomial_without_a_zero_or_with_a_ninth_degree_has_no_isp_form(polynomial):
     with pytest.raises(ValueError, match="ISP form"):
         isp_from_polynomial(polynomial)

@@ -24,7 +24,7 @@ def with_camera(block, **changes):
 def test_parameters_give_the_corrected_vectors(distortion_at: str) -> None:
     made = synthetic_block("convergent", "camera corrections", noise_mm=0.0)
     c = made.block.cameras[0].parameters[0]
-    given = (c, 0.1, -0.2, 0.0, 2e-5, *(0.0,) * 6)
+    given = (c, 0.1, -0.2, 0.0, 2e-5, *(0.0,) * 7)
     block = with_camera(made.block, parameters=given, distortion_at=distortion_at, unknown=UNKNOWN)
     rays = image_rays(block)
     for size in (1e-2, 1e-3):

@@ -24,7 +24,7 @@ Scene = Literal["strip", "convergent", "terrestrial"]
 
 NO_DISTORTION = (0.0,) * 9
 DISTORTED = (2e-4, -3e-3, 2e-3, -1e-3, 5e-4, 2e-4, -3e-4, 1e-4, -2e-4)
-"""A1 A3 A5 A7 A9 P1 P2 B1 B2, with half the frame as unit of length, that move images by some thousandths of the frame."""
+"""A1 A3 A5 A7 A9 P1 P2 B1 B2, with half the frame as unit of length: images move by some thousandths of the frame."""
 
 _POWERS = np.array([0, 2, 4, 6, 8, 1, 1, 0, 0])
 """Of a length that the coefficients A1 to B2 are divided by."""
