@@ -66,7 +66,7 @@ def test_c_and_the_principal_point_are_never_tested():
 def test_decentring_goes_as_a_pair_and_stays_as_a_pair():
     _, without = calibrated(2, ("C", "DX", "DY", "A3", "P1", "P2"))
     assert {"P1", "P2"} <= set(pruned(without)[1])
-    _, real = calibrated(2, ("C", "A3", "P1", "P2"), (0.0, -3e-2, 0.0, 0.0, 4e-3, -4e-3, 0.0, 0.0))
+    _, real = calibrated(2, ("C", "A3", "P1", "P2"), (0.0, -3e-2, 0.0, 0.0, 0.0, 4e-3, -4e-3, 0.0, 0.0))
     assert pruned(real)[1] == []
 
 
