@@ -159,7 +159,7 @@ def reprojection(
     with np.errstate(all="ignore"):
         u1, u2, u3 = rotated_back(tuple(rotations[photo].reshape(-1, 9).T), *offset.T)
         known = np.isfinite(u1 + u2 + u3) & used
-        in_front = np.asarray(is_in_front(u1, u2, u3), dtype=np.bool_) & known
+        in_front: BoolArray = known & np.asarray(is_in_front(u1, u2, u3))
         tangents = np.stack([-u1 / u3, -u2 / u3], axis=1)
     behind[known & ~in_front] = True
     for number, converted in enumerate(cameras):
@@ -254,4 +254,4 @@ def _with_intersections(
     ground = np.einsum("nij,nj->ni", rotations, vectors)
     known = used & np.isfinite(ground).all(axis=1) & np.isfinite(centres).all(axis=1)
     found = intersect_rays(centres[known], ground[known], point[known], len(coordinates))
-    return np.where(np.isfinite(coordinates).all(axis=1)[:, None], coordinates, found)
+    return np.where(np.isfinite(coordinates).all(axis=1, keepdims=True), coordinates, found)

@@ -146,11 +146,17 @@ class ExchangedPoints:
         NaN where they are not known.
     is_track : array (m,) of bool
         The name is the number of a track, which orip calls T and the number; else a point with a name of its own.
+    covariance : array (m, 3, 3), or None
+        Of adjusted coordinates; NaN where it is not known.
+    residual : array (m,), or None
+        Mean length of the residuals of a point's rays, pixels; NaN where it is not known.
     """
 
     names: tuple[str, ...]
     coordinates: FloatArray
     is_track: BoolArray
+    covariance: FloatArray | None = None
+    residual: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)
