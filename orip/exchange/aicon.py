@@ -1,4 +1,4 @@
-"""Projects of AICON 3D Studio: ``.ior`` cameras, ``.eor`` photos, ``.obc`` points, ``.phc`` measurements, ``.scale`` bars.
+"""Projects of AICON 3D Studio: ``.ior`` cameras, ``.eor`` photos, ``.obc`` points, ``.phc`` measurements, ``.scale``.
 
 Fields are separated by blanks; lengths are millimetres, angles radians. Image coordinates count from the centre of the
 frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in the form of the ISP
@@ -22,7 +22,8 @@ READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "radian", "centre"
 
 _AXES = ImageAxes("mm", "frame_centre", "up")
 _SUFFIXES = (".ior", ".eor", ".obc", ".phc")
-_CAMERA_FIELDS = (8, 1, 2, 2, 4)
+_CAMERA_FIELDS = (6, 1, 2, 2, 4)
+_LINES_OF_CAMERA = 5
 _CAMERA = ("f", "cx", "cy", "a1", "a2", "r0", "a3", "p1", "p2", "b1", "b2")
 _FIELDS = {".eor": 11, ".obc": 10, ".phc": 11, ".scale": 7}
 _NOT_ORIENTED = 1
@@ -86,28 +87,31 @@ def _rows(path: Path, suffix: str, faults: Faults) -> Iterable[tuple[int, list[s
 
 
 def _cameras(path: Path, faults: Faults) -> tuple[dict[str, int], tuple[ExchangedCamera, ...]]:
+    """Return the cameras, and their places by number; after the number there may be a code."""
     lines = list(numbered_words(text_lines(path, faults)))
     codes: dict[str, int] = {}
     cameras: list[ExchangedCamera] = []
-    size = len(_CAMERA_FIELDS)
-    for start in range(0, len(lines), size):
-        part = lines[start : start + size]
-        if [len(words) for _, words in part] != list(_CAMERA_FIELDS):
-            faults.complain("a camera has five lines with 8, 1, 2, 2 and 4 fields", part[0][0])
+    for start in range(0, len(lines), _LINES_OF_CAMERA):
+        part = lines[start : start + _LINES_OF_CAMERA]
+        number = part[0][0]
+        name, *first = part[0][1]
+        counts = [len(first[-6:]), *(len(words) for _, words in part[1:])]
+        if counts != list(_CAMERA_FIELDS) or len(first) > _CAMERA_FIELDS[0] + 1:
+            faults.complain("a camera has five lines with 7 or 8, 1, 2, 2 and 4 fields", number)
             break
-        words = [word for _, row in part for word in row]
-        values = [faults.decimal(word, "camera", part[0][0]) for word in words[2:]]
+        words = [*first[-6:], *(word for _, row in part[1:] for word in row)]
+        values = [faults.decimal(word, "camera", number) for word in words]
         parameters = dict(zip(_CAMERA, values, strict=False)) | {"f": -values[0]}
-        width, height = values[11:13]
-        columns, rows = (faults.whole(word.split(".")[0], "size in pixels", part[4][0], 1) for word in words[15:17])
-        if columns and rows and parameters["f"] > 0:
-            codes[words[0]] = len(cameras)
-            camera = ExchangedCamera(
-                words[0], columns, rows, "isp", parameters, "AICON", lens_axes=_AXES, ray_axes=_AXES, sensor_mm=(width, height)
-            )
-            cameras.append(camera)
-        else:
-            faults.complain("the principal distance should be negative, and the frame have columns and rows", part[0][0])
+        width, height, columns, rows = values[-4:]
+        if not min(parameters["f"], width, height, columns, rows) > 0:
+            message = "the principal distance should be negative, and the frame have a size and columns and rows"
+            faults.complain(message, number)
+            continue
+        codes[name] = len(cameras)
+        size = (int(columns), int(rows))
+        cameras.append(
+            ExchangedCamera(name, *size, "isp", parameters, "AICON", _AXES, _AXES, sensor_mm=(width, height))
+        )
     return codes, tuple(cameras)
 
 

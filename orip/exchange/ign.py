@@ -55,9 +55,7 @@ def read_ign(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         return Faults(str(folder / file.name), complaints)
 
     cameras = [
-        camera
-        for file in sorted(path.parent.glob("*.txt"))
-        if (camera := _camera(file, faults_of(file))) is not None
+        camera for file in sorted(path.parent.glob("*.txt")) if (camera := _camera(file, faults_of(file))) is not None
     ]
     photos = _photos(path, cameras, faults_of(path))
     points, rays = CollectedPoints(), CollectedRays()
@@ -99,9 +97,7 @@ def _camera(path: Path, faults: Faults) -> ExchangedCamera | None:
     }
     if not {"name", "ppax", "ppay", "focal", "width", "height"} <= set(settings):
         return None
-    value = {
-        key: faults.decimal(word, key, number) for key, (number, word) in settings.items() if key != "name"
-    }
+    value = {key: faults.decimal(word, key, number) for key, (number, word) in settings.items() if key != "name"}
     if not min(value["focal"], value["width"], value["height"]) > 0:
         faults.complain("focal, width and height have to be above 0", settings["focal"][0])
         return None
@@ -139,7 +135,7 @@ def _add_measurements(
         words = quoted_words(line)
         if not words:
             continue
-        if len(words) != 4:  # noqa: PLR2004
+        if len(words) != 4:
             faults.complain(f"{len(words)} fields, and 4 should be here: point photo column row", number)
             continue
         column, row = (faults.decimal(word, "column and row", number) for word in words[2:])
@@ -156,7 +152,7 @@ def _control(path: Path, notes: list[str], faults: Faults) -> list[ControlPoint]
         words = quoted_words(line)
         if not words:
             continue
-        if len(words) != 5:  # noqa: PLR2004
+        if len(words) != 5:
             faults.complain(f'{len(words)} fields, and 5 should be here: "point" code X Y Z', number)
             continue
         x, y, z = (faults.decimal(word, "X Y Z", number) for word in words[2:])

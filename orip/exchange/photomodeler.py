@@ -20,7 +20,7 @@ from orip.records.observations.control import ControlPoint
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree", "centre")
 
-_LENS_AXES = ImageAxes("mm", "corner", "up")
+_LENS_AXES = ImageAxes("mm", "frame_centre", "up")
 _CAMERA = ("f", "cx", "cy", "width", "height", "k1", "k2", "k3", "p1", "p2")
 _HEAD_LINES, _PHOTO_LINES = 5, 6
 
@@ -41,13 +41,11 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     if not is_photomodeler("\n".join(lines[:_HEAD_LINES])):
         faults.complain("this is no text export of PhotoModeler: the five lines of its head are not there", 1)
         return Parsed(None, tuple(faults.complaints))
-    size = faults.decimals(lines[1], 4, "tolerance, iterations, columns and rows", 2)
+    size = faults.decimals(lines[1], len(lines[1].split()), "tolerance, iterations, columns and rows", 2)
     photos, cameras, end = _photos(lines, size, faults)
     points, rays = CollectedPoints(), CollectedRays()
     sections = _sections(lines, end)
-    control = tuple(
-        point for number, line in sections[0] if (point := _control(line, number, faults)) is not None
-    )
+    control = tuple(point for number, line in sections[0] if (point := _control(line, number, faults)) is not None)
     for number, line in sections[1]:
         words = line.split()
         values = faults.decimals(" ".join(words[1:4]), 3, "object point", number)
@@ -85,7 +83,7 @@ def _photos(
             camera = cameras.setdefault(values[1:], len(cameras))
             photos.append(ExchangedPhoto(name, camera, (omega, phi, kappa), (x, y, z), key=len(photos)))
         start += _PHOTO_LINES
-    columns, rows = (int(size[2]), int(size[3])) if size is not None else (0, 0)
+    columns, rows = (int(size[2]), int(size[3])) if size is not None and len(size) > 2 else (0, 0)
     found = [
         _camera(f"camera{number}", values, (columns, rows), faults) for number, values in enumerate(cameras, start=1)
     ]
@@ -95,9 +93,9 @@ def _photos(
 def _camera(name: str, values: tuple[float, ...], size: tuple[int, int], faults: Faults) -> ExchangedCamera:
     value = dict(zip(_CAMERA, values, strict=True))
     width, height = value.pop("width"), value.pop("height")
-    if min(width, height, value["f"]) <= 0 or min(size) < 1:
-        faults.complain(f"{name}: focal length, sensor and numbers of columns and rows have to be above 0")
-    value["cy"] = -value["cy"]
+    if min(width, height, value["f"]) <= 0:
+        faults.complain(f"{name}: focal length and size of the sensor have to be above 0")
+    value["cx"], value["cy"] = value["cx"] - width / 2.0, height / 2.0 - value["cy"]
     return ExchangedCamera(
         name, *size, "measured", value, "PhotoModeler", lens_axes=_LENS_AXES, sensor_mm=(width, height)
     )

@@ -24,7 +24,7 @@ _COUNTS = (3, 3, 3, 3, 2, 3, 3, 3, 3)
 
 
 def cameras_file(source: Path) -> Path | None:
-    """Return the file of camera parameters: the source itself, or the one in a folder or in its params; None if none."""
+    """Return the file of camera parameters: the source itself, or the one in a folder or its params; else None."""
     if source.is_file():
         return source if source.name.endswith(_CAMERAS) else None
     folders = (source, source / "params", source / "1_initial" / "params")
@@ -95,11 +95,9 @@ def _photos(
         number, head = part[0]
         words = head.rsplit(maxsplit=2)
         size = [faults.whole(word, "columns and rows", number, 1) for word in words[1:]]
-        rows = [
-            faults.decimals(line, count, "camera", at) for (at, line), count in zip(part[1:], _COUNTS, strict=True)
-        ]
-        if len(size) < 2 or None in size or None in rows:  # noqa: PLR2004
-            if len(size) < 2:  # noqa: PLR2004
+        rows = [faults.decimals(line, count, "camera", at) for (at, line), count in zip(part[1:], _COUNTS, strict=True)]
+        if len(size) < 2 or None in size or None in rows:
+            if len(size) < 2:
                 faults.complain("the line should be: name of the photo, columns, rows", number)
             continue
         k, radial, tangential, position = rows[0:3], rows[3] or (), rows[4] or (), rows[5] or ()

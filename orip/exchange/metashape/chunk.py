@@ -15,7 +15,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
 from orip.files.text.shown import shown_token
-from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, GroundFrame
+from orip.records.exchanged import ExchangedPhoto, GroundFrame
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.observations.station import Station
 
@@ -127,9 +127,7 @@ class ChunkReader:
         transform = self.transform(camera.attributes.get("component_id"))
         rotation, centre = transform.pose(matrix)
         deviation = self._location_deviation(camera, transform)
-        return ExchangedPhoto(
-            label, sensor, tuple(rotation.ravel().tolist()), tuple(centre.tolist()), deviation, key
-        )
+        return ExchangedPhoto(label, sensor, tuple(rotation.ravel().tolist()), tuple(centre.tolist()), deviation, key)
 
     def station(self, camera: XmlElement) -> Station | None:
         """Return the observed position of a photo; None if it has no reference. A negative error: not used."""
@@ -161,11 +159,12 @@ class ChunkReader:
 
     def distances(self, markers: Mapping[str, str]) -> tuple[list[ControlDistance], int]:
         """Return the scale bars between two markers, names by id, and the number of those that are not understood."""
-        found, lost = [], 0
+        found: list[ControlDistance] = []
+        lost = 0
         for element in self._part("scalebars").within("scalebar"):
             ends = [markers[key] for key in _end_ids(element) if key in markers]
             reference = element.child("reference")
-            if len(ends) != 2 or reference is None or "distance" not in reference.attributes:  # noqa: PLR2004
+            if len(ends) != 2 or reference is None or "distance" not in reference.attributes:
                 lost += 1
                 continue
             length = self._fields.attribute_decimal(reference, "distance")
@@ -217,9 +216,7 @@ class ChunkReader:
         values = self._fields.decimals(camera, "transform", 16)
         return None if values is None else np.array(values).reshape(4, 4)
 
-    def _location_deviation(
-        self, camera: XmlElement, transform: ChunkTransform
-    ) -> tuple[float, float, float] | None:
+    def _location_deviation(self, camera: XmlElement, transform: ChunkTransform) -> tuple[float, float, float] | None:
         if camera.child("location_covariance") is None:
             return None
         values = self._fields.decimals(camera, "location_covariance", 9)
@@ -273,7 +270,9 @@ def chunk_of(root: XmlElement, fields: XmlFields) -> XmlElement | None:
     """Return the chunk of a document, the active or first one; None, and a complaint kept, if there is none."""
     chunk = root if root.tag == "chunk" else next(root.within("chunk"), None)
     if chunk is None:
-        fields.faults.complain(f"there is no chunk in <{shown_token(root.tag)}>; export the cameras of a chunk", root.line)
+        fields.faults.complain(
+            f"there is no chunk in <{shown_token(root.tag)}>; export the cameras of a chunk", root.line
+        )
     return chunk
 
 

@@ -41,7 +41,14 @@ def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None
     if camera is None:
         return None
     return ExchangedCamera(
-        camera.name, camera.columns, camera.rows, camera.lens, camera.parameters, camera.model, sensor_mm=size, free=free
+        camera.name,
+        camera.columns,
+        camera.rows,
+        camera.lens,
+        camera.parameters,
+        camera.model,
+        sensor_mm=size,
+        free=free,
     )
 
 
@@ -54,8 +61,12 @@ def read_lens_file(path: Path, faults: Faults) -> ExchangedCamera | None:
         faults.complain(f"this is not a camera calibration of Agisoft, but <{shown_token(root.tag)}>", root.line)
         return None
     fields = XmlFields(faults)
-    sizes = [fields.faults.whole(found.text, f"<{tag}>", found.line, 1) for tag in ("width", "height") if (found := fields.required(root, tag)) is not None]
-    if len(sizes) < 2 or None in sizes:  # noqa: PLR2004
+    sizes = [
+        fields.faults.whole(found.text, f"<{tag}>", found.line, 1)
+        for tag in ("width", "height")
+        if (found := fields.required(root, tag)) is not None
+    ]
+    if len(sizes) < 2 or None in sizes:
         return None
     width, height = (size or 0 for size in sizes)
     projection = root.child("projection")
@@ -84,7 +95,9 @@ def calibrated(
     if calibration.child("fx") is not None and calibration.child("f") is None:
         return _of_photoscan(calibration, fields, name, size)
     if calibration.child("f") is None:
-        fields.faults.complain(f"the calibration of '{shown_token(name)}' has no <f>; export it again", calibration.line)
+        fields.faults.complain(
+            f"the calibration of '{shown_token(name)}' has no <f>; export it again", calibration.line
+        )
         return None
     value = {tag: fields.optional(calibration, tag) for tag in ("f", "cx", "cy", *_RADIAL, *_DECENTRING, *_AFFINE)}
     if value["f"] <= 0:
@@ -121,9 +134,7 @@ def _of_photoscan(
     return ExchangedCamera(name, *size, "agisoft", parameters, "frame")
 
 
-def _uncalibrated(
-    sensor: XmlElement, fields: XmlFields, name: str, size: tuple[int, int]
-) -> ExchangedCamera | None:
+def _uncalibrated(sensor: XmlElement, fields: XmlFields, name: str, size: tuple[int, int]) -> ExchangedCamera | None:
     """Return the camera of a sensor without a calibration, from its focal length in millimetres."""
     sensor_mm = _sensor_size(sensor, fields, size)
     focal = _property(sensor, "focal_length")
@@ -139,7 +150,7 @@ def _adjusted(sensor: XmlElement) -> XmlElement | None:
     """Return the adjusted calibration of a sensor; any other one if there is none."""
     found = list(sensor.all("calibration"))
     adjusted = [item for item in found if item.attributes.get("class", "adjusted") == "adjusted"]
-    return (adjusted or found or [None])[0]
+    return next(iter(adjusted or found), None)
 
 
 def _estimated(sensor: XmlElement) -> tuple[str, ...]:
@@ -161,4 +172,6 @@ def _sensor_size(sensor: XmlElement, fields: XmlFields, size: tuple[int, int]) -
 
 
 def _property(sensor: XmlElement, name: str) -> str | None:
-    return next((item.attributes.get("value") for item in sensor.all("property") if item.attributes.get("name") == name), None)
+    return next(
+        (item.attributes.get("value") for item in sensor.all("property") if item.attributes.get("name") == name), None
+    )

@@ -33,6 +33,7 @@ class TrackJoiner:
 
     def __init__(self) -> None:
         self._parent: dict[Feature, Feature] = {}
+        self._place: dict[Feature, tuple[float, float]] = {}
 
     def root(self, feature: Feature) -> Feature:
         """Return the feature that stands for the track of a feature."""
@@ -41,6 +42,12 @@ class TrackJoiner:
             grandparent = self._parent[parent]
             self._parent[feature] = grandparent
             feature, parent = parent, grandparent
+        return feature
+
+    def feature(self, photo: int, column: float, row: float) -> Feature:
+        """Return the feature of a place; its coordinates are those of the first file that has it."""
+        feature = (photo, round(column * _STEPS_PER_PIXEL), round(row * _STEPS_PER_PIXEL))
+        self._place.setdefault(feature, (column, row))
         return feature
 
     def join(self, first: Feature, second: Feature) -> None:
@@ -54,9 +61,7 @@ class TrackJoiner:
         """Return photo, column and row of the features of each track, in the order in which they were found."""
         groups: dict[Feature, list[tuple[int, float, float]]] = {}
         for feature in self._parent:
-            photo, column, row = feature
-            place = (photo, column / _STEPS_PER_PIXEL, row / _STEPS_PER_PIXEL)
-            groups.setdefault(self.root(feature), []).append(place)
+            groups.setdefault(self.root(feature), []).append((feature[0], *self._place[feature]))
         return list(groups.values())
 
 
@@ -69,5 +74,4 @@ def read_pairs(path: Path, photos: tuple[int, int], joiner: TrackJoiner, faults:
             continue
         values = faults.decimals(line, 4, "column and row in both photos", number)
         if values is not None:
-            steps = [round(value * _STEPS_PER_PIXEL) for value in values]
-            joiner.join((photos[0], steps[0], steps[1]), (photos[1], steps[2], steps[3]))
+            joiner.join(joiner.feature(photos[0], *values[:2]), joiner.feature(photos[1], *values[2:]))

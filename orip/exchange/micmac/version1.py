@@ -184,7 +184,7 @@ def read_orientation(path: Path, faults: Faults) -> Orientation | None:
     if centre is None or calibration is None:
         return None
     rotation = tuple(value for line in lines if line is not None for value in line)
-    if len(rotation) != 9:  # noqa: PLR2004  # rows of three
+    if len(rotation) != 9:  # rows of three
         return None
     photo = path.name.removeprefix("Orientation-").removesuffix(".xml")
     return Orientation(photo, calibration, centre, rotation, _to_camera(external, fields), _pairs(external, fields))
@@ -195,7 +195,7 @@ def _to_camera(external: XmlElement, fields: XmlFields) -> tuple[float, ...] | N
         return None
     parts = [fields.decimals(external, f"OrIntImaM2C/{tag}", 2) for tag in ("I00", "V10", "V01")]
     values = tuple(value for part in parts if part is not None for value in part)
-    return None if values == (0.0, 0.0, 1.0, 0.0, 0.0, 1.0) or len(values) != 6 else values  # noqa: PLR2004
+    return None if values == (0.0, 0.0, 1.0, 0.0, 0.0, 1.0) or len(values) != 6 else values
 
 
 def _pairs(external: XmlElement, fields: XmlFields) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:

@@ -55,7 +55,7 @@ class ControlList:
 
 @dataclass(frozen=True, slots=True)
 class PhotoPlace:
-    """Where a photo was taken: z NaN where it is not known, `accuracy` horizontal and vertical, None where not given."""
+    """Where a photo was taken: z NaN if not known; `accuracy` horizontal and vertical, None if not given."""
 
     photo: str
     coordinates: tuple[float, float, float]

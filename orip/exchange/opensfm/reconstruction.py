@@ -135,7 +135,8 @@ def _focal_lengths(value: JsonValue) -> tuple[float | None, float | None]:
 
 
 def _photos(part: JsonValue, cameras: Mapping[str, int]) -> tuple[tuple[ExchangedPhoto, ...], tuple[Station, ...]]:
-    photos, stations = [], []
+    photos: list[ExchangedPhoto] = []
+    stations: list[Station] = []
     shots = part.required("shots")
     for name, shot in shots.entries() if shots is not None else ():
         rotation, translation = shot.numbers("rotation", 3), shot.numbers("translation", 3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,6 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
 from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
@@ -221,7 +220,7 @@ def _add_marks(
 def _stations(places: PlaceList, photos: dict[str, int]) -> tuple[Station, ...]:
     found = []
     for place in places.places:
-        if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # noqa: PLR0124  # not NaN
+        if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # not NaN
             horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
             found.append(Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
     return tuple(found)

@@ -32,7 +32,7 @@ def text_lines(path: Path, faults: Faults) -> list[str]:
 
 
 def numbered_words(lines: list[str], comments: str = "") -> Iterator[tuple[int, list[str]]]:
-    """Iterate over the lines that have words: number, from 1, and words; lines that begin with `comments` are left out."""
+    """Iterate over number, from 1, and words of the lines that have some; not those that begin with `comments`."""
     for number, line in enumerate(lines, start=1):
         words = line.split()
         if words and not (comments and words[0].startswith(tuple(comments))):

@@ -125,17 +125,16 @@ def xml_of(
     try:
         parser.Parse(data, True)
     except _RefusedError as fault:
-        return _refused(faults, str(fault), parser.CurrentLineNumber)
+        faults.complain(str(fault), parser.CurrentLineNumber)
+        return None
     except expat.ExpatError as fault:
         message = f"this is no XML ({expat.ErrorString(fault.code)}); export the file again"
-        return _refused(faults, message, fault.lineno, fault.offset + 1)
+        faults.complain(message, fault.lineno, fault.offset + 1)
+        return None
     except (LookupError, ValueError) as fault:
-        return _refused(faults, f"the encoding of this XML cannot be read ({fault}); save it as UTF-8", 1)
+        faults.complain(f"the encoding of this XML cannot be read ({fault}); save it as UTF-8", 1)
+        return None
     return builder.root
-
-
-def _refused(faults: Faults, message: str, line: int, column: int | None = None) -> None:
-    faults.complain(message, line, column)
 
 
 class XmlFields:

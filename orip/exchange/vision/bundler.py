@@ -34,7 +34,7 @@ def is_bundler(beginning: str) -> bool:
 def is_bal(beginning: str) -> bool:
     """Return whether a file begins as a BAL problem does: three counts, then a measurement of camera 0."""
     lines = [line.split() for line in beginning.splitlines()[:2]]
-    return len(lines) == 2 and len(lines[0]) == 3 and len(lines[1]) == 4 and all(map(str.isdigit, lines[0]))  # noqa: PLR2004
+    return len(lines) == 2 and len(lines[0]) == 3 and len(lines[1]) == 4 and all(map(str.isdigit, lines[0]))
 
 
 def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
@@ -43,7 +43,7 @@ def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     lines = text_lines(source, faults)
     head = lines[0].split() if lines else []
     counts = [faults.whole(word, "count", 1) for word in head[:3]]
-    if len(counts) < 3 or None in counts:  # noqa: PLR2004
+    if len(counts) < 3 or None in counts:
         faults.complain("the first line should have the numbers of cameras, points and measurements", 1)
         return Parsed(None, tuple(faults.complaints))
     cameras, points, measurements = (count or 0 for count in counts)
@@ -131,7 +131,9 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
             lenses.append(_camera(f"camera{camera}", rows[0], first + 1, faults))
     collected, rays = CollectedPoints(), CollectedRays()
     for point in range(points):
-        _add_point(lines, 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point, point, place, collected, rays, faults)
+        _add_point(
+            lines, 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point, point, place, collected, rays, faults
+        )
     lost = cameras - len(photos)
     notes = (f"{lost} photos were not oriented and are left out",) if lost else ()
     return _parsed(lenses, photos, collected, rays, BUNDLER, notes, faults)
@@ -183,7 +185,5 @@ def _parsed(
         faults.complaints.append(Complaint("no photo is oriented; there is nothing to import", faults.shown))
     if faults.complaints:
         return Parsed(None, tuple(faults.complaints))
-    project = ExchangedProject(
-        "", tuple(cameras), tuple(photos), points.points(), rays.rays(), (reading,), notes=notes
-    )
+    project = ExchangedProject("", tuple(cameras), tuple(photos), points.points(), rays.rays(), (reading,), notes=notes)
     return Parsed(project)

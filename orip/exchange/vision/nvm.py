@@ -109,9 +109,7 @@ def _camera_values(lines: _Lines, faults: Faults) -> tuple[str, list[float]] | N
     return words[0], values
 
 
-def _add_point(
-    lines: _Lines, point: int, photos: int, points: CollectedPoints, rays: CollectedRays
-) -> None:
+def _add_point(lines: _Lines, point: int, photos: int, points: CollectedPoints, rays: CollectedRays) -> None:
     taken = lines.take()
     if taken is None:
         return
