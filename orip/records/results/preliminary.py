@@ -77,7 +77,7 @@ class RelativeOrientation:
     block : PartialBlock
         Both photos and the points in front of both of them, in the model's system.
     remarks : tuple of str
-        What the user should know, in sentences.
+        Remarks for the user, in sentences.
     """
 
     model: str
