@@ -85,7 +85,7 @@ class GroundCrs:
     def _angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return longitude and latitude, array (2, n), in the system's unit.
 
-        PROJ inverts some projections by a short series (LAEA: 0.5 mm off). Correcting X and Y by the misclosure removes that.
+        PROJ inverts some projections by short series (LAEA: 0.5 mm off). Correcting by the misclosure removes that.
         """
         angles = _finite(self.horizontal.transform(x, y))
         back = _finite(self.horizontal.transform(angles[0], angles[1], direction="INVERSE"))

@@ -11,7 +11,7 @@ import numpy as np
 from orip.arrays import FloatArray
 
 _ROUNDS = 3
-"""Steps of Bowring's iteration: one gives 0.3 micrometres at a height of 5 km, two are exact to rounding, one is to spare."""
+"""Steps of Bowring's iteration: one gives 0.3 micrometres at a height of 5 km, two are exact to rounding."""
 
 
 def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
