@@ -9,7 +9,7 @@ import numpy as np
 from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.intersection.robust_intersection import (
     ABSOLUTE_ITERATIONS,
     DANISH_ITERATIONS,

@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.refinement.camera_corrections import EXPECTED
 
