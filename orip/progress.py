@@ -12,13 +12,13 @@ class Listener(Protocol):
     """Receives reports on stages; a stage that begins within another one ends before it."""
 
     def begin(self, what: str, total: int | None) -> None:
-        """A stage begins; `steps` is None where their number is not known."""
+        """Take note that a stage begins; `total` steps, None where their number is not known."""
 
     def advance(self, done: int) -> None:
-        """So many steps of the innermost stage are done."""
+        """Take note that so many steps of the innermost stage are done."""
 
     def end(self) -> None:
-        """The innermost stage has ended."""
+        """Take note that the innermost stage has ended."""
 
 
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
@@ -36,7 +36,7 @@ def listening(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def stage(what: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
-    """Report the begin and the end of a stage; the function that is yielded reports how many steps are done."""
+    """Report the beginning and the end of a stage; the function that is yielded reports how many steps are done."""
     listener = _listener.get()
     if listener is None:
         yield _nobody_listens

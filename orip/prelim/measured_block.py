@@ -11,9 +11,9 @@ from orip.prelim.ground.ground_control import approximate_points, known_centres,
 from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
+from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.similarity.absolute_orientation import KnownPositions
-from orip.prelim.rays.thinning import thinned
 from orip.records.block import Block
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 

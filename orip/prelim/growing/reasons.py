@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.prelim.growing.growing_block import GrowingBlock
-from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.growing.misplaced_photos import misplaced_photos, unfit
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
 from orip.wording import counted
 
