@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -146,5 +146,7 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
             precision = problem.datum.transformed_cofactors(precision, normals, found.state, problem.unknowns)
     effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
-    figures = (getattr(found, field.name) for field in fields(found))
-    return SolvedBlock(*figures, problem, precision, variance)
+    return SolvedBlock(
+        found.state, equations, found.weight_factors, normals, found.iterations, found.reason, found.scale, problem,
+        precision, variance,
+    )  # fmt: skip
