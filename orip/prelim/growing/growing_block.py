@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
 from orip.records.results.preliminary import PartialBlock
 

@@ -13,9 +13,9 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
-from orip.report.ellipses import drawn_points
+from orip.report.drawings.ellipses import drawn_points
+from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.report_input import ReportInput
-from orip.report.residual_vectors import measured_reach
 from orip.units import DEGREES_PER_RADIAN
 
 MOST_POINTS = 10_000

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.image_rays import ImageRays
-from orip.prelim.misplaced_photos import misplaced_photos, unfit
-from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.growing.misplaced_photos import misplaced_photos, unfit
+from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays.photo_index import PhotoIndex
 from orip.wording import counted
 
 _SHARED_NEEDED, _KNOWN_NEEDED = 5, 3

@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.records.ground import GroundSystem, PlainGround
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.results.preliminary import PartialBlock, PhotoStart, PointStarts, PreliminaryValues

@@ -8,7 +8,7 @@ from itertools import compress
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 
 _HOLDING = 4
 """Least number of points kept of those that connect two photos."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.rays.image_rays import ImageRays
 
 MISFIT = 5.0
 """Ratio of a residual to the median of all above which a point does not fit its photo."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.rays.image_rays import ImageRays
 from orip.records.observations.control import ControlDistance
 from orip.wording import counted
 

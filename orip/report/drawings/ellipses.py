@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Estimates, Solution
-from orip.report.drawing import drawing, element, number, round_step, shown_tick, text, ticks
-from orip.report.labels import Box, labels
+from orip.report.drawings.labels import Box, labels
+from orip.report.drawings.svg import drawing, element, number, round_step, shown_tick, text, ticks
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60

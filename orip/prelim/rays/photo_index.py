@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.results.solution import Residuals
-from orip.report.drawing import drawing, element, number, round_step, text
+from orip.report.drawings.svg import drawing, element, number, round_step, text
 from orip.report.numbers import counted, probability
 from orip.report.report_input import ReportInput
 

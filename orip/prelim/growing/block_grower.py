@@ -13,11 +13,11 @@ from itertools import islice
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.growing_block import GrowingBlock, growing_block_of
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.growing.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.intersection.intersection import intersect
-from orip.prelim.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
-from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays.photo_index import PhotoIndex
 from orip.prelim.refinement.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.resection.configuration import image_configuration
