@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -113,6 +114,8 @@ class Equations:
     groups : array (n,) of int, or None
         Number of the group of observations that lose weight together, by the length of their residuals; -1 for those
         that do so by themselves. None: all do.
+    wider_groups : callable
+        Returns the groups where many observations do not fit: what was measured as one is wrong as a whole then.
     """
 
     rows: DesignMatrix
@@ -120,6 +123,11 @@ class Equations:
     active: BoolArray
     exact: BoolArray
     groups: IntArray | None = None
+    wider_groups: Callable[[], IntArray | None] = lambda: None
+
+    def with_wider_groups(self) -> Equations:
+        """Return the equations with the groups for many observations that do not fit."""
+        return replace(self, groups=self.wider_groups())
 
     def sizes(self, residual: FloatArray, among: BoolArray) -> FloatArray:
         """Return by what size (n,) each of the residuals (n,) is judged: that of its group, those `among` them."""
@@ -175,14 +183,22 @@ class Problem(Protocol[StateT]):
         `factors` are those of the normal equations at the state, `scale` that of the observations in a-priori errors.
         """
 
-    def without_contradictory_blocks(self, state: StateT, factors: BlockFactors, scale: float) -> StateT | None:
-        """Return the state without blocks that the observations that fit do not determine; None if there are none."""
+    def without_contradictory_blocks(
+        self, state: StateT, factors: BlockFactors, scale: float, weights: FloatArray
+    ) -> StateT | None:
+        """Return the state without blocks that the observations that fit do not determine; None if there are none.
+
+        `weights` (n,) are those of the normal equations.
+        """
 
     def with_all_blocks(self, state: StateT) -> StateT:
         """Return the state with the blocks that were left out, computed from their observations; itself if none are."""
 
     def with_doubtful_blocks_placed(self, state: StateT, equations: Equations, limit: float) -> StateT:
         """Return the state with blocks that do not fit placed by their observations alone, wherever they were."""
+
+    def moves_to_steady_weights(self, state: StateT, equations: Equations, limit: float) -> FloatArray:
+        """Return corrections (m + 3 b,) of blocks that do not fit, after which their weights no longer change."""
 
     def improve_consensus(self, state: StateT, equations: Equations, limit: float) -> StateT | None:
         """Return the state with blocks moved to where more of their observations fit; None if there are none.

@@ -35,7 +35,8 @@ def next_attempt(
     tried = replace(now.tried, attempts=now.tried.attempts + 1)
     if tried.attempts > _MOST_ATTEMPTS or not (equations.active & (weights < 1.0)).any():
         return None
-    if not tried.exchange:
+    # where much is wrong, too much would have to be exchanged
+    if not (tried.exchange or now.weighing.crowded):
         tried = replace(tried, exchange=True)
         exchange = better_exchange(equations, weights, normals, problem.layout, limit)
         if exchange is not None:

@@ -161,10 +161,10 @@ def _determined(
         if not now.weighing.is_crowded_in(iteration, equations, weights):
             return now, weights, normals
         scale = now.weighing.scale_in(equations, iteration)
-        leave_out = problem.without_undetermined_blocks
         if now.weighing.has_begun_in(iteration):
-            leave_out = problem.without_contradictory_blocks
-        fewer = leave_out(now.current.state, normals.blocks, scale)
+            fewer = problem.without_contradictory_blocks(now.current.state, normals.blocks, scale, weights)
+        else:
+            fewer = problem.without_undetermined_blocks(now.current.state, normals.blocks, scale)
         if fewer is None:
             return now, weights, normals
         del normals
@@ -186,6 +186,9 @@ def _controlled_step(
         factor = problem.step_factor(accelerated.step)
         step = factor * accelerated.step
         moved = _linearised(problem, problem.update(now.current.state, step))
+        moves = _moves_to_steady_weights(problem, now, moved)
+        if moves.any():
+            step, moved = step + moves, _linearised(problem, problem.update(moved.state, moves))
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
@@ -201,6 +204,18 @@ def _controlled_step(
         # the next attempt needs their memory
         del normals, moved
         normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
+
+
+def _moves_to_steady_weights(
+    problem: Problem[StateT], now: IterationState[StateT], moved: Linearised[StateT]
+) -> FloatArray:
+    """Return corrections (m + 3 b,) of blocks that do not fit after a step, where many do not; else zeros.
+
+    Weights and residuals of a block change each other slowly, and the block by itself is solved quickly.
+    """
+    if not now.weighing.is_crowded_with_danish_weights_in(len(now.records) + 1):
+        return np.zeros(problem.layout.size)
+    return problem.moves_to_steady_weights(moved.state, moved.equations, now.weighing.final_limit)
 
 
 def _is_accepted(

@@ -79,13 +79,22 @@ class Weighing:
         if self.start is None or not (self.early or iteration >= self.start):
             return factors
         judged = _judged(equations)
-        size = equations.sizes(equations.residual, judged)[judged]
         limit = self.limit * self.scale_in(equations, iteration)
+        grouped = self._grouped(equations, iteration, limit)
+        size = grouped.sizes(equations.residual, judged)[judged]
         if self.has_begun_in(iteration):
             factors[judged] = danish_weights(size, limit)
         else:
             factors[judged] = wide_weights(size, limit, 3 if _are_many(size > limit) else 2)
         return factors
+
+    def _grouped(self, equations: Equations, iteration: int, limit: float) -> Equations:
+        """Return the equations with the groups of observations that lose weight together in an iteration."""
+        many = self.crowded
+        if not self.has_begun_in(iteration):
+            judged = _judged(equations)
+            many = _are_many(equations.sizes(equations.residual, judged)[judged] > limit)
+        return equations.with_wider_groups() if many else equations
 
     def cost_in(self, equations: Equations, iteration: int, residuals: FloatArray) -> float:
         """Return the cost that an iteration from some equations minimises, at residuals (n,) of these.
@@ -95,10 +104,11 @@ class Weighing:
         judged = _judged(equations)
         if self.start is None:
             return float(np.sum(residuals[judged] ** 2) / 2.0)
-        size = equations.sizes(residuals, judged)[judged]
+        grouped = equations.with_wider_groups()
+        size = grouped.sizes(residuals, judged)[judged]
         costs = danish_costs if self.has_begun_in(iteration) else wide_costs
         parts = costs(size, self.limit * self.scale_in(equations, iteration))
-        return float((parts * equations.shares(judged)[judged]).sum())
+        return float((parts * grouped.shares(judged)[judged]).sum())
 
     def scale_in(self, equations: Equations, iteration: int) -> float:
         """Return the scale of the limit in an iteration: before the Danish method begins, that of the residuals."""
@@ -109,6 +119,10 @@ class Weighing:
     def is_crowded_in(self, iteration: int, equations: Equations, weights: FloatArray) -> bool:
         """Return whether many observations do not fit: in an iteration with some weights, and once settled for good."""
         return self.crowded if self.has_begun_in(iteration) else has_many_reduced(equations, weights)
+
+    def is_crowded_with_danish_weights_in(self, iteration: int) -> bool:
+        """Return whether an iteration has the weights of the Danish method, and many observations do not fit."""
+        return self.crowded and self.has_begun_in(iteration)
 
     def has_begun_in(self, iteration: int) -> bool:
         """Return whether an iteration has the weights of the Danish method."""
@@ -122,8 +136,9 @@ class Weighing:
         judged = _judged(equations)
         if self.start is None:
             return float(np.sum(equations.residual[judged] ** 2) / 2.0)
-        of_judged = danish_costs(equations.sizes(equations.residual, judged)[judged], self.final_limit)
-        of_judged *= equations.shares(judged)[judged]
+        grouped = equations.with_wider_groups() if self.crowded else equations
+        of_judged = danish_costs(grouped.sizes(equations.residual, judged)[judged], self.final_limit)
+        of_judged *= grouped.shares(judged)[judged]
         lost = int(np.count_nonzero(~equations.active))
         return float(of_judged.sum()) + lost * greatest_danish_cost(self.final_limit)
 

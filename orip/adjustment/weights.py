@@ -13,11 +13,22 @@ from orip.arrays import FloatArray
 LEAST_WEIGHT = 1e-10
 """Smallest weight: unknowns that only down-weighted observations determine remain determined."""
 
+_NO_INFLUENCE = 0.01
+"""Weighted square of a residual that is of no influence."""
+
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal residual."""
 
 LIMIT_OF_TWO_COMPONENTS = 3.5
 """Limit c for the length of a residual with two components: one good residual in 460 is longer."""
+
+
+def _least_weights(standard_residuals: FloatArray) -> FloatArray:
+    """Return weights (n,) with which no residual has an influence, however large it is.
+
+    Beside a projection centre residuals, and with them the partial derivatives, are of any size.
+    """
+    return np.minimum(LEAST_WEIGHT, _NO_INFLUENCE / np.maximum(standard_residuals, 1.0) ** 2)
 
 
 def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
@@ -34,7 +45,7 @@ def danish_weights(standard_residuals: FloatArray, limit: float) -> FloatArray:
     -------
     array (n,)
     """
-    reduced = np.maximum(np.exp(-standard_residuals / limit), LEAST_WEIGHT)
+    reduced = np.maximum(np.exp(-standard_residuals / limit), _least_weights(standard_residuals))
     return np.where(standard_residuals <= limit, 1.0, reduced)
 
 
@@ -76,7 +87,8 @@ def wide_weights(standard_residuals: FloatArray, limit: float, exponent: int) ->
     exponent : int
         2; or 3 where many observations are wrong: it falls fast enough that a fifth of these does not move the block.
     """
-    return np.maximum((limit / np.maximum(standard_residuals, limit)) ** exponent, LEAST_WEIGHT)
+    reduced = (limit / np.maximum(standard_residuals, limit)) ** exponent
+    return np.maximum(reduced, _least_weights(standard_residuals))
 
 
 def wide_costs(standard_residuals: FloatArray, limit: float) -> FloatArray:

@@ -24,6 +24,9 @@ _DETERMINED = 0.5
 
 _LEAST_RAYS = 2
 
+LEAST_WEIGHT_OF_FIT = 0.01
+"""Weight factor from which a ray may still fit while the weights settle: its residual is less than five limits."""
+
 
 def without_undetermined_points(
     block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float
@@ -56,13 +59,17 @@ def without_undetermined_points(
 
 
 def without_contradictory_points(
-    block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float
+    block: Block, state: BlockState, unknowns: Unknowns, factors: BlockFactors, scale: float, fitting: IntArray
 ) -> BlockState | None:
     """Return a state without points that only down-weighted rays determine; None if there are none.
 
     The parameters are those of `without_undetermined_points`; the weights of the normal equations are final ones.
+    `fitting` (number of points,) is the number of rays of each point that fit: a point beside a projection centre is
+    determined by rays of any weight.
     """
-    suspects = _suspects(block, state, unknowns, factors, scale)
+    alone = points_by_photos_alone(block, unknowns) & ~state.left_out & (fitting < _LEAST_RAYS)
+    several = np.bincount(block.photo_points.point[block.photo_points.used.any(axis=1)], minlength=len(fitting))
+    suspects = _suspects(block, state, unknowns, factors, scale) | (alone & (several >= _LEAST_RAYS))
     return replace(state, left_out=state.left_out | suspects) if suspects.any() else None
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.adjustment.equations import Equations
+from orip.adjustment.weights import danish_weights
 from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
@@ -24,6 +25,10 @@ _FEWEST_RAYS, _MOST_RAYS = 3, 10
 
 _LITTLE = 1e-9
 """Part of the trace of normal equations that keeps them regular where rays are parallel."""
+
+_MOST_REWEIGHTINGS = 50
+_STEADY = 1e-4
+"""Change of a residual, in a-priori errors, below which weights are steady: that of the convergence of a block."""
 
 _LEFT_OUT = 1e-6
 """Weight factor of rays that do not fit, where a position is computed from the others."""
@@ -71,6 +76,23 @@ def where_better(rays: PointRays, limit: float) -> FloatArray:
     # a position that fits as many rays, and a little better, is left to the iterations
     better = costs < _costs(rays.residuals, limit) - limit**2 / 2.0
     return np.where(better[:, None], found, 0.0)
+
+
+def with_steady_weights(rays: PointRays, limit: float) -> FloatArray:
+    """Return the moves (q, 3) after which the Danish weights of the rays, each as a whole, no longer change.
+
+    They lower the robust cost of the points, photos held (Holland and Welsch 1977).
+    """
+    moves, going_on = np.zeros((len(rays.residuals), 3)), np.arange(len(rays.residuals))
+    for _ in range(_MOST_REWEIGHTINGS):
+        some = PointRays(rays.partials[going_on], rays.residuals[going_on])
+        here = some.after(moves[going_on])
+        lengths = np.sqrt((here**2).reshape(len(here), -1, 2).sum(axis=2))
+        moves[going_on] = some.least_squares(np.repeat(danish_weights(lengths, limit), 2, axis=1))
+        going_on = going_on[np.abs(some.after(moves[going_on]) - here).max(axis=1, initial=0.0) > _STEADY]
+        if not len(going_on):
+            break
+    return moves
 
 
 def _consensus(rays: PointRays, limit: float) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
+from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
@@ -23,13 +24,14 @@ from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.left_out_points import (
+    LEAST_WEIGHT_OF_FIT,
     determined_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
 )
-from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better
-from orip.bundle.point_moves import with_intersected_points, with_points_moved
+from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
+from orip.bundle.point_moves import points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -87,7 +89,7 @@ class BlockProblem:
     def linearise(self, state: BlockState) -> Equations:
         """Return all observation equations at a state, divided by their a-priori errors."""
         found = self._stored(state) if self.streamed is None else self._streamed(state, *self.streamed)
-        found = replace(found, groups=self._groups())
+        found = replace(found, groups=self._groups(), wider_groups=self._wider_groups)
         idle = self.excluded
         if state.left_out.any():
             of_points = self._rows_of_points(state.left_out)
@@ -104,6 +106,17 @@ class BlockProblem:
             found.append(np.full(len(kind.rows.error), -1) if groups is None else first + groups)
             first += 0 if groups is None else int(groups.max()) + 1
         return np.concatenate(found)
+
+    def _wider_groups(self) -> IntArray:
+        """Return the groups (n,) with the two coordinates of each photo point as one more group."""
+        size, groups = sum(len(kind.rows.error) for kind in self.observations), self._groups()
+        wider = np.full(size, -1) if groups is None else groups.copy()
+        first, number = 0, int(wider.max(initial=-1)) + 1
+        for kind in self.observations:
+            if isinstance(kind, PhotoPointObservations):
+                wider[first : first + 2 * len(kind.point)] = number + np.arange(2 * len(kind.point)) // 2
+            first += len(kind.rows.error)
+        return wider
 
     def _rows_of_points(self, points: BoolArray) -> BoolArray:
         """Return which equations (n,) are photo points of some points (number of points,)."""
@@ -176,6 +189,36 @@ class BlockProblem:
             return None
         return replace(more, left_out=state.left_out & ~back)
 
+    def moves_to_steady_weights(self, state: BlockState, equations: Equations, limit: float) -> FloatArray:
+        """Return corrections (m + 3 b,) of points that do not fit, after which their weights no longer change.
+
+        Only of points that nothing but photos observes, and whose robust cost falls by that: beside a projection centre
+        nothing is linear.
+        """
+        correction = self._moves(state, equations, limit, with_steady_weights)
+        if not correction.any():
+            return correction
+        there = self.linearise(state.moved(correction, self.unknowns))
+        better = self._costs_of_points(there, limit) < self._costs_of_points(equations, limit)
+        places = self.unknowns.points[~(better & points_by_photos_alone(self.block, self.unknowns))]
+        correction[places[places != CONSTANT]] = 0.0
+        return correction
+
+    def _costs_of_points(self, equations: Equations, limit: float) -> FloatArray:
+        """Return the robust cost (number of points,) of the rays of each point; most, where one is not computable."""
+        costs, first = np.zeros(len(self.unknowns.points)), 0
+        for kind in self.observations:
+            if isinstance(kind, PhotoPointObservations):
+                rows = slice(first, first + 2 * len(kind.point))
+                squares = (
+                    np.where(equations.active[rows], equations.residual[rows] ** 2, 0.0).reshape(-1, 2).sum(axis=1)
+                )
+                lost = kind.rows.used[::2] & ~equations.active[rows].reshape(-1, 2).any(axis=1)
+                parts = np.where(lost, greatest_danish_cost(limit), danish_costs(np.sqrt(squares), limit))
+                costs += np.bincount(kind.point, parts, len(costs))
+            first += len(kind.rows.error)
+        return costs
+
     def _moves(
         self, state: BlockState, equations: Equations, limit: float, moves: Callable[[PointRays, float], FloatArray]
     ) -> FloatArray:
@@ -219,9 +262,17 @@ class BlockProblem:
         """Return the state without points that have no angle of intersection; None if there are none."""
         return without_undetermined_points(self.block, state, self.unknowns, factors, scale)
 
-    def without_contradictory_blocks(self, state: BlockState, factors: BlockFactors, scale: float) -> BlockState | None:
-        """Return the state without points that rays with full weight do not determine; None if there are none."""
-        return without_contradictory_points(self.block, state, self.unknowns, factors, scale)
+    def without_contradictory_blocks(
+        self, state: BlockState, factors: BlockFactors, scale: float, weights: FloatArray
+    ) -> BlockState | None:
+        """Return the state without points that the rays that fit do not determine; None if there are none."""
+        fitting, first = np.zeros(len(state.points), dtype=np.int64), 0
+        for kind in self.observations:
+            if isinstance(kind, PhotoPointObservations):
+                weight = weights[first : first + 2 * len(kind.point)].reshape(-1, 2).min(axis=1)
+                fitting += np.bincount(kind.point[weight >= LEAST_WEIGHT_OF_FIT], minlength=len(fitting))
+            first += len(kind.rows.error)
+        return without_contradictory_points(self.block, state, self.unknowns, factors, scale, fitting)
 
     def with_blocks_recomputed(self, state: BlockState) -> BlockState:
         """Return the state with its points intersected from the rays of the photos."""

@@ -27,12 +27,17 @@ def test_values_with_limit_3(u, factor):
     assert danish_weights(np.array([u]), 3.0)[0] == pytest.approx(factor, rel=0.03)
 
 
-def test_a_gigantic_residual_keeps_a_trace_of_weight():
-    assert danish_weights(np.array([1e9]), 5.0).tolist() == [1e-10]
-
-
 def steep(standard_residuals, limit):
     return wide_weights(standard_residuals, limit, 3)
+
+
+@pytest.mark.parametrize("weights", [danish_weights, steep])
+def test_a_gigantic_residual_keeps_a_trace_of_weight_and_no_influence(weights):
+    size = np.array([1e4, 1e7, 1e10])
+    found = weights(size, 1.0)
+    assert (found > 0.0).all()
+    assert (found * size**2 <= 0.01 * (1.0 + 1e-12)).all()
+    assert danish_weights(np.array([1e3]), 5.0).tolist() == [1e-10]
 
 
 @pytest.mark.parametrize("weights", [danish_weights, steep])

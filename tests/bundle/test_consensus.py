@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
+from orip.adjustment.normals import solve_normals
+from orip.adjustment.weights import danish_costs, danish_weights
+from orip.bundle.point_consensus import PointRays, with_steady_weights
 from orip.bundle.problem import pose_problem, starting_state
 
 LIMIT = 5.0
@@ -74,3 +77,56 @@ def test_two_rays_say_nothing(made):
     problem = pose_problem(block)
     wrong = pulled(problem, state_at_the_truth(made, block), block, point)
     assert problem.improve_consensus(wrong, problem.linearise(wrong), LIMIT) is None
+
+
+def rays_with_wrong_ones(points, rays, wrong):
+    """Return linearised rays of points, some of them wrong by 4 to 40 limits, and their true moves."""
+    random = np.random.default_rng(20261122)
+    partials = random.normal(size=(points, 2 * rays, 3))
+    moves = random.normal(size=(points, 3))
+    residuals = random.normal(size=(points, 2 * rays)) - np.einsum("qij,qj->qi", partials, moves)
+    for axis in range(wrong):
+        residuals[:, 2 * axis] += LIMIT * random.uniform(4.0, 40.0, points)
+    return PointRays(partials, residuals)
+
+
+def lengths(residuals):
+    return np.linalg.norm(residuals.reshape(len(residuals), -1, 2), axis=2)
+
+
+def test_at_steady_weights_the_robust_cost_has_no_slope():
+    rays = rays_with_wrong_ones(200, 7, 2)
+    moves = with_steady_weights(rays, LIMIT)
+    found = rays.after(moves)
+    weights = np.repeat(danish_weights(lengths(found), LIMIT), 2, axis=1)
+    slope = np.einsum("qji,qj->qi", rays.partials, weights * found)
+    # the sum of 14 terms of about 1; where weights became steady slowly, a part of it is left
+    assert np.quantile(np.abs(slope).max(axis=1), 0.95) < 1e-2
+    before, after = (danish_costs(lengths(some), LIMIT).sum(axis=1) for some in (rays.residuals, found))
+    assert (after <= before + 1e-9).all()
+
+
+def test_points_without_a_wrong_ray_move_to_their_least_squares():
+    rays = rays_with_wrong_ones(50, 5, 0)
+    partials, residuals = rays
+    expected = [
+        np.linalg.lstsq(matrix, -right, rcond=None)[0] for matrix, right in zip(partials, residuals, strict=True)
+    ]
+    fits = (lengths(rays.after(np.array(expected))) <= LIMIT).all(axis=1)
+    # conditions of 10 x 3 random partials are below 100, and the normal equations square them
+    assert np.allclose(with_steady_weights(rays, LIMIT)[fits], np.array(expected)[fits], rtol=0.0, atol=1e-6)
+    assert np.count_nonzero(fits) > 40
+
+
+def test_a_point_that_only_one_ray_fits_is_left_out(made):
+    block, point = with_a_wrong_ray(made, 4, np.array([0.0, 0.0]))
+    problem = pose_problem(block)
+    truth = state_at_the_truth(made, block)
+    equations = problem.linearise(truth)
+    weights = np.ones(len(equations.residual))
+    factors = solve_normals(equations, weights, problem.layout, 10).blocks
+    assert problem.without_contradictory_blocks(truth, factors, 1.0, weights) is None
+    rays = np.flatnonzero(block.photo_points.point == point)[:3]
+    weights[(2 * rays[:, None] + np.arange(2)).ravel()] = 1e-6
+    found = problem.without_contradictory_blocks(truth, factors, 1.0, weights)
+    assert np.flatnonzero(found.left_out).tolist() == [point]

@@ -51,6 +51,31 @@ def test_outliers_are_found_and_the_rest_is_as_good_as_without_them(share):
     assert np.abs(error / deviations).max() < 5.0
 
 
+def test_a_photo_point_loses_weight_as_a_whole():
+    _, block, wrong = tracks(0.2, 3)
+    found = solved(block).weight_factors[: 2 * len(wrong)].reshape(-1, 2)
+    assert np.array_equal(found[:, 0], found[:, 1])
+    assert np.mean(found[wrong, 0] < 1.0) >= 0.95
+
+
+def test_in_a_block_with_few_blunders_a_coordinate_loses_weight_by_itself():
+    made = synthetic_block("convergent", "tracks", noise_mm=NOISE_MM, **SETTINGS)
+    points = made.block.photo_points
+    xy = points.xy.copy()
+    xy[7, 0] += 1.0
+    block = started_off(made, replace(made.block, photo_points=replace(points, xy=xy)), 3)
+    found = solved(block).weight_factors[: 2 * len(xy)].reshape(-1, 2)
+    assert found[7, 0] < 1.0
+    assert found[7, 1] == 1.0
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_third_of_outliers_needs_few_iterations(seed):
+    _, block, _ = tracks(0.3, seed)
+    found = solved(redefined(block, max_iterations=60))
+    assert next(one.iteration for one in found.iterations if one.enp >= block.definition.enp_stop) <= 20
+
+
 @pytest.mark.parametrize("factor", [0.25, 0.5, 2.0])
 def test_the_a_priori_error_hardly_matters(factor):
     _, block, _ = tracks(0.2, 4)
