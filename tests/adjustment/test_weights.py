@@ -47,8 +47,8 @@ def test_no_observations(weights):
 
 def test_wide_weights_fall_with_the_square_or_the_cube():
     found = [wide_weights(np.array([4.9, 5.0, 10.0, 50.0, 1e6]), 5.0, exponent).tolist() for exponent in (2, 3)]
-    assert found[0] == pytest.approx([1.0, 1.0, 0.25, 1e-2, 1e-10])
-    assert found[1] == pytest.approx([1.0, 1.0, 0.125, 1e-3, 1e-10])
+    assert found[0] == pytest.approx([1.0, 1.0, 0.25, 1e-2, 2.5e-11], rel=1e-9, abs=0.0)
+    assert found[1] == pytest.approx([1.0, 1.0, 0.125, 1e-3, 1e-14], rel=1e-9, abs=0.0)
 
 
 @pytest.mark.parametrize(("weights", "costs"), [(danish_weights, danish_costs), (steep, wide_costs)])
