@@ -19,7 +19,10 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rays import intersect_rays, without_near_points
 from orip.interior.image_vectors import image_vectors
-from orip.records.block import Block
+from orip.records.block import Block, IndexedPhotoPoints
+
+_NEAR = 0.5
+"""Part of its distance from a photo that a point keeps: beside a projection centre it fits any ray of that photo."""
 
 _FARTHEST = 10.0
 """A point moves to ten times its distance at most."""
@@ -79,3 +82,13 @@ def with_points_moved(state: BlockState, move: FloatArray, centres: FloatArray, 
     most = 1.0 - 1.0 / _FARTHEST
     shorter = most / np.maximum(nearer, most)
     return replace(state, points=state.points + (shorter / (1.0 - shorter * nearer))[:, None] * move)
+
+
+def come_near(before: BlockState, after: BlockState, rays: IndexedPhotoPoints) -> BoolArray:
+    """Return which points (number of points,) come from one state to the other far nearer to a photo of theirs."""
+    distances = [
+        np.linalg.norm(state.points[rays.point] - state.centres[rays.photo], axis=1) for state in (before, after)
+    ]
+    nearer = np.zeros(len(before.points), dtype=bool)
+    nearer[rays.point[distances[1] < _NEAR * distances[0]]] = True
+    return nearer

@@ -31,7 +31,7 @@ from orip.bundle.left_out_points import (
     without_undetermined_points,
 )
 from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
-from orip.bundle.point_moves import points_by_photos_alone, with_intersected_points, with_points_moved
+from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -192,15 +192,15 @@ class BlockProblem:
     def moves_to_steady_weights(self, state: BlockState, equations: Equations, limit: float) -> FloatArray:
         """Return corrections (m + 3 b,) of points that do not fit, after which their weights no longer change.
 
-        Only of points that nothing but photos observes, and whose robust cost falls by that: beside a projection centre
-        nothing is linear.
+        Only of points that nothing but photos observes, that come near to no photo by that, and whose robust cost falls.
         """
         correction = self._moves(state, equations, limit, with_steady_weights)
         if not correction.any():
             return correction
-        there = self.linearise(state.moved(correction, self.unknowns))
-        better = self._costs_of_points(there, limit) < self._costs_of_points(equations, limit)
-        places = self.unknowns.points[~(better & points_by_photos_alone(self.block, self.unknowns))]
+        moved = state.moved(correction, self.unknowns)
+        better = self._costs_of_points(self.linearise(moved), limit) < self._costs_of_points(equations, limit)
+        better &= points_by_photos_alone(self.block, self.unknowns) & ~come_near(state, moved, self.block.photo_points)
+        places = self.unknowns.points[~better]
         correction[places[places != CONSTANT]] = 0.0
         return correction
 
