@@ -73,6 +73,7 @@ class _Step(NamedTuple, Generic[StateT]):
     before: Equations
     moved: Linearised[StateT]
     limited: bool
+    damped: bool
     control: StepControl
     acceleration: Acceleration
 
@@ -126,7 +127,8 @@ def adjust(
             del step
     final = _final_weights(now)
     equations, normals = now.current.equations, None
-    is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved
+    # damped normal equations are not those of the solution
+    is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved and not step.damped
     if is_near and np.array_equal(_effective(step.before, weights), final):
         equations, normals = replace(equations, rows=step.before.rows), step.normals
     del step
@@ -192,14 +194,15 @@ def _controlled_step(
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
-                return _Step(normals, before, moved, factor < 1.0, control.relaxed(), history)
+                return _Step(normals, before, moved, factor < 1.0, False, control.relaxed(normals), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
         moved = with_blocks_fitted(problem, moved, before, weights)
         accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
         if accepted or not control.can_damp_more:
-            return _Step(normals, before, moved, True, control.relaxed(), Acceleration())
+            damped = control.damping > 0.0
+            return _Step(normals, before, moved, True, damped, control.relaxed(normals), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
         del normals, moved

@@ -192,7 +192,8 @@ class BlockProblem:
     def moves_to_steady_weights(self, state: BlockState, equations: Equations, limit: float) -> FloatArray:
         """Return corrections (m + 3 b,) of points that do not fit, after which their weights no longer change.
 
-        Only of points that nothing but photos observes, that come near to no photo by that, and whose robust cost falls.
+        Only of points that nothing but photos observes, that do not come near to a photo by that, and whose robust cost
+        falls.
         """
         correction = self._moves(state, equations, limit, with_steady_weights)
         if not correction.any():

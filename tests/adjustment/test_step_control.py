@@ -8,6 +8,7 @@ from adjustment.factorisation.linear_systems import CurvedProblem, adjusted, con
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals
+from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 
 
@@ -93,10 +94,36 @@ def test_a_full_correction_after_which_blocks_were_fitted_must_bring_a_tenth_of_
     assert control.strengthened().accepts_fitted(before, little, np.ones(1), normals)
 
 
+def normals_at(start_off: float):
+    problem, state = arctangent(start_off)
+    return solve_normals(problem.linearise(state), np.ones(1), problem.layout, 12.0)
+
+
 def test_iterations_count_as_undamped_from_the_one_after_a_refusal():
     control = StepControl(1).refused().strengthened()
     assert control.damping > 0.0
-    taken = control.relaxed()
+    taken = control.relaxed(normals_at(1.0))
     assert taken.undamped == 0
-    assert taken.damping < control.damping
-    assert taken.relaxed().undamped == 1
+    assert 0.0 < taken.damping < control.damping
+    assert taken.relaxed(normals_at(1.0)).undamped == 1
+
+
+def test_after_a_correction_far_below_its_standard_deviation_damping_ends():
+    control = StepControl(1, damping=100.0)
+    # the residual, 1e4 times the arctangent, is the correction in standard deviations
+    assert control.relaxed(normals_at(1e-3)).damping == pytest.approx(10.0)
+    assert control.relaxed(normals_at(1e-6)).damping == 0.0
+
+
+def test_figures_of_a_solution_are_not_those_of_damped_normal_equations(monkeypatch):
+    monkeypatch.setattr(StepControl, "accepts_correction", lambda *_: False)
+    monkeypatch.setattr(StepControl, "accepts_fitted", lambda control, *_: control.damping > 0.0)
+    problem, state = arctangent(0.1)
+    found = adjusted(problem, state, settings(max_iterations=12))
+    last = found.iterations[-1]
+    assert last.step_limited
+    assert last.enp >= 3.0
+    undamped = solve_normals(found.equations, found.weight_factors, problem.layout, 12.0)
+    assert cofactors(found.equations, found.normals).leverage == pytest.approx(
+        cofactors(found.equations, undamped).leverage, rel=1e-9
+    )
