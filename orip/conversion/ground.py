@@ -45,12 +45,12 @@ class LocalGround:
     @property
     def origin(self) -> FloatArray:
         """Return the geocentric coordinates (3,) of the origin."""
-        return geocentric_from_geographic(self.geographic[None], _WGS84)[0]
+        return np.asarray(geocentric_from_geographic(self.geographic[None], _WGS84)[0])
 
     @property
     def axes(self) -> FloatArray:
         """Return east, north and up in the rows of a matrix (3, 3), geocentric."""
-        return place_axes(self.geographic[None])[0]
+        return np.asarray(place_axes(self.geographic[None])[0])
 
     def from_geocentric(self, geocentric: FloatArray) -> FloatArray:
         """Return east, north and up (n, 3) of geocentric coordinates (n, 3)."""

@@ -11,6 +11,7 @@ from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -253,7 +254,7 @@ def _photo(
     centre = element.child("Pose/Center")
     if name is None or rotation is None or centre is None or not rotation.children:
         return None
-    camera_axes = "y_up" if axes == "y_up" else "y_down"
+    camera_axes: Literal["y_down", "y_up"] = "y_up" if axes == "y_up" else "y_down"
     tags, reading = _MATRIX, PoseReading(camera_axes, "to_camera", "matrix", "radian", "centre")
     if rotation.child("M_00") is None:
         tags, reading = _ANGLES, PoseReading(camera_axes, "to_ground", "omega_phi_kappa", "degree", "centre")
