@@ -175,6 +175,7 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
         else:
             heights[words[0]] = (faults.decimal(words[1], "Z", number), number)
     for name in {**plan, **heights}:
-        x, y, line = plan.get(name, (None, None, heights.get(name, (0.0, 0))[1]))
-        z = heights[name][0] if name in heights else None
+        place = plan.get(name)
+        z, line = heights.get(name, (None, 0 if place is None else place[2]))
+        x, y = (None, None) if place is None else place[:2]
         yield ControlPoint(name, (x, y, z), (None, None, None), line=line)
