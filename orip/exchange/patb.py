@@ -175,7 +175,7 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
         else:
             heights[words[0]] = (faults.decimal(words[1], "Z", number), number)
     for name in {**plan, **heights}:
-        place = plan.get(name)
-        z, line = heights.get(name, (None, 0 if place is None else place[2]))
+        place, height = plan.get(name), heights.get(name)
+        line = place[2] if place is not None else height[1] if height is not None else 0
         x, y = (None, None) if place is None else place[:2]
-        yield ControlPoint(name, (x, y, z), (None, None, None), line=line)
+        yield ControlPoint(name, (x, y, None if height is None else height[0]), (None, None, None), line=line)
