@@ -177,5 +177,6 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
     for name in {**plan, **heights}:
         place, height = plan.get(name), heights.get(name)
         line = place[2] if place is not None else height[1] if height is not None else 0
-        x, y = (None, None) if place is None else place[:2]
-        yield ControlPoint(name, (x, y, None if height is None else height[0]), (None, None, None), line=line)
+        plane = (None, None) if place is None else (place[0], place[1])
+        z = None if height is None else height[0]
+        yield ControlPoint(name, (*plane, z), (None, None, None), line=line)
