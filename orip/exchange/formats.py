@@ -7,7 +7,7 @@ from pathlib import Path
 from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
 from orip.exchange.bingo import is_bingo, read_bingo
-from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange
+from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import write_model
 from orip.exchange.format import Format
