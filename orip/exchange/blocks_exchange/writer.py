@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from orip.exchange.sources.held_terms import require_without
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
 
@@ -54,6 +55,7 @@ def _pieces(project: ExchangedProject) -> Iterator[str]:
 
 def _camera(camera: ExchangedCamera) -> str:
     value = camera.parameters
+    require_without(camera, ("k4", "p3", "p4", "b1", "b2"), "Blocks Exchange XML")
     sensor = "" if camera.sensor_mm is None else f"<SensorSize>{max(camera.sensor_mm)!r}</SensorSize>"
     distortion = "".join(f"<{tag}>{value.get(tag.lower(), 0.0)!r}</{tag}>" for tag in _DISTORTION)
     return (

@@ -13,6 +13,7 @@ import numpy as np
 from orip.errors import InputError
 from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.held_terms import require_without
 from orip.exchange.sources.json_tree import read_json
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 
@@ -44,13 +45,15 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
         raise InputError(faults.complaints)
     parts = [part for part in document.value if isinstance(part, dict) and isinstance(part.get("shots"), dict)]
     if not parts:
-        raise InputError.single("there is no reconstruction with shots in the original", str(path))
+        message = "there is no reconstruction with shots in the original"
+        raise InputError.single(message, str(path))
     _update(max(parts, key=lambda part: len(part["shots"])), project)
-    return {path.name: _encoded(document.value)}
+    return {path.name: _encoded(document.value, is_indented=document.source.data[:3].split() == [b"["])}
 
 
-def _encoded(document: object) -> bytes:
-    return json.dumps(document).encode()
+def _encoded(document: object, *, is_indented: bool = False) -> bytes:
+    """Return a document as OpenSfM writes it, with indentation or without."""
+    return json.dumps(document, indent=4 if is_indented else None, ensure_ascii=False).encode()
 
 
 def _new(project: ExchangedProject) -> dict[str, Any]:
@@ -82,7 +85,8 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
         before = _pose(shot)
         for key, values in (("rotation", photo.rotation), ("translation", photo.position)):
             shot[key] = _kept(shot.get(key), values)
-        _follow(part.get("rig_instances"), photo.name, before, shot)
+        if before != _pose(shot):
+            _follow(part.get("rig_instances"), photo.name, before, shot)
     points = _points(project)
     kept = {name: point for name, point in part.get("points", {}).items() if name in points}
     for name, point in kept.items():
@@ -150,6 +154,7 @@ def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, A
 def _brown(camera: ExchangedCamera) -> dict[str, Any]:
     longer = max(camera.columns, camera.rows)
     value = camera.parameters
+    require_without(camera, ("k4", "k5", "k6"), "OpenSfM")
     return {
         "projection_type": "brown",
         "width": camera.columns,
