@@ -48,7 +48,9 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
         message = "there is no reconstruction with shots in the original"
         raise InputError.single(message, str(path))
     _update(max(parts, key=lambda part: len(part["shots"])), project)
-    return {path.name: _encoded(document.value, is_indented=document.source.data[:3].split() == [b"["])}
+    data = document.source.data
+    ending = data[len(data.rstrip()) :]
+    return {path.name: _encoded(document.value, is_indented=data[:3].split() == [b"["]) + ending}
 
 
 def _encoded(document: object, *, is_indented: bool = False) -> bytes:
