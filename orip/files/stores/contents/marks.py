@@ -19,7 +19,7 @@ from orip.records.observations.measurement import (
     TransformationKind,
 )
 
-Orientation = TypeVar("Orientation", PhotoOrientation, TemplateOrientation)
+Orientation = TypeVar("Orientation", bound=PhotoOrientation | TemplateOrientation)
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
 
@@ -86,5 +86,4 @@ class OrientationTables(Generic[Orientation]):
         store.delete(self.table)
         store.insert(self.table, (tuple(getattr(item, column) for column in columns) for item in everything))
         for name, item in zip(names, everything, strict=True):
-            marks: MeasuredMarks = item.marks
-            store.insert(self.marks, ((name, place, *row) for place, row in enumerate(measured_rows(marks))))
+            store.insert(self.marks, ((name, place, *row) for place, row in enumerate(measured_rows(item.marks))))
