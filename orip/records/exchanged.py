@@ -230,6 +230,8 @@ class ExchangedProject:
         Of the poses; more than one where the format does not say, the likeliest first.
     control : tuple of ControlPoint
         By the name of the point; negative errors: a check point. Errors are None where the file has none.
+    control_crs : str
+        What control coordinates refer to, x or longitude first; empty: the system of all others.
     stations : tuple of Station
         By the name of the photo.
     station_reference : StationReference
@@ -253,6 +255,7 @@ class ExchangedProject:
     rays: ExchangedRays
     readings: tuple[PoseReading, ...] = (PoseReading(),)
     control: tuple[ControlPoint, ...] = ()
+    control_crs: str = ""
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
     distances: tuple[ControlDistance, ...] = ()

@@ -21,7 +21,7 @@ _QUANTITIES: Mapping[str, Quantity] = {
     **dict.fromkeys(("X0", "Y0", "Z0", "X", "Y", "Z", "dX", "dY", "dZ"), "ground"),
     **dict.fromkeys(("OMEGA", "PHI", "KAPPA", "R"), "angle"),
 }
-_POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
+_POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "A9": 9, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
 _RADIUS_MM = 10.0
 
 Found = dict[tuple[str, str], FigureGroup]

@@ -238,7 +238,7 @@ class CameraStart:
     Parameters
     ----------
     name : str
-    parameters : tuple of 11 floats
+    parameters : tuple of 12 floats
         In the order of `CAMERA_PARAMETERS`; those that are not unknown as given.
     """
 
