@@ -8,9 +8,9 @@ from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
 from orip.exchange.bingo import is_bingo, read_bingo
 from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange
-from orip.exchange.colmap.reader import is_model, read_model
+from orip.exchange.colmap.reader import READING, is_model, read_model
 from orip.exchange.colmap.writer import write_model
-from orip.exchange.format import Format
+from orip.exchange.format import Conventions, Format
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.metashape.source import is_metashape, read_metashape
@@ -23,7 +23,14 @@ from orip.exchange.vision.bundler import is_bal, is_bundler, read_bal, read_bund
 from orip.exchange.vision.nvm import is_nvm, read_nvm
 
 FORMATS: tuple[Format, ...] = (
-    Format("colmap", "COLMAP: folder of a sparse model, text or binary", read_model, is_model, write_model),
+    Format(
+        "colmap",
+        "COLMAP: folder of a sparse model, text or binary",
+        read_model,
+        is_model,
+        write_model,
+        Conventions("opencv", READING),
+    ),
     Format("opensfm", "OpenSfM, OpenDroneMap: project folder, or reconstruction.json", read_opensfm, is_opensfm),
     Format(
         "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
