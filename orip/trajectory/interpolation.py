@@ -16,6 +16,7 @@ from orip.trajectory.velocities import WGS84, velocities
 LONGEST_GAP = 2.5
 """Epochs of a usual interval that may lie between the two on both sides of an event."""
 
+
 @dataclass(frozen=True, slots=True)
 class Interpolated:
     """n places on a trajectory.

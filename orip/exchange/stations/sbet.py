@@ -2,8 +2,8 @@
 
 SBET: records of 17 little-endian float64: seconds of the GPS week, latitude, longitude (radians), height above the
 ellipsoid (m), velocity along x, y, z (m/s), roll, pitch, platform heading, wander angle (radians), acceleration, rates.
-The velocity's axes are level: x is turned from north by the wander angle, counterclockwise, y is to its left, z up; hence
-true heading = platform heading - wander angle.
+The axes of the velocity are level: x is turned from north by the wander angle, counterclockwise, y is to its left, z
+up; hence true heading = platform heading - wander angle.
 
 SMRMSG: records of 10: seconds, deviations north, east, down (m), of the velocity, of roll, pitch, heading (minutes of
 arc).
@@ -88,8 +88,8 @@ def _impossible(records: FloatArray, shown: str) -> list[Complaint]:
         fit = (np.isfinite(records) & (np.abs(records) <= limits)).all(axis=1)
     return [
         Complaint(
-            "this record has numbers that are no place, velocity and attitude; the file is damaged, or no SBET of little-endian "
-            "numbers",
+            "this record has numbers that are no place, velocity and attitude; the file is damaged, or no SBET of "
+            "little-endian numbers",
             shown,
             int(row) + 1,
         )
