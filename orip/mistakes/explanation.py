@@ -7,7 +7,7 @@ adjustment failed, did not fit within its a-priori errors, or down-weighted many
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from orip.mistakes.given_orientations import misgiven_as_a_whole
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.hypotheses.released_control import without_control
+from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.readjuster import Readjuster
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
@@ -90,7 +91,7 @@ def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readju
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
         *errors_too_large(block, solution),
-        *moved_photos(block, solved),
+        *_or_mirrored(moved_photos(block, solved), solved, readjuster),
     ]
     control = contradicting_control(block, solution)
     if control and _fits_without(control, given, readjuster):
@@ -115,17 +116,43 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
     return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
 
 
-def explain_start(solved: SolvedBlock, gathered: Block) -> list[ProjectWarning]:
+def explain_start(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what was probably mistaken in given orientations that led an adjustment astray.
 
     Parameters
     ----------
     solved : SolvedBlock
         Adjusted from other starting values.
-    gathered : Block
-        With the given orientations.
+    readjuster : Readjuster
+        Of the block with the given orientations.
     """
-    return misgiven(solved, gathered)
+    return _or_mirrored(misgiven(solved, readjuster.block), solved, readjuster)
+
+
+def _or_mirrored(moved: list[ProjectWarning], solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return warnings of photos that are not where they were given; of a mirrored one, that it is that."""
+    return [_as_mirror_image(found, solved, readjuster) or found for found in moved]
+
+
+def _as_mirror_image(found: ProjectWarning, solved: SolvedBlock, readjuster: Readjuster) -> ProjectWarning | None:
+    """Return that a photo is mirrored, if it fits better so: its given orientation is not to blame then.
+
+    A mirrored photo ends up anywhere, that of a plane object on the other side of it.
+    """
+    block = readjuster.block
+    rows = [row for row, photo in enumerate(block.photos) if found.where == f"photo {photo.name}"]
+    if not rows or not readjuster.is_worthwhile:
+        return None
+    orientation = block.photo_orientation.copy()
+    orientation[rows] = np.nan
+    for reading in mirror_readings(block, rows[0]):
+        tried = readjuster.adjust(replace(reading.block, photo_orientation=orientation))
+        if tried is None or not is_good(fit_of_adjustment(tried)):
+            continue
+        if tried.variance.sigma0_all < solved.variance.sigma0_all:
+            text = mirrored_text(block, rows[0], tried.state.rotations[rows[0]])
+            return ProjectWarning(reading.kind, found.where, text if reading.kind == MIRRORED else reading.text)
+    return None
 
 
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:

@@ -27,6 +27,8 @@ FIXED = [
     ("kappa_turned", "facade given"),
     ("slip_in_a_centre", "two strips given"),
     ("centre_with_x_for_y", "strip given"),
+    ("one_photo_x_mirrored", "flat strip given"),
+    ("one_photo_x_for_y", "strip given"),
     ("north_east", "pair"),
     ("north_east", "flat strip"),
     ("heights_downwards", "pair"),
