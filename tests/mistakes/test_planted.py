@@ -30,6 +30,8 @@ FIXED = [
     ("one_photo_x_mirrored", "flat strip given"),
     ("one_photo_x_for_y", "strip given"),
     ("north_east", "pair"),
+    ("north_east", "pair given"),
+    ("north_east", "facade given"),
     ("north_east", "flat strip"),
     ("heights_downwards", "pair"),
     ("heights_in_feet", "two strips"),
