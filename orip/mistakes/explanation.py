@@ -45,7 +45,7 @@ _EQUALLY = 0.01
 """Part of the observations by which the misfits of two equally good hypotheses may differ."""
 
 _STAYS = 0.3
-"""Mean rotation, radians, up to which photos are where they started: a hypothesis that turns them further may be the
+"""Mean rotation, radians, up to which photos are where they were given: a hypothesis that turns them further may be the
 mirror image of a likelier one."""
 
 _LEAST_SIGMA0 = 0.2
@@ -229,7 +229,7 @@ def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: 
     for tried in _adjusted(hypotheses, readjuster):
         if explains(tried.fit, given) and not _better_start_suffices(tried, readjuster):
             found.append(tried)
-            if is_good(tried.fit) and tried.rotated < _STAYS:
+            if is_good(tried.fit) and (tried.rotated < _STAYS or not readjuster.is_oriented):
                 break
     if not found:
         return []
