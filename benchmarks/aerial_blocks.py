@@ -27,7 +27,7 @@ from orip.records.project.photo import Photo
 PRINCIPAL_DISTANCE_MM = 120.0
 FRAME_MM = (70.0, 100.0)
 """Along and across the direction of flight."""
-TRUE_CAMERA = np.array([120.05, 0.03, -0.02, 0.0, 2e-7, 1e-11, 0.0, 0.0, 0.0, 0.0, 0.0])
+TRUE_CAMERA = np.array([120.05, 0.03, -0.02, 0.0, 2e-7, 1e-11, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 NOISE_MM = 0.003
 FLYING_HEIGHT = 1000.0
 POINTS_A_PHOTO = 600

@@ -81,7 +81,7 @@ class AdjustedCamera:
     ----------
     name : str
     parameter_names : tuple of str
-        C, DX, DY, A1, A3, A5, A7, P1, P2, B1, B2, and those of the camera's set of additional parameters.
+        C, DX, DY, A1, A3, A5, A7, A9, P1, P2, B1, B2, and those of the camera's set of additional parameters.
     parameters : array (k,)
         C, DX, DY in mm, powers of 1/mm otherwise.
     deviations : array (k,)

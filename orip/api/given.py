@@ -24,11 +24,11 @@ class Camera:
     principal_point : (2,)
         DX, DY, mm.
     distortion : mapping, optional
-        A1, A3, A5, A7, P1, P2, B1, B2 as far as they are not 0; powers of 1/mm.
+        A1, A3, A5, A7, A9, P1, P2, B1, B2 as far as they are not 0; powers of 1/mm.
     distortion_isp : mapping, optional
-        R0, A1, A2, A3 of the ISP regulations in place of A1, A3, A5, A7; P1, P2, B1, B2 may go with it.
+        R0, A1, A2, A3 of the ISP regulations in place of A1, A3, A5, A7, A9; P1, P2, B1, B2 may go with it.
     distortion_curve : array (n, 2), optional
-        Radius and radial distortion in place of A1, A3, A5, A7, mm.
+        Radius and radial distortion in place of A1, A3, A5, A7, A9, mm.
     distortion_at : {"ideal", "measured"}
         Whether distortion is a function of the ideal or of the measured photo coordinate.
     frame : (2,), optional

@@ -1,10 +1,10 @@
 """Judging a self-calibration: which camera parameters are significant, and which can be determined at all.
 
-Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the others
-alone; of A3, A5 and A7, which depend on each other, only the highest order may be removed, and the rest is tested again
-without it. C, DX and DY are never tested: zero has no meaning there. The additional parameters of a set are orthogonal
-by construction and are tested one by one; there, one that the other unknowns explain by more than nine tenths, or that
-spoils the points, is not determinable.
+Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the
+others alone; of A3, A5, A7 and A9, which depend on each other, only the highest order may be removed, and the rest is
+tested again without it. C, DX and DY are never tested: zero has no meaning there. The additional parameters of a set
+are orthogonal by construction and are tested one by one; there, one that the other unknowns explain by more than nine
+tenths, or that spoils the points, is not determinable.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ MOST_OF_TRACE = 0.10
 
 Verdict = Literal["significant", "not significant", "not determinable"]
 
-_GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("P1", "P2"), ("B1",), ("B2",))
-_HIGHER_ORDERS = {"A3": {"A5", "A7"}, "A5": {"A7"}}
+_GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("A9",), ("P1", "P2"), ("B1",), ("B2",))
+_HIGHER_ORDERS = {"A3": {"A5", "A7", "A9"}, "A5": {"A7", "A9"}, "A7": {"A9"}}
 """The radial parameters of higher order that are removed before each one."""
 
 

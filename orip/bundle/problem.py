@@ -35,6 +35,7 @@ from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
+from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
 from orip.units import RADIANS_PER_DEGREE
 
@@ -326,6 +327,7 @@ def _antenna_parameters(block: Block) -> FloatArray:
 
 def _camera_parameters(block: Block) -> FloatArray:
     """Return the values of all cameras, those of a lens as its first camera has them."""
-    values = np.array([camera.parameters for camera in block.cameras], dtype=np.float64).reshape(-1, 11)
+    parameters = np.array([camera.parameters for camera in block.cameras], dtype=np.float64)
+    values = parameters.reshape(-1, len(CAMERA_PARAMETERS))
     values[:, LENS_PLACES] = values[first_of_lens(block.cameras)][:, LENS_PLACES]
     return values

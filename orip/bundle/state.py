@@ -27,7 +27,7 @@ class BlockState:
 
     Parameters
     ----------
-    cameras : array (number of cameras, 11)
+    cameras : array (number of cameras, 12)
         In the order of `CAMERA_PARAMETERS`.
     additional : array (number of cameras, k)
         Values of the parameter sets; k that of the largest set, zero where a camera has fewer or none.

@@ -78,7 +78,7 @@ class Unknowns:
 
     Parameters
     ----------
-    cameras : array (number of cameras, 11)
+    cameras : array (number of cameras, 12)
         Cameras with the same lens have the same columns but for their principal points.
     additional : array (number of cameras, k)
         Parameters of the cameras' sets; k that of the largest set.

@@ -4,7 +4,8 @@ U = R^T (X - X0) is the point in the photo's axes; the camera looks along its ne
 
     x, y = -C U1 / U3, -C U2 / U3
 
-What takes plain numbers as well as arrays serves the real-time loop, where arrays of one point would be far slower.
+Functions that take plain numbers as well as arrays serve the real-time loop, where arrays of one point would be far
+slower.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""The camera model's distortion: radial (A1, A3, A5, A7), tangential (P1, P2) and affine (B1, B2).
+"""The camera model's distortion: radial (A1, A3, A5, A7, A9), tangential (P1, P2) and affine (B1, B2).
 
 Coordinates are millimetres reduced to the principal point; r is their radius:
 
-    dx = x (A1 + A3 r² + A5 r⁴ + A7 r⁶) + P1 (r² + 2 x²) + 2 P2 x y + B1 x + B2 y
-    dy = y (A1 + A3 r² + A5 r⁴ + A7 r⁶) + P2 (r² + 2 y²) + 2 P1 x y
+    dx = x (A1 + A3 r² + A5 r⁴ + A7 r⁶ + A9 r⁸) + P1 (r² + 2 x²) + 2 P2 x y + B1 x + B2 y
+    dy = y (A1 + A3 r² + A5 r⁴ + A7 r⁶ + A9 r⁸) + P2 (r² + 2 y²) + 2 P1 x y
 
 With the argument "ideal" the measured coordinates are the ideal ones plus (dx, dy); with "measured" the ideal ones are
 the measured ones, first freed of the affinity, minus (dx, dy) without its B terms.
 
 The formulas take one point as plain numbers, or n points as arrays (n,): a plate processor moves its measuring mark
-thousands of times a second, and arrays of one point would be far slower. Coefficients are 8 numbers, or 8 arrays (n,):
-A1, A3, A5, A7, P1, P2, B1, B2.
+thousands of times a second, and arrays of one point would be far slower. Coefficients are 9 numbers, or 9 arrays (n,):
+A1, A3, A5, A7, A9, P1, P2, B1, B2.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _FOUND_MM = 1e-9
 
 def distorted_with_partials(coefficients: Sequence[float] | Sequence[Number], x: Number, y: Number) -> Mapped[Number]:
     """Return measured coordinates of ideal ones, for a polynomial at "ideal" coordinates."""
-    b1, b2 = coefficients[6:]
+    b1, b2 = coefficients[7:]
     dx, dy, xx, xy, yx, yy = lens_distortion_with_partials(coefficients, x, y)
     return x + dx + b1 * x + b2 * y, y + dy, 1.0 + xx + b1, xy + b2, yx, 1.0 + yy
 
@@ -45,7 +45,7 @@ def corrected_with_partials(coefficients: Sequence[float] | Sequence[Number], x:
 
     The affinity comes first: x' = x - B1 x - B2 y, y' = y; then (x', y') minus (dx, dy)(x', y') without the B terms.
     """
-    b1, b2 = coefficients[6:]
+    b1, b2 = coefficients[7:]
     freed = x - b1 * x - b2 * y
     dx, dy, xx, xy, yx, yy = lens_distortion_with_partials(coefficients, freed, y)
     by_freed, along = 1.0 - xx, 1.0 - b1
@@ -56,11 +56,11 @@ def lens_distortion_with_partials(
     coefficients: Sequence[float] | Sequence[Number], x: Number, y: Number
 ) -> Mapped[Number]:
     """Return dx and dy without the affinity."""
-    a1, a3, a5, a7, p1, p2 = coefficients[:6]
+    a1, a3, a5, a7, a9, p1, p2 = coefficients[:7]
     x2, y2, product = x * x, y * y, 2.0 * x * y
     s = x2 + y2
-    radial = a1 + s * (a3 + s * (a5 + s * a7))
-    by_s = a3 + s * (2.0 * a5 + s * (3.0 * a7))
+    radial = a1 + s * (a3 + s * (a5 + s * (a7 + s * a9)))
+    by_s = a3 + s * (2.0 * a5 + s * (3.0 * a7 + s * (4.0 * a9)))
     cross = product * by_s + 2.0 * (p1 * y + p2 * x)
     return (
         x * radial + p1 * (s + 2.0 * x2) + p2 * product,
@@ -73,28 +73,28 @@ def lens_distortion_with_partials(
 
 
 def distorted_by_coefficients(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the partials (n, 2, 8) of `distorted_with_partials` by the coefficients, in which it is linear."""
+    """Return the partials (n, 2, 9) of `distorted_with_partials` by the coefficients, in which it is linear."""
     s, product = x * x + y * y, 2.0 * x * y
-    partials = np.zeros((len(x), 2, 8))
+    partials = np.zeros((len(x), 2, 9))
     partials[:, 0, 0], partials[:, 1, 0] = x, y
-    for power in (1, 2, 3):
+    for power in (1, 2, 3, 4):
         partials[:, :, power] = partials[:, :, power - 1] * s[:, None]
-    partials[:, 0, 4], partials[:, 1, 4] = s + 2.0 * x * x, product
-    partials[:, 0, 5], partials[:, 1, 5] = product, s + 2.0 * y * y
-    partials[:, 0, 6], partials[:, 0, 7] = x, y
+    partials[:, 0, 5], partials[:, 1, 5] = s + 2.0 * x * x, product
+    partials[:, 0, 6], partials[:, 1, 6] = product, s + 2.0 * y * y
+    partials[:, 0, 7], partials[:, 0, 8] = x, y
     return partials
 
 
 def corrected_by_coefficients(
     coefficients: Sequence[float] | Sequence[FloatArray], x: FloatArray, y: FloatArray
 ) -> FloatArray:
-    """Return the partials (n, 2, 8) of `corrected_with_partials` by the coefficients."""
-    freed = x - coefficients[6] * x - coefficients[7] * y
+    """Return the partials (n, 2, 9) of `corrected_with_partials` by the coefficients."""
+    freed = x - coefficients[7] * x - coefficients[8] * y
     _, _, xx, _, yx, _ = lens_distortion_with_partials(coefficients, freed, y)
     partials = -distorted_by_coefficients(freed, y)
     # what the affinity takes off x changes the argument of the polynomial as well
     by_freed = np.stack([1.0 - xx, -yx], axis=1)
-    partials[:, :, 6], partials[:, :, 7] = -by_freed * x[:, None], -by_freed * y[:, None]
+    partials[:, :, 7], partials[:, :, 8] = -by_freed * x[:, None], -by_freed * y[:, None]
     return partials
 
 
@@ -132,15 +132,15 @@ def remove_distortion(xy: FloatArray, coefficients: FloatArray) -> FloatArray:
     ----------
     xy : array (n, 2)
         Measured coordinates reduced to the principal point, mm.
-    coefficients : array (n, 8) or (8,)
-        A1, A3, A5, A7, P1, P2, B1, B2.
+    coefficients : array (n, 9) or (9,)
+        A1, A3, A5, A7, A9, P1, P2, B1, B2.
 
     Returns
     -------
     array (n, 2)
         NaN where there is none: the polynomial is not monotone up to there.
     """
-    of_points = tuple(np.broadcast_to(coefficients, (len(xy), 8)).T)
+    of_points = tuple(np.broadcast_to(coefficients, (len(xy), 9)).T)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # one point may run away
         x, y, found = inverse(lambda x, y: distorted_with_partials(of_points, x, y), *np.ascontiguousarray(xy.T))
         ideal = np.stack([x, y], axis=1)

@@ -1,4 +1,7 @@
-"""Other forms of giving a radial distortion, taken to the polynomial D = A1 R + A3 R³ + A5 R⁵ + A7 R⁷ and back."""
+"""Other forms of giving a radial distortion, taken to the polynomial D = A1 R + A3 R³ + A5 R⁵ + A7 R⁷ + A9 R⁹ and back.
+
+Neither form has the term of A9: of what is taken to a polynomial it is 0.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,16 @@ import numpy as np
 
 from orip.arrays import FloatArray
 
-_POWERS = np.array([1, 3, 5, 7])
+_POWERS = np.array([1, 3, 5, 7, 9])
+_FITTED = 4
+"""Terms that are fitted to a curve: A1, A3, A5, A7."""
 
 _REAL = 1e-6
 """A double root comes out of an eigenvalue problem with an imaginary part of the root of the machine's precision."""
 
 
 def polynomial_from_isp(parameters: Sequence[float]) -> FloatArray:
-    """Return A1, A3, A5, A7 of D = R (a1 (R² - R0²) + a2 (R⁴ - R0⁴) + a3 (R⁶ - R0⁶)).
+    """Return A1, A3, A5, A7, A9 of D = R (a1 (R² - R0²) + a2 (R⁴ - R0⁴) + a3 (R⁶ - R0⁶)).
 
     Parameters
     ----------
@@ -24,11 +29,11 @@ def polynomial_from_isp(parameters: Sequence[float]) -> FloatArray:
 
     Returns
     -------
-    array (4,)
+    array (5,)
     """
     r0, a1, a2, a3 = parameters
     square = r0 * r0
-    return np.array([-(a1 * square + a2 * square**2 + a3 * square**3), a1, a2, a3])
+    return np.array([-(a1 * square + a2 * square**2 + a3 * square**3), a1, a2, a3, 0.0])
 
 
 def isp_from_polynomial(coefficients: Sequence[float]) -> tuple[float, float, float, float]:
@@ -36,15 +41,18 @@ def isp_from_polynomial(coefficients: Sequence[float]) -> tuple[float, float, fl
 
     Parameters
     ----------
-    coefficients : (A1, A3, A5, A7)
+    coefficients : (A1, A3, A5, A7, A9)
 
     Raises
     ------
     ValueError
-        If the distortion vanishes nowhere but at the centre: the ISP form has no such curve, unless A1 is 0 and with it
-        R0.
+        If A9 is not 0, or the distortion vanishes nowhere but at the centre: the ISP form has no such curve, unless
+        A1 is 0 and with it R0.
     """
-    a1, a3, a5, a7 = (float(value) for value in coefficients)
+    a1, a3, a5, a7, a9 = (float(value) for value in coefficients)
+    if a9 != 0.0:
+        message = "the ISP form (R0, a1, a2, a3) has no term of A9"
+        raise ValueError(message)
     if a1 == 0.0:
         return 0.0, a3, a5, a7
     # A1 + A3 s + A5 s² + A7 s³ = 0 with s = R²; scaled so that coefficients of such different size do no harm
@@ -61,7 +69,7 @@ def isp_from_polynomial(coefficients: Sequence[float]) -> tuple[float, float, fl
 
 
 def curve_from_polynomial(coefficients: Sequence[float], radii: FloatArray) -> FloatArray:
-    """Return the distortion (mm), array (n,), of (A1, A3, A5, A7) at radii (n,) in mm."""
+    """Return the distortion (mm), array (n,), of (A1, A3, A5, A7, A9) at radii (n,) in mm."""
     return np.asarray(radii[:, None] ** _POWERS @ np.asarray(coefficients, dtype=np.float64))
 
 
@@ -75,7 +83,8 @@ def polynomial_from_curve(points: Sequence[tuple[float, float]]) -> tuple[FloatA
 
     Returns
     -------
-    coefficients : array (4,)
+    coefficients : array (5,)
+        A1, A3, A5, A7, and 0 for A9.
     residuals : array (n,)
         Fitted minus given distortion, mm.
 
@@ -91,6 +100,7 @@ def polynomial_from_curve(points: Sequence[tuple[float, float]]) -> tuple[FloatA
         raise ValueError(message)
     largest = radius.max()
     # powers of R / Rmax keep the columns of one size; R⁷ in mm would span ten decades
-    powers = (radius[:, None] / largest) ** _POWERS
+    exponents = _POWERS[:_FITTED]
+    powers = (radius[:, None] / largest) ** exponents
     scaled, *_ = np.linalg.lstsq(powers[used], distortion[used], rcond=None)
-    return scaled / largest**_POWERS, powers @ scaled - distortion
+    return np.append(scaled / largest**exponents, 0.0), powers @ scaled - distortion

@@ -41,8 +41,8 @@ class ImageEquation:
     ----------
     x0, y0 : float
         Principal point in the fiducial system, mm.
-    coefficients : tuple of 8 floats
-        A1, A3, A5, A7, P1, P2, B1, B2.
+    coefficients : tuple of 9 floats
+        A1, A3, A5, A7, A9, P1, P2, B1, B2.
     at_measured : bool
         The polynomial is given at measured coordinates.
     additional : ImagePolynomial or None
@@ -98,7 +98,7 @@ class ImageEquation:
     def is_within_reach(self, x: Number, y: Number) -> bool | BoolArray:
         """Tell whether the polynomial is evaluated within its reach for x, y (mm; numbers or arrays (n,))."""
         if self.at_measured:
-            x = x - self.coefficients[6] * x - self.coefficients[7] * y
+            x = x - self.coefficients[7] * x - self.coefficients[8] * y
         within: bool | BoolArray = x * x + y * y < self.reach_square
         return within
 
@@ -121,7 +121,7 @@ class ImageResiduals(NamedTuple):
     by_ideal : array (n, 2, 2)
         Partials by the ideal coordinates.
     by_principal_point : array (n, 2, 2)
-    by_coefficients : array (n, 2, 8)
+    by_coefficients : array (n, 2, 9)
     by_additional : array (n, 2, k)
         Without a set, k is 0.
     """
@@ -146,7 +146,7 @@ def image_residuals_with_partials(
         Computed by the perspective, mm.
     measured : array (n, 2)
         Photo coordinates, fiducial system, mm.
-    camera : array (n, 10)
+    camera : array (n, 11)
         Principal point and coefficients of each point's camera.
     at_measured : bool
         The polynomials are given at measured coordinates.

@@ -8,6 +8,7 @@ more than the photo.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from orip.geometry.perspective import IN_FRONT
 from orip.interior.image_coordinates import ImageEquation
 from orip.interior.image_polynomial import image_polynomial
 from orip.records.drive_table import DriveCamera
+from orip.records.project.camera import RADIAL_PLACES
 
 _REACH_IN_HALF_DIAGONALS = 1.5
 _REACH_IN_BASES = 4.0
@@ -59,7 +61,7 @@ def camera_model(camera: DriveCamera) -> CameraModel:
     principal_distance, x0, y0, *coefficients = camera.parameters
     half_x, half_y = (side / 2.0 if side > 0.0 else np.inf for side in camera.frame)
     at_measured = camera.distortion_at == "measured"
-    reach_square, additional = _reach_square(coefficients[:4], -1.0 if at_measured else 1.0), None
+    reach_square, additional = _reach_square(camera.parameters[RADIAL_PLACES], -1.0 if at_measured else 1.0), None
     if camera.additional is not None:
         half_diagonal = _REACH_IN_HALF_DIAGONALS * np.hypot(half_x, half_y)
         reach = half_diagonal if np.isfinite(half_diagonal) else _REACH_IN_BASES * camera.additional.base
@@ -86,9 +88,10 @@ def _bound_square(camera: CameraModel) -> float:
     return bound if bound < camera.bound_square else camera.bound_square
 
 
-def _reach_square(radial: list[float], sign: float) -> float:
-    """Return the smallest r² at which r + sign (A1 r + A3 r³ + A5 r⁵ + A7 r⁷) stops rising, infinite if none."""
-    rising = np.array([1.0, 0.0, 0.0, 0.0]) + sign * np.array([1.0, 3.0, 5.0, 7.0]) * radial
+def _reach_square(radial: Sequence[float], sign: float) -> float:
+    """Return the smallest r² at which r + sign (A1 r + A3 r³ + … + A9 r⁹) stops rising, infinite if none."""
+    rising = sign * np.array([1.0, 3.0, 5.0, 7.0, 9.0]) * radial
+    rising[0] += 1.0
     if not rising[0] > 0.0:
         return 0.0
     try:

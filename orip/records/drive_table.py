@@ -85,7 +85,7 @@ class DriveCamera:
     Parameters
     ----------
     name : str
-    parameters : tuple of 11 floats
+    parameters : tuple of 12 floats
         In the order of `CAMERA_PARAMETERS`.
     frame : tuple (x, y)
         Size of the photo frame, mm; a zero means that there is no frame line in that direction.

@@ -12,21 +12,20 @@ from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
 from orip.records.results.solution import Solution
-from orip.report.drawing import ChartFrame, Curve, line_chart
+from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
-from orip.report.residual_vectors import measured_reach
 from orip.report.table import PageColumn, PageTable
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05
 _RADII = 81
-_RADIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
 _UNITS = {
-    "C": "mm", "DX": "mm", "DY": "mm", "A1": "", "A3": "mm⁻²", "A5": "mm⁻⁴", "A7": "mm⁻⁶", "P1": "mm⁻¹", "P2": "mm⁻¹",
-    "B1": "", "B2": "",
+    "C": "mm", "DX": "mm", "DY": "mm", "A1": "", "A3": "mm⁻²", "A5": "mm⁻⁴", "A7": "mm⁻⁶", "A9": "mm⁻⁸",
+    "P1": "mm⁻¹", "P2": "mm⁻¹", "B1": "", "B2": "",
 }  # fmt: skip
 
 
@@ -145,8 +144,8 @@ def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adju
     reach = _reach(given, name, before)
     curves = []
     if before is not None:
-        curves.append(("before", "limit", before.parameters[_RADIAL]))
-    curves.append(("adjusted", "first", tuple(adjusted[_RADIAL].tolist())))
+        curves.append(("before", "limit", before.parameters[RADIAL_PLACES]))
+    curves.append(("adjusted", "first", tuple(adjusted[RADIAL_PLACES].tolist())))
     if reach <= 0.0 or not any(any(coefficients) for _name, _style, coefficients in curves):
         return Markup("")
     radius = np.linspace(0.0, reach, _RADII)

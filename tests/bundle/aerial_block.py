@@ -41,7 +41,7 @@ def aerial_block(geometry: str, points_along_a_side: int = 9, **settings: object
     side = np.linspace(-1.0, 1.0, points_along_a_side)
     x, y = np.meshgrid(600.0 + 1000.0 * side, 600.0 + 1100.0 * side)
     points = np.stack([x, y, 200.0 + 60.0 * random.uniform(size=x.shape)], axis=-1).reshape(-1, 3)
-    camera = np.array([PRINCIPAL_DISTANCE_MM, 0.12, -0.07, *np.zeros(8)])
+    camera = np.array([PRINCIPAL_DISTANCE_MM, 0.12, -0.07, *np.zeros(9)])
     ideal = _ideal(points, orientations)
     shown = (np.abs(ideal) < FRAME_MM / 2.0).all(axis=2)
     seen = shown.sum(axis=0) >= _LEAST_RAYS

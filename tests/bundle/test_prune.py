@@ -13,7 +13,7 @@ from support.synthetic_block import synthetic_block
 from orip.bundle.calibration import parameter_tests, prune, removable
 from orip.records.project.camera import CAMERA_PARAMETERS
 
-RADIAL = (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+RADIAL = (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A3 alone, with half the frame as unit of length."""
 
 
@@ -49,6 +49,14 @@ def test_a_useless_a7_goes_and_a_real_a3_stays():
     assert useless >= 16
 
 
+def test_of_all_radial_terms_the_highest_order_goes_first():
+    _, found = calibrated(3, ("C", "A3", "A5", "A7", "A9"))
+    assert {test.parameters for test in removable(parameter_tests(found))} <= {("A9",)}
+    _, gone = pruned(found)
+    assert gone[:2] == ["A9", "A7"]
+    assert "A3" not in gone
+
+
 def test_c_and_the_principal_point_are_never_tested():
     _, found = calibrated(1, ("C", "DX", "DY"))
     assert parameter_tests(found) == ()
@@ -58,12 +66,12 @@ def test_c_and_the_principal_point_are_never_tested():
 def test_decentring_goes_as_a_pair_and_stays_as_a_pair():
     _, without = calibrated(2, ("C", "DX", "DY", "A3", "P1", "P2"))
     assert {"P1", "P2"} <= set(pruned(without)[1])
-    _, real = calibrated(2, ("C", "A3", "P1", "P2"), (0.0, -3e-2, 0.0, 0.0, 4e-3, -4e-3, 0.0, 0.0))
+    _, real = calibrated(2, ("C", "A3", "P1", "P2"), (0.0, -3e-2, 0.0, 0.0, 0.0, 4e-3, -4e-3, 0.0, 0.0))
     assert pruned(real)[1] == []
 
 
 def test_affinity_that_is_real_stays():
-    _, real = calibrated(3, ("C", "A3", "B1", "B2"), (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 1e-3, 1e-3))
+    _, real = calibrated(3, ("C", "A3", "B1", "B2"), (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-3, 1e-3))
     assert pruned(real)[1] == []
     _, without = calibrated(3, ("C", "A3", "B1", "B2"))
     assert set(pruned(without)[1]) <= {"B1", "B2"}

@@ -45,7 +45,7 @@ def faults_after(old, new, count=1):
 def test_the_form():
     lines = drive_table_text(vertical_block(rows=1, columns=1)).splitlines()
     assert lines[:9] == [
-        "ORIPDRIVE 1",
+        "ORIPDRIVE 2",
         "BLOCK MAIN",
         "PROJECT Any project",
         "USER A. Nyone",
@@ -53,7 +53,7 @@ def test_the_form():
         "STAGE UPPER 0 240 0 240 0.001",
         "STAGE LOWER 0 240 0 240 0.001",
         "CAMERA CAM 50 0 0 20 24",
-        "DISTORTION CAM IDEAL 0 0 0 0 0 0 0 0",
+        "DISTORTION CAM IDEAL 0 0 0 0 0 0 0 0 0",
     ]
     assert lines[9:13] == [
         "TEMPLATE T1 UPPER",
@@ -107,7 +107,7 @@ def test_any_numbers_and_names_are_kept(numbers, name):
     def some(count):
         return tuple(next(value) for _ in range(count))
 
-    camera = replace(TABLE.cameras[0], parameters=some(11), frame=some(2))
+    camera = replace(TABLE.cameras[0], parameters=some(12), frame=some(2))
     first = replace(TABLE.photos[0], centre=some(3), rotation=some(9), affine=some(6))
     limits = replace(TABLE.upper, x_min=some(1)[0], least_count=some(1)[0])
     table = replace(
@@ -201,7 +201,7 @@ def test_what_is_damaged(data, text):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("ORIPDRIVE 1", "ORIPDRIVE 2", "line 1 is not: ORIPDRIVE 1"),
+        ("ORIPDRIVE 2", "ORIPDRIVE 1", "line 1 is not: ORIPDRIVE 2"),
         ("BLOCK", "BLOK", "line 2 is not: BLOCK <name>"),
         ("PHOTO mm", "PHOTO cm", "line 5 is not: UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>"),
         ("STAGE LOWER", "STAGE UPPER", "line 7 is not: STAGE LOWER"),

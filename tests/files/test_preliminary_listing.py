@@ -184,7 +184,7 @@ def test_the_whole_listing() -> None:
 
 
 def test_unknown_cameras() -> None:
-    parameters = (35.0284, -0.16061, 0.13064, 0.0, -8.2e-6, *(0.0,) * 6)
+    parameters = (35.0284, -0.16061, 0.13064, 0.0, -8.2e-6, *(0.0,) * 7)
     lines = listing(replace(values(), cameras=(CameraStart("LEICA", parameters),)))
     cameras = lines[lines.index("CAMERAS") : lines.index("PHOTOS")]
     assert fields(cameras, "LEICA") == ["LEICA", "35.028", "-0.161", "0.131", "-8.200e-06"]

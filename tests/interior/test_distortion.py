@@ -16,8 +16,8 @@ from orip.interior.distortion_forms import (
 )
 from orip.records.project.camera import CAMERA_PARAMETERS
 
-SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
-"""Some 0.3 mm of distortion in the corner of a 24 x 36 mm frame: A1 A3 A5 A7 P1 P2 B1 B2."""
+SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3e-4])
+"""Some 0.3 mm of distortion in the corner of a 24 x 36 mm frame: A1 A3 A5 A7 A9 P1 P2 B1 B2."""
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 9), np.linspace(-12.0, 12.0, 7)), axis=-1).reshape(-1, 2)
 
@@ -40,7 +40,7 @@ def corrected(xy, coefficients):
 
 
 def test_the_order_of_the_coefficients_is_that_of_the_camera():
-    assert DISTORTION_PARAMETERS == ("A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
+    assert DISTORTION_PARAMETERS == ("A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2")
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,7 @@ def test_the_order_of_the_coefficients_is_that_of_the_camera():
         ("A3", (75.0, 100.0)),
         ("A5", (1875.0, 2500.0)),
         ("A7", (46875.0, 62500.0)),
+        ("A9", (1171875.0, 1562500.0)),
         ("P1", (25.0 + 18.0, 24.0)),
         ("P2", (24.0, 25.0 + 32.0)),
         ("B1", (3.0, 0.0)),
@@ -58,9 +59,9 @@ def test_the_order_of_the_coefficients_is_that_of_the_camera():
     ],
 )
 def test_each_term_at_a_point_by_hand(name, expected):
-    found = distorted(np.array([[3.0, 4.0]]), coefficients(**{name: 1e-3}))
-    # numbers below 70 are rounded to 1e-14
-    assert np.allclose(found, [[3.0, 4.0]] + 1e-3 * np.array([expected]), rtol=0.0, atol=2e-14)
+    found = distorted(np.array([[3.0, 4.0]]), coefficients(**{name: 1e-5}))
+    # numbers below 20 are rounded to 2e-15
+    assert np.allclose(found, [[3.0, 4.0]] + 1e-5 * np.array([expected]), rtol=0.0, atol=2e-14)
 
 
 def test_positive_radial_distortion_moves_the_image_outwards():
@@ -73,7 +74,7 @@ def test_terms_add_up():
         distorted(FRAME, coefficients(**{name: value})) - FRAME
         for name, value in zip(DISTORTION_PARAMETERS, SMALL_FORMAT, strict=True)
     )
-    # eight differences of numbers below 19, each rounded to 4e-15
+    # nine differences of numbers below 19, each rounded to 4e-15
     assert np.allclose(distorted(FRAME, SMALL_FORMAT) - FRAME, one_by_one, rtol=0.0, atol=3e-14)
 
 
@@ -92,7 +93,7 @@ def test_distortion_is_removed_to_a_picometre():
 
 
 @given(
-    st.tuples(st.floats(-18.0, 18.0), st.floats(-12.0, 12.0)), st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8)
+    st.tuples(st.floats(-18.0, 18.0), st.floats(-12.0, 12.0)), st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9)
 )
 def test_removing_and_adding_distortion_cancel(xy, share):
     given_coefficients = SMALL_FORMAT * share
@@ -139,6 +140,28 @@ def test_both_arguments_agree_on_a_camera_with_an_affinity_alone():
     assert np.allclose(back, FRAME, atol=1.1 * (4e-4 * 18.0 + 3e-4 * 12.0) * 4e-4)
 
 
+def test_four_radial_terms_of_another_program_are_reproduced():
+    """Metashape's frame camera of a drone with k4: u, v count in pixels, v down, from the middle of the frame."""
+    f, pitch, width, height = 3713.0, 0.0033, 5280, 3956
+    cx, cy, k1, k2, k3, k4, p1, p2 = 12.4, -7.9, -0.112, 0.051, 0.082, -0.0761, 3.1e-4, -2.2e-4
+    u, v = np.meshgrid(np.linspace(0.0, width, 23), np.linspace(0.0, height, 17))
+    x, y = ((u - width / 2.0) / f).ravel(), ((v - height / 2.0) / f).ravel()
+    r2 = x**2 + y**2
+    radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3 + k4 * r2**4
+    column = width / 2.0 + cx + f * (x * radial + p1 * (r2 + 2.0 * x**2) + 2.0 * p2 * x * y)
+    row = height / 2.0 + cy + f * (y * radial + p2 * (r2 + 2.0 * y**2) + 2.0 * p1 * x * y)
+
+    c = f * pitch
+    ours = coefficients(A3=k1 / c**2, A5=k2 / c**4, A7=k3 / c**6, A9=k4 / c**8, P1=p1 / c, P2=-p2 / c)
+    principal_point = np.array([cx * pitch, -cy * pitch])
+    found = principal_point + distorted(c * np.stack([x, -y], axis=1), ours)
+    expected = np.stack([(column - width / 2.0) * pitch, -(row - height / 2.0) * pitch], axis=1)
+    # coordinates below 15 mm are rounded to 2e-15 mm, some ten times each
+    assert np.abs(found - expected).max() / pitch < 1e-11
+    without = principal_point + distorted(c * np.stack([x, -y], axis=1), np.where(np.arange(9) == 4, 0.0, ours))
+    assert np.abs(found - without).max() / pitch > 50.0
+
+
 def test_both_arguments_describe_one_camera_when_each_has_its_own_polynomial():
     # one mapping: measured = ideal (1 + 1e-5 r²); the series of its inverse in the measured radius s is
     # ideal = measured (1 - k s² + 3 k² s⁴ - 12 k³ s⁶ ...), the inverse of a cubic
@@ -167,7 +190,7 @@ def test_isp_form_is_the_same_curve(parameters):
     polynomial = polynomial_from_isp(parameters)
     for radius in np.linspace(0.0, 1.5 * max(r0, 10.0), 31):
         isp = radius * (a1 * (radius**2 - r0**2) + a2 * (radius**4 - r0**4) + a3 * (radius**6 - r0**6))
-        terms = polynomial * radius ** np.array([1, 3, 5, 7])
+        terms = polynomial * radius ** np.array([1, 3, 5, 7, 9])
         # to the last digit of the largest term: near R0 the terms cancel
         assert abs(terms.sum() - isp) <= 4e-15 * np.abs(terms).max()
 
@@ -175,7 +198,7 @@ def test_isp_form_is_the_same_curve(parameters):
 @given(st.floats(1.0, 200.0), st.floats(-1e-5, 1e-5), st.floats(-1e-9, 1e-9), st.floats(-1e-13, 1e-13))
 def test_isp_coefficients_are_exact(r0, a1, a2, a3):
     found = polynomial_from_isp((r0, a1, a2, a3))
-    assert found[1:].tolist() == [a1, a2, a3]
+    assert found[1:].tolist() == [a1, a2, a3, 0.0]
     terms = np.array([a1 * r0**2, a2 * r0**4, a3 * r0**6])
     assert abs(found[0] + terms.sum()) <= 1e-15 * np.abs(terms).sum()
 
@@ -186,7 +209,7 @@ def test_curve_of_16_points_gives_its_polynomial_back(largest):
     truth = np.array([2e-4, -3e-2 / largest**2, 1e-2 / largest**4, -4e-3 / largest**6])
     distortion = radius[:, None] ** np.array([1, 3, 5, 7]) @ truth
     found, residuals = polynomial_from_curve(list(zip(radius, distortion, strict=True)))
-    assert np.allclose(found, truth, rtol=1e-10, atol=0.0)
+    assert np.allclose(found, [*truth, 0.0], rtol=1e-10, atol=0.0)
     assert np.abs(residuals).max() < 1e-14  # rounding of distortions of up to 4 mm
 
 
@@ -233,8 +256,16 @@ def test_isp_form_found_is_the_same_curve_as_the_polynomial(r0, a1, a2, a3):
     assert back[0] == pytest.approx(polynomial[0], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("polynomial", [(1e-3, 0.0, 0.0, 0.0), (1e-3, 1e-6, 0.0, 0.0), (-1e-3, -1e-6, -1e-9, -1e-12)])
-def test_polynomial_without_a_zero_has_no_isp_form(polynomial):
+@pytest.mark.parametrize(
+    "polynomial",
+    [
+        (1e-3, 0.0, 0.0, 0.0, 0.0),
+        (1e-3, 1e-6, 0.0, 0.0, 0.0),
+        (-1e-3, -1e-6, -1e-9, -1e-12, 0.0),
+        (-1e-3, 1e-5, 0.0, 0.0, 1e-15),
+    ],
+)
+def test_polynomial_without_a_zero_or_with_a_ninth_degree_has_no_isp_form(polynomial):
     with pytest.raises(ValueError, match="ISP form"):
         isp_from_polynomial(polynomial)
 

@@ -159,7 +159,7 @@ def test_a_line_of_512_bytes_is_read():
 def test_distortion_without_an_inverse():
     """R - R³/300 never exceeds 20/3 mm."""
     table = vertical_block()
-    camera = replace(table.cameras[0], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 300.0, *(0.0,) * 6), frame=(8.0, 8.0))
+    camera = replace(table.cameras[0], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 300.0, *(0.0,) * 7), frame=(8.0, 8.0))
     station = loaded_station(drive_table_text(replace(table, cameras=(camera,))).encode())
     assert code("AUTO OFF", "DRIVE OBJECT 32 0 0", station=station) == 312
     assert code("DRIVE PLATE UPPER 40 60", "POS OBJECT", station=station) == 312

@@ -52,12 +52,12 @@ def test_no_hypothesis_is_tried_where_the_misfit_is_explained_already(code: str)
 
 
 def test_a_camera_that_makes_sense() -> None:
-    values = (50.0, *[0.0] * 10)
+    values = (50.0, *[0.0] * 11)
     assert not list(camera_warnings(Camera("A", values, sensor=Sensor(6000, 4000, 35.9, 23.9))))
     # a fisheye of 8 mm on small-frame film, and a long aerial lens
-    assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 10), frame=(36.0, 24.0))))
-    assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 10), frame=(230.0, 230.0))))
-    (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 10), sensor=Sensor(6000, 4000, 35.9, 23.9)))
+    assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 11), frame=(36.0, 24.0))))
+    assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 11), frame=(230.0, 230.0))))
+    (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 11), sensor=Sensor(6000, 4000, 35.9, 23.9)))
     assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
 
 
@@ -89,7 +89,7 @@ def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], foun
     around = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)], dtype=float)
     given = around * [18.0, 12.0] + asymmetry_mm * random.normal(size=around.shape)
     fiducials = tuple(Mark(str(k + 1), x, y) for k, (x, y) in enumerate(given.tolist()))
-    camera = Camera("A", (35.0, *[0.0] * 10), fiducials=fiducials)
+    camera = Camera("A", (35.0, *[0.0] * 11), fiducials=fiducials)
     photos = [_photo(str(k), given, [1, 2, 3, 4, 5, 6, 7, 8], random) for k in range(4)]
     photos.append(_photo("last", given, labels, random))
     said = misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos])
@@ -100,7 +100,7 @@ def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], foun
 def test_one_mark_mispointed_is_no_other_name() -> None:
     random = np.random.default_rng(42)
     given = np.array([(-18.02, -12.01), (18.01, -12.03), (18.0, 12.02), (-17.98, 12.0)])
-    camera = Camera("A", (35.0, *[0.0] * 10), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
+    camera = Camera("A", (35.0, *[0.0] * 11), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
     photos = [_photo(str(k), given, [1, 2, 3, 4], random) for k in range(5)]
     photos[2].marks.measured[1] += 0.5
     assert misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos]) == []

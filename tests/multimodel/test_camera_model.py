@@ -66,7 +66,7 @@ def test_numbers_are_as_arrays(name):
 def test_beyond_the_turning_point_nothing_is_shown(form):
     """R - R³/300 rises up to R = 10 mm; the other form is its mirror image."""
     a3 = -1.0 / 300.0 if form == "ideal" else 1.0 / 300.0
-    camera = replace(PLAIN_CAMERA, parameters=(50.0, 0.0, 0.0, 0.0, a3, *(0.0,) * 6), distortion_at=form)
+    camera = replace(PLAIN_CAMERA, parameters=(50.0, 0.0, 0.0, 0.0, a3, *(0.0,) * 7), distortion_at=form)
     model = camera_model(camera).image
     closed, inverse = (model.measured, model.ideal) if form == "ideal" else (model.ideal, model.measured)
     assert closed(9.99, 0.0)[0] == pytest.approx(9.99 - 9.99**3 / 300.0, abs=EXACT)
@@ -80,7 +80,7 @@ def test_beyond_the_turning_point_nothing_is_shown(form):
 
 
 def test_a_cubic_that_never_falls_has_no_reach():
-    rising = DriveCamera("CAM", (50.0, 0.0, 0.0, 0.0, 1e-3, *(0.0,) * 6), (0.0, 0.0), "ideal")
+    rising = DriveCamera("CAM", (50.0, 0.0, 0.0, 0.0, 1e-3, *(0.0,) * 7), (0.0, 0.0), "ideal")
     assert camera_model(rising).image.reach_square == np.inf
     assert camera_model(PLAIN_CAMERA).image.reach_square == np.inf
 

@@ -129,7 +129,7 @@ def test_rays_that_are_parallel_or_part():
 
 
 def test_codes_of_points_that_cannot_be_driven_to():
-    lens = replace(CAMERAS["ideal"], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 1200.0, *(0.0,) * 6))
+    lens = replace(CAMERAS["ideal"], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 1200.0, *(0.0,) * 7))
     block, _ = loaded(vertical_block(camera=lens))
     photo = block.photos[0]
     points = {

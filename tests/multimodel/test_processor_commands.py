@@ -315,7 +315,7 @@ def test_what_cannot_be_driven_moves_nothing(at_start):
 
 def test_beyond_the_lens():
     table = vertical_block()
-    camera = replace(table.cameras[0], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 1200.0, *(0.0,) * 6))
+    camera = replace(table.cameras[0], parameters=(50.0, 0.0, 0.0, 0.0, -1.0 / 1200.0, *(0.0,) * 7))
     block, state = loaded(replace(table, cameras=(camera,)))
     refused(drive_object(block, state, (10.0, 45.0, 0.0)), state, DriveCode.NOT_INVERTIBLE)
     # the lens shows nothing farther out than 40/3 mm

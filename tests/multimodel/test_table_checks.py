@@ -26,7 +26,7 @@ def changed(kind, index, **fields):
 
 
 def lens(**coefficients):
-    names = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
+    names = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2")
     values = dict(zip(names, CAMERA.parameters, strict=True)) | coefficients
     return changed("cameras", 0, parameters=tuple(values[name] for name in names))
 
@@ -137,7 +137,7 @@ any_number = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @given(
-    st.tuples(*[any_number] * 11), st.tuples(any_number, any_number), st.tuples(*[any_number] * 9),
+    st.tuples(*[any_number] * 12), st.tuples(any_number, any_number), st.tuples(*[any_number] * 9),
     st.tuples(*[any_number] * 6), st.tuples(any_number, any_number, any_number), st.sampled_from(["ideal", "measured"]),
 )  # fmt: skip
 @settings(max_examples=50, deadline=None)

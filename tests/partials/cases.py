@@ -46,7 +46,7 @@ from orip.interior.distortion import (
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
 from orip.interior.image_polynomial import deformation_with_partials, image_polynomial
 from orip.multimodel.camera_model import camera_model
-from orip.prelim.image_rays import image_rays
+from orip.prelim.rays.image_rays import image_rays
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.problem import RefinementProblem, RefinementState
@@ -60,7 +60,7 @@ from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
-SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-5, -2e-5, 4e-4, -3e-4])
+SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3e-4])
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ def _distortion() -> Iterator[Case]:
     ):
         yield Case(
             full_name(by_coefficients), "coefficients", SMALL_FORMAT,
-            lambda k, function=function: np.stack(function(k, x, y)[:2], axis=1).ravel(), partials.reshape(-1, 8),
+            lambda k, function=function: np.stack(function(k, x, y)[:2], axis=1).ravel(), partials.reshape(-1, 9),
         )  # fmt: skip
 
 
@@ -243,8 +243,8 @@ def _image_residuals() -> Iterator[Case]:
 
             def residuals(x: np.ndarray, at_measured=at_measured, additional=additional, measured=measured):
                 ideal, rest = x[: FRAME.size].reshape(-1, 2), x[FRAME.size :]
-                cameras = np.broadcast_to(rest[:10], (len(ideal), 10))
-                values = None if additional is None else additional._replace(values=rest[10:])
+                cameras = np.broadcast_to(rest[:11], (len(ideal), 11))
+                values = None if additional is None else additional._replace(values=rest[11:])
                 return image_residuals_with_partials(ideal, measured, cameras, at_measured, values)
 
             at = np.concatenate([FRAME.ravel(), camera, none])

@@ -9,7 +9,7 @@ import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.prelim.chain import preliminary_values
-from orip.prelim.image_rays import image_rays
+from orip.prelim.rays.image_rays import image_rays
 from orip.prelim.refinement.camera_corrections import by_corrections, corrected, no_corrections, parameters_with
 from orip.records.project.camera import Camera
 
@@ -24,7 +24,7 @@ def with_camera(block, **changes):
 def test_parameters_give_the_corrected_vectors(distortion_at: str) -> None:
     made = synthetic_block("convergent", "camera corrections", noise_mm=0.0)
     c = made.block.cameras[0].parameters[0]
-    given = (c, 0.1, -0.2, 0.0, 2e-5, *(0.0,) * 6)
+    given = (c, 0.1, -0.2, 0.0, 2e-5, *(0.0,) * 7)
     block = with_camera(made.block, parameters=given, distortion_at=distortion_at, unknown=UNKNOWN)
     rays = image_rays(block)
     for size in (1e-2, 1e-3):
@@ -88,7 +88,7 @@ def test_a_camera_far_off_is_found(off: float) -> None:
 
 
 def test_camera_by_hand() -> None:
-    camera = Camera("CAM", (100.0, 1.0, 2.0, *(0.0,) * 8))
+    camera = Camera("CAM", (100.0, 1.0, 2.0, *(0.0,) * 9))
     assert parameters_with(camera, np.array([np.log(0.8), 0.0, 0.0, 0.0]))[:3] == pytest.approx((80.0, 1.0, 2.0))
     # 0.5 mm at 45 degrees and its third power elsewhere: 0.5 mm / (100 mm)³
     assert parameters_with(camera, np.array([0.0, 0.01, 0.0, 0.005]))[1:5] == pytest.approx((0.0, 2.0, 0.0, -5e-7))

@@ -22,11 +22,11 @@ from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 
 Scene = Literal["strip", "convergent", "terrestrial"]
 
-NO_DISTORTION = (0.0,) * 8
-DISTORTED = (2e-4, -3e-3, 2e-3, -1e-3, 2e-4, -3e-4, 1e-4, -2e-4)
-"""A1 A3 A5 A7 P1 P2 B1 B2, with half the frame as unit of length, that move images by some thousandths of the frame."""
+NO_DISTORTION = (0.0,) * 9
+DISTORTED = (2e-4, -3e-3, 2e-3, -1e-3, 5e-4, 2e-4, -3e-4, 1e-4, -2e-4)
+"""A1 A3 A5 A7 A9 P1 P2 B1 B2, with half the frame as unit of length: images move by some thousandths of the frame."""
 
-_POWERS = np.array([0, 2, 4, 6, 1, 1, 0, 0])
+_POWERS = np.array([0, 2, 4, 6, 8, 1, 1, 0, 0])
 """Of a length that the coefficients A1 to B2 are divided by."""
 
 
@@ -38,7 +38,7 @@ class SyntheticBlock:
     ----------
     block : Block
         Measurements with noise, starting values off the truth.
-    cameras : array (number of cameras, 11)
+    cameras : array (number of cameras, 12)
     orientations : array (number of photos, 6)
         Ground unit and radians.
     points : array (number of points, 3)
@@ -92,7 +92,7 @@ def synthetic_block(
         Every fourth point is a full control point. Weighted ones carry errors of `control_error` if there is noise.
     control_error : float
         A-priori error of weighted control, as a part of what 1 mm in the photo is on the ground.
-    distortion : 8 floats
+    distortion : 9 floats
         A1 to B2 for coordinates in units of half the frame.
     distortion_at, unknown
         Of the camera.
@@ -221,9 +221,9 @@ def _images(
 
 
 def _distortion(x: np.ndarray, y: np.ndarray, a: Sequence[float]) -> np.ndarray:
-    a1, a3, a5, a7, p1, p2, b1, b2 = a
+    a1, a3, a5, a7, a9, p1, p2, b1, b2 = a
     r = np.hypot(x, y)
-    radial = a1 + a3 * r**2 + a5 * r**4 + a7 * r**6
+    radial = a1 + a3 * r**2 + a5 * r**4 + a7 * r**6 + a9 * r**8
     dx = x * radial + p1 * (r**2 + 2 * x**2) + 2 * p2 * x * y + b1 * x + b2 * y
     dy = y * radial + p2 * (r**2 + 2 * y**2) + 2 * p1 * x * y
     return np.stack([dx, dy], axis=-1)
@@ -234,11 +234,11 @@ def _measured_at_ideal(ideal: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _measured_at_measured(ideal: np.ndarray, a: np.ndarray) -> np.ndarray:
-    without_affinity = [*a[:6], 0.0, 0.0]
+    without_affinity = [*a[:7], 0.0, 0.0]
     measured = ideal
     # what is added changes by less than a hundredth of what it is added to: 20 rounds leave nothing
     for _ in range(20):
-        affinity = np.stack([measured @ a[6:8], np.zeros(len(ideal))], axis=-1)
+        affinity = np.stack([measured @ a[7:9], np.zeros(len(ideal))], axis=-1)
         measured = ideal + _distortion(*(measured - affinity).T, without_affinity) + affinity
     return measured
 

@@ -11,12 +11,13 @@
 
 #include "lanes.h"
 
-#define CAMERA_PARAMETERS 11
+#define CAMERA_PARAMETERS 12
+#define COEFFICIENT_COUNT 9
 #define MOST_ADDITIONAL 44
 #define POLYNOMIALS 5
 
 /* Where the partials by each group of unknowns begin. */
-enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 11, ROTATION = 14, POINT = 17, ADDITIONAL = 20, ELEMENTS = 64 };
+enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 12, ROTATION = 15, POINT = 18, ADDITIONAL = 21, ELEMENTS = 65 };
 
 /* A set of additional parameters. `polynomials` has the coefficients by powers of a coordinate. In dx and in dy each
  * parameter has a product of two polynomials (i times POLYNOMIALS plus j for B_i(y) A_j(x)) with a factor. */
@@ -36,16 +37,16 @@ typedef struct {
 } Linearised;
 
 typedef struct {
-    Lanes value[2], by_xy[2][2], by_coefficients[2][8];
+    Lanes value[2], by_xy[2][2], by_coefficients[2][COEFFICIENT_COUNT];
 } Distorted;
 
-/* k: A1 A3 A5 A7 P1 P2 B1 B2; x, y: mm from the principal point. */
+/* k: A1 A3 A5 A7 A9 P1 P2 B1 B2; x, y: mm from the principal point. */
 INLINE void distortion(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 {
     const Lanes xx = x * x, yy = y * y, xy2 = 2.0 * x * y, s = xx + yy;
-    const Lanes radial = k[0] + s * (k[1] + s * (k[2] + s * k[3]));
-    const Lanes by_s = k[1] + s * (2.0 * k[2] + s * 3.0 * k[3]);
-    const Lanes p1 = k[4], p2 = k[5], b1 = k[6], b2 = k[7], none = ALL(0.0);
+    const Lanes radial = k[0] + s * (k[1] + s * (k[2] + s * (k[3] + s * k[4])));
+    const Lanes by_s = k[1] + s * (2.0 * k[2] + s * (3.0 * k[3] + s * (4.0 * k[4])));
+    const Lanes p1 = k[5], p2 = k[6], b1 = k[7], b2 = k[8], none = ALL(0.0);
     d->value[0] = x * radial + p1 * (s + 2.0 * xx) + p2 * xy2 + b1 * x + b2 * y;
     d->value[1] = y * radial + p2 * (s + 2.0 * yy) + p1 * xy2;
     d->by_xy[0][0] = radial + 2.0 * xx * by_s + 6.0 * p1 * x + 2.0 * p2 * y + b1;
@@ -54,23 +55,23 @@ INLINE void distortion(const Lanes *k, Lanes x, Lanes y, Distorted *d)
     d->by_xy[1][1] = radial + 2.0 * yy * by_s + 6.0 * p2 * y + 2.0 * p1 * x;
     d->by_coefficients[0][0] = x;
     d->by_coefficients[1][0] = y;
-    for (int term = 1; term < 4; term++) {
+    for (int term = 1; term < 5; term++) {
         d->by_coefficients[0][term] = d->by_coefficients[0][term - 1] * s;
         d->by_coefficients[1][term] = d->by_coefficients[1][term - 1] * s;
     }
-    d->by_coefficients[0][4] = s + 2.0 * xx;
-    d->by_coefficients[1][4] = d->by_coefficients[0][5] = xy2;
-    d->by_coefficients[1][5] = s + 2.0 * yy;
-    d->by_coefficients[0][6] = x;
-    d->by_coefficients[0][7] = y;
-    d->by_coefficients[1][6] = d->by_coefficients[1][7] = none;
+    d->by_coefficients[0][5] = s + 2.0 * xx;
+    d->by_coefficients[1][5] = d->by_coefficients[0][6] = xy2;
+    d->by_coefficients[1][6] = s + 2.0 * yy;
+    d->by_coefficients[0][7] = x;
+    d->by_coefficients[0][8] = y;
+    d->by_coefficients[1][7] = d->by_coefficients[1][8] = none;
 }
 
 /* Measured coordinates free of distortion, for a polynomial that is given at measured coordinates. */
 INLINE void correction(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 {
-    const Lanes b1 = k[6], b2 = k[7], none = ALL(0.0);
-    const Lanes without_affinity[8] = {k[0], k[1], k[2], k[3], k[4], k[5], none, none};
+    const Lanes b1 = k[7], b2 = k[8], none = ALL(0.0);
+    const Lanes without_affinity[COEFFICIENT_COUNT] = {k[0], k[1], k[2], k[3], k[4], k[5], k[6], none, none};
     const Lanes freed = x - (b1 * x + b2 * y);
     distortion(without_affinity, freed, y, d);
     d->value[0] = freed - d->value[0];
@@ -79,10 +80,10 @@ INLINE void correction(const Lanes *k, Lanes x, Lanes y, Distorted *d)
         const Lanes by_x = (row == 0 ? 1.0 : 0.0) - d->by_xy[row][0], by_y = (row == 1 ? 1.0 : 0.0) - d->by_xy[row][1];
         d->by_xy[row][0] = by_x * (1.0 - b1);
         d->by_xy[row][1] = by_y - by_x * b2;
-        for (int term = 0; term < 6; term++)
+        for (int term = 0; term < 7; term++)
             d->by_coefficients[row][term] = -d->by_coefficients[row][term];
-        d->by_coefficients[row][6] = -by_x * x;
-        d->by_coefficients[row][7] = -by_x * y;
+        d->by_coefficients[row][7] = -by_x * x;
+        d->by_coefficients[row][8] = -by_x * y;
     }
 }
 
@@ -177,7 +178,7 @@ INLINE void collinearity(const Ray *ray, int at_measured, const Set *set, int tu
                 by_ideal[column] += d.by_xy[row][column];
         }
         p[0] = by_ideal[0] * direction[0] + by_ideal[1] * direction[1];
-        for (int term = 0; term < 8; term++)
+        for (int term = 0; term < COEFFICIENT_COUNT; term++)
             p[COEFFICIENTS + term] = at_measured ? -d.by_coefficients[row][term] : d.by_coefficients[row][term];
         Lanes *g = p + POINT, *turn = p + ROTATION;
         for (int axis = 0; axis < 3; axis++) {

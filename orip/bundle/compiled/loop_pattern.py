@@ -15,7 +15,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 
 IntArray = NDArray[np.int32]
 
-_CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 11, 20
+_CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 12, 21
 _MOST_ADDITIONAL, _POLYNOMIALS = 44, 5
 
 
@@ -35,7 +35,7 @@ class Cameras:
     at_measured : array (c,) of bool
     unknowns : array (c,) of int
         Their number.
-    elements, columns : arrays (c, 55) of int
+    elements, columns : arrays (c, 56) of int
         For each unknown its number among the partials, and its column.
     """
 

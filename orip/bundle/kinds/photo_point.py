@@ -19,9 +19,11 @@ from orip.interior.image_coordinates import ImageResiduals, SetValues, image_res
 from orip.records.block import Block
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.observations.repeated import measured_before, measurement_name
-from orip.records.project.camera import AdditionalSet
+from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
 
-_ROTATION, POINT_PARTIALS = slice(14, 17), slice(17, 20)
+_CAMERA = len(CAMERA_PARAMETERS)
+_ROTATION, POINT_PARTIALS = slice(_CAMERA + 3, _CAMERA + 6), slice(_CAMERA + 6, _CAMERA + 9)
+_FIRST_ADDITIONAL = POINT_PARTIALS.stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ class PhotoPointObservations(Observations):
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
-        """Return residuals (mm) and partials by 11 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
+        """Return residuals (mm) and partials by 12 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
 
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
         """
@@ -86,13 +88,13 @@ class PhotoPointObservations(Observations):
             state.points[self.point] - state.centres[self.photo], state.rotations[self.photo], parameters[:, 0]
         )
         residual = np.empty_like(self.xy)
-        partials = np.zeros((len(self.xy), 2, 20 + state.additional.shape[1]))
+        partials = np.zeros((len(self.xy), 2, _FIRST_ADDITIONAL + state.additional.shape[1]))
         for rows, at_measured, additional in self._groups(state):
             found = image_residuals_with_partials(
                 image.xy[rows], self.xy[rows], parameters[rows, 1:], at_measured, additional
             )
             residual[rows] = found.value
-            partials[rows, :, : 20 + found.by_additional.shape[2]] = _chained(image.of(rows), found)
+            partials[rows, :, : _FIRST_ADDITIONAL + found.by_additional.shape[2]] = _chained(image.of(rows), found)
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0
@@ -116,7 +118,7 @@ class PhotoPointObservations(Observations):
 
 
 def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
-    """Return the partials (n, 2, 20 + k) by all unknowns, of the perspective and the image equation together."""
+    """Return the partials (n, 2, 21 + k) by all unknowns, of the perspective and the image equation together."""
     by_ideal = residuals.by_ideal
     by_point = by_ideal @ image.by_point
     by_distance = by_ideal @ image.by_principal_distance[:, :, None]

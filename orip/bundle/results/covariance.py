@@ -42,7 +42,7 @@ class Figures(NamedTuple):
 
 
 def camera_figures(solved: SolvedBlock, camera: int) -> Figures:
-    """Return the parameters of a camera: the 11 of `CAMERA_PARAMETERS`, then those of its set."""
+    """Return the parameters of a camera: those of `CAMERA_PARAMETERS`, then those of its set."""
     unknowns = solved.problem.unknowns
     count = len(set_names(solved.block.cameras[camera]))
     columns = np.concatenate([unknowns.cameras[camera], unknowns.additional[camera, :count]])

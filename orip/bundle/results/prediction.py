@@ -58,7 +58,7 @@ def predict_photo_coordinates(
 
 
 def _image_equation(solution: Solution, camera: Camera, parameters: FloatArray) -> ImageEquation:
-    """Return the image equation of a camera with the parameters (11,) and additional parameters of a solution."""
+    """Return the image equation of a camera with the parameters (12,) and additional parameters of a solution."""
     key = record_key(camera.name)
     values = np.array([found.value for found in solution.additional if record_key(found.camera) == key])
     name, additional = camera.additional_set, None

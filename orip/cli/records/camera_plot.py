@@ -74,12 +74,14 @@ def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:
 
 
 def _document(found: DistortionCurve) -> dict[str, Any]:
+    from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
+
     return {
         "command": "camera plot",
         "camera": found.camera,
         "form": found.form,
-        "polynomial": dict(zip(("A1", "A3", "A5", "A7"), found.coefficients, strict=True)),
-        "isp": None if found.isp is None else dict(zip(("R0", "A1", "A2", "A3"), found.isp, strict=True)),
+        "polynomial": dict(zip(RADIAL_PARAMETERS, found.coefficients, strict=True)),
+        "isp": None if found.isp is None else dict(zip(ISP_PARAMETERS, found.isp, strict=True)),
         "radius": found.radius.tolist(),
         "distortion": found.distortion.tolist(),
         "curve": [

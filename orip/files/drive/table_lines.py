@@ -70,7 +70,7 @@ class TableLines:
 
     def table(self) -> DriveTable:
         """Return the table; it means something only if there are no faults."""
-        self._literal("ORIPDRIVE 1")
+        self._literal("ORIPDRIVE 2")
         block, project, user = self._text("BLOCK"), self._text("PROJECT"), user_of(self._text("USER"))
         plate_unit, object_unit = self._units()
         upper, lower = self._limits("UPPER"), self._limits("LOWER")
@@ -91,7 +91,7 @@ class TableLines:
         while self._starts("CAMERA", 7):
             self._once(numbers, "camera", self._words[1], self._floats(2))
         distortions: dict[str, tuple[DistortionArgument, list[float]]] = {}
-        while self._starts("DISTORTION", 11):
+        while self._starts("DISTORTION", 12):
             argument = _ARGUMENTS.get(self._word(2, tuple(_ARGUMENTS)), "ideal")
             self._once(distortions, "distortion of camera", self._words[1], (argument, self._floats(3)))
         sets: dict[str, DriveParameterSet] = {}

@@ -1,6 +1,6 @@
-"""The drive table's text, BUNDLE.DRV: written and read with nothing lost, and refused if a byte of it is wrong.
+"""The drive table's text, BUNDLE.DRV: written and read without loss, and refused if a byte of it is wrong.
 
-    ORIPDRIVE 1
+    ORIPDRIVE 2
     BLOCK <bundle>
     PROJECT <project>
     USER <user, percent-encoded where it is not ASCII; - for none>
@@ -8,7 +8,7 @@
     STAGE UPPER <x min> <x max> <y min> <y max> <least count>
     STAGE LOWER …
     CAMERA <name> <C> <DX> <DY> <FX> <FY>
-    DISTORTION <camera> IDEAL|MEASURED <A1> <A3> <A5> <A7> <P1> <P2> <B1> <B2>
+    DISTORTION <camera> IDEAL|MEASURED <A1> <A3> <A5> <A7> <A9> <P1> <P2> <B1> <B2>
     SET <camera> EBNER|GRUEN <base> <values>
     TEMPLATE <name> UPPER|LOWER
     PHOTO <name> <camera> <template or -> UPPER|LOWER <X0> <Y0> <Z0> <r11> <r12> <r13> <r21> … <r33>
@@ -103,7 +103,7 @@ def _damage(data: bytes) -> DriveFault | None:
 
 
 def _lines(table: DriveTable) -> Iterator[str]:
-    yield "ORIPDRIVE 1"
+    yield "ORIPDRIVE 2"
     yield f"BLOCK {table.block}"
     yield f"PROJECT {table.project}"
     yield f"USER {user_text(table.user)}"

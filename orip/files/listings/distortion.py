@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, table_lines
 from orip.number_text import fixed, root_mean_square
+from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
 
 
 def distortion_lines(
@@ -16,18 +17,19 @@ def distortion_lines(
     given: FloatArray,
     residual: FloatArray,
 ) -> list[str]:
-    """Return the coefficients of the polynomial and of the ISP form; of a given curve its points and residuals.
+    """Return the terms of the polynomial, the ISP form, and of a given curve its points and residuals.
 
     Parameters
     ----------
-    coefficients : (A1, A3, A5, A7)
+    coefficients : (A1, A3, A5, A7, A9)
     isp : (R0, A1, A2, A3) or None
     radius, given, residual : arrays (n,)
         Points of the curve and polynomial minus given, mm; empty without a curve.
     """
-    lines = [_named("polynomial", ("A1", "A3", "A5", "A7"), coefficients)]
+    terms = {name: value for name, value in zip(RADIAL_PARAMETERS, coefficients, strict=True) if value} or {"A1": 0.0}
+    lines = [_named("polynomial", list(terms), list(terms.values()))]
     if isp is not None:
-        lines.append(_named("ISP form", ("R0", "A1", "A2", "A3"), isp))
+        lines.append(_named("ISP form", ISP_PARAMETERS, isp))
     if len(radius):
         columns = [
             Column("R", fixed(radius, 3), "mm"),

@@ -1,4 +1,4 @@
-"""What a single record of orip.toml must be in itself, beyond the types of its values."""
+"""Rules for a single record of orip.toml, beyond the types of its values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS
 
 _RADIAL_FORMS = ("distortion_isp", "distortion_curve")
-"""What may stand in place of A1, A3, A5, A7 of the key `distortion`, which holds P1, P2, B1, B2 then."""
+"""What may stand in place of A1, A3, A5, A7, A9 of the key `distortion`, which holds P1, P2, B1, B2 then."""
 _LISTING_BASES = ("INTERIOR", "PRELIM")
 _LEAST_CURVE_RADII = 4
 _EXAMPLE_C = 8.595

@@ -21,20 +21,20 @@ _QUANTITIES: Mapping[str, Quantity] = {
     **dict.fromkeys(("X0", "Y0", "Z0", "X", "Y", "Z", "dX", "dY", "dZ"), "ground"),
     **dict.fromkeys(("OMEGA", "PHI", "KAPPA", "R"), "angle"),
 }
-_POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
+_POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "A9": 9, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
 _RADIUS_MM = 10.0
 
 Found = dict[tuple[str, str], FigureGroup]
 
 
 class _MalformedError(ValueError):
-    """The document is JSON, but not that of a result; says where."""
+    """The document is JSON, but not that of a result; the message says where."""
 
 
 def read_result(path: Path, shown: str) -> ResultFigures:
     """Read the figures of a result.json: those of the whole adjustment, of cameras, photos, points and check points.
 
-    What tells how the adjustment got there (iterations, ENP, inputs, messages) is left out.
+    The course of the adjustment (iterations, ENP, inputs, messages) is left out.
 
     Raises
     ------

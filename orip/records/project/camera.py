@@ -9,14 +9,17 @@ from typing import Annotated, Final, Literal
 
 from orip.records.project.fields import Field, Part
 
-CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "P1", "P2", "B1", "B2")
+CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
 
 OWN_PARAMETERS = ("DX", "DY")
-"""Those that are no matter of the lens: cameras with the same lens have principal points of their own."""
+"""Those that do not depend on the lens: cameras with the same lens have principal points of their own."""
 
-RADIAL_PARAMETERS = ("A1", "A3", "A5", "A7")
+RADIAL_PARAMETERS = ("A1", "A3", "A5", "A7", "A9")
 """Those of the radial distortion, which a camera's record may also give as a curve or in the form of the ISP."""
+
+RADIAL_PLACES = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A9") + 1)
+"""Their places among the parameters of a camera."""
 
 CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -27,6 +30,7 @@ CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
         "A3": "mm^-2",
         "A5": "mm^-4",
         "A7": "mm^-6",
+        "A9": "mm^-8",
         "P1": "mm^-1",
         "P2": "mm^-1",
         "B1": "",
@@ -42,14 +46,14 @@ AdditionalSet = Literal["EBNER", "GRUEN"]
 ISP_PARAMETERS = ("R0", "A1", "A2", "A3")
 """Parameters of the distortion in the form of the ISP regulations."""
 
-_DISTORTION_UNITS = ("", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm", "1/mm", "", "")
+_DISTORTION_UNITS = ("", "1/mm^2", "1/mm^4", "1/mm^6", "1/mm^8", "1/mm", "1/mm", "", "")
 
 _PARAMETER_KEYS = (
     Part(key="c", above=0, units=("mm",), heading="C (mm)", example="8.595"),
     Part(key="principal_point", size=2, units=("mm",), heading="DX, DY (mm)", example="[-0.1905, 0.9305]"),
     Part(
         key="distortion",
-        size=8,
+        size=9,
         names=CAMERA_PARAMETERS[3:],
         units=_DISTORTION_UNITS,
         heading="Distortion",
@@ -85,7 +89,7 @@ class Camera:
     ----------
     name : str
         Record name; case does not count.
-    parameters : tuple of 11 floats
+    parameters : tuple of 12 floats
         Values in the order of `CAMERA_PARAMETERS`; millimetres for C, DX, DY, powers of 1/mm otherwise.
     distortion_at : {"ideal", "measured"}
         Whether the polynomial's argument is the ideal or the measured photo coordinate.
@@ -143,6 +147,6 @@ class Camera:
 
 
 def without_radial_distortion(camera: Camera) -> Camera:
-    """Return the camera with A1, A3, A5, A7 of its polynomial 0."""
+    """Return the camera without the radial terms of its polynomial."""
     pairs = zip(CAMERA_PARAMETERS, camera.parameters, strict=True)
     return replace(camera, parameters=tuple(0.0 if name in RADIAL_PARAMETERS else value for name, value in pairs))

@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 from orip.errors import Complaint, InputError
 from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
 from orip.records.names import record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.project.camera import RADIAL_PLACES, Camera
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.reconcile import AppliedChange, Conflict, Prefer, reconcile
-
-_POLYNOMIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +59,7 @@ def with_polynomial(camera: Camera) -> Camera:
         message = f"{form} of camera '{camera.name}' has no polynomial ({fault}); correct it"
         raise InputError.single(message) from fault
     parameters = list(camera.parameters)
-    parameters[_POLYNOMIAL] = polynomial
+    parameters[RADIAL_PLACES] = polynomial
     return replace(camera, parameters=tuple(parameters))
 
 

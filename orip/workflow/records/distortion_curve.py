@@ -13,12 +13,11 @@ from orip.errors import UsageError
 from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import near_names, record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.project.camera import RADIAL_PLACES, Camera
 from orip.workflow.project.state import ProjectState
 
 DistortionForm = Literal["polynomial", "isp", "curve"]
 
-_RADIAL = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A7") + 1)
 _RADII = 61
 
 
@@ -31,7 +30,7 @@ class DistortionCurve:
     camera : str
     form : {"polynomial", "isp", "curve"}
         How it was given.
-    coefficients : (A1, A3, A5, A7)
+    coefficients : (A1, A3, A5, A7, A9)
     isp : (R0, A1, A2, A3) or None
         The same curve in the form of the ISP regulations; None where it has none.
     radius, distortion : arrays (n,)
@@ -77,7 +76,7 @@ def distortion_curve(state: ProjectState, name: str, largest_radius: float | Non
     if camera is None:
         message = f"there is no camera {name}; {near_names(name, (camera.name for camera in cameras.values()))}"
         raise UsageError(message)
-    coefficients = camera.parameters[_RADIAL]
+    coefficients = camera.parameters[RADIAL_PLACES]
     points = np.array(camera.distortion_curve or (), dtype=np.float64).reshape(-1, 2)
     reach = largest_radius if largest_radius is not None else _reach(camera, points[:, 0])
     if not 0.0 < reach < np.inf:

@@ -51,7 +51,7 @@ def stored_definition(project: ProjectFolder, stored: StoredDefinitions) -> Proj
 def in_given_form(camera: Camera) -> Camera:
     """Return the camera without the form in which its distortion was given, if the polynomial has changed since.
 
-    Of a camera with such a form A1, A3, A5, A7 are computed.
+    Of a camera with such a form the radial terms are computed.
     """
     with suppress(InputError):  # a form that no text may have
         if with_polynomial(camera) == camera:

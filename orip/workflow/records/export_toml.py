@@ -125,7 +125,7 @@ def _require_fit(definition: ProjectDefinition) -> None:
 
 
 def _without_polynomial(definition: ProjectDefinition) -> ProjectDefinition:
-    """Return the definition as a text is read: A1, A3, A5, A7 are 0 where the radial distortion has another form."""
+    """Return the definition as a text is read: the radial terms are 0 where the radial distortion has another form."""
     cameras = tuple(
         without_radial_distortion(camera)
         if camera.distortion_isp is not None or camera.distortion_curve is not None

@@ -145,7 +145,10 @@ def differences(text: object, store: object) -> list[str]:
     return found
 
 
-_PARTS = {("parameters", 11): CAMERA_PARAMETERS, ("orientation", 6): PHOTO_PARAMETERS}
+_PARTS = {
+    ("parameters", len(CAMERA_PARAMETERS)): CAMERA_PARAMETERS,
+    ("orientation", len(PHOTO_PARAMETERS)): PHOTO_PARAMETERS,
+}
 
 
 def _named_values(name: str, a: Any, b: Any) -> list[tuple[str, Any, Any]]:
