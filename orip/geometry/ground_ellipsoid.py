@@ -71,14 +71,7 @@ def geographic_from_geocentric(geocentric: FloatArray, semi_axes: tuple[float, f
 def place_axes(geographic: FloatArray) -> FloatArray:
     """Return the directions of east, north and up (along the ellipsoid's normal) at places, geocentric.
 
-    Parameters
-    ----------
-    geographic : array (n, 3)
-
-    Returns
-    -------
-    array (n, 3, 3)
-        In rows.
+    `geographic` is an array (n, 3), the result (n, 3, 3) with the directions in its rows.
     """
     sine_of_longitude, cosine_of_longitude = np.sin(geographic[:, 0]), np.cos(geographic[:, 0])
     sine, cosine, zero = np.sin(geographic[:, 1]), np.cos(geographic[:, 1]), np.zeros(len(geographic))
