@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class ImageRays:
     xy : array (n, 2)
         Measured photo coordinates, fiducial system, mm.
     vectors : array (n, 3)
-        Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
+        See `image_vectors`, mm.
     error : array (n,)
         A-priori error of a photo coordinate, mm.
     cameras : UnknownCameras
@@ -77,6 +78,9 @@ class ImageRays:
 _CORRECTED = "C", "DX", "DY", "A3"
 """Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""
 
+_PLANE_UP_TO = math.radians(70.0)
+"""Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
+
 
 def image_rays(block: Block) -> ImageRays:
     """Return the rays of a block, point by point; indices of photos and points are the block's.
@@ -101,8 +105,28 @@ def image_rays(block: Block) -> ImageRays:
     )
 
 
+def rays_of_plane_images(block: Block, rays: ImageRays) -> ImageRays:
+    """Return the rays of a block by which its photos can be oriented like photos with a plane image.
+
+    Of equidistant cameras those are left out that are far from the axis. The others keep their vectors: each is compared
+    in a plane of its own, at its component along the axis, where errors across the axis are larger by 1 / cos theta.
+    """
+    fisheye = np.array([camera.projection == "equidistant" for camera in block.cameras])[block.photo_camera[rays.photo]]
+    if not fisheye.any():
+        return rays
+    cosine = np.where(fisheye, -rays.vectors[:, 2] / np.linalg.norm(rays.vectors, axis=1), 1.0)
+    near = np.flatnonzero(cosine > math.cos(_PLANE_UP_TO))
+    return replace(rays.of(near), error=rays.error[near] / cosine[near])
+
+
 def _unknown_cameras(block: Block) -> UnknownCameras:
-    unknown = np.array([[name in camera.unknown for name in _CORRECTED] for camera in block.cameras])
+    # the corrections are those of a plane image
+    unknown = np.array(
+        [
+            [name in camera.unknown and camera.projection == "perspective" for name in _CORRECTED]
+            for camera in block.cameras
+        ]
+    )
     rows = np.flatnonzero(unknown.any(axis=1))
     if not len(rows):
         return ALL_KNOWN
