@@ -1,4 +1,4 @@
-"""What can go wrong, told in three beats: what was found, what is allowed, what to do."""
+"""Errors and warnings. A message says three things: what was found, what is allowed, what to do."""
 
 from __future__ import annotations
 

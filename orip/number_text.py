@@ -19,13 +19,14 @@ SINGULAR = "singular"
 MISSING = "-"
 
 HUGE = 1e12
-"""From here on numbers are printed with an exponent: they come from a diverged adjustment and say nothing but that."""
+"""From here on numbers are printed with an exponent: they come from a diverged adjustment and mean nothing else."""
 
 _WITHOUT_EXPONENT = 1e-4, 1e16
 """Between these, repr writes no exponent."""
 
 COEFFICIENT_PRECISION = 1e-4
-"""What is known better than this is no length or angle but a distortion coefficient, and printed with an exponent."""
+"""A number with a smaller standard deviation is not a length or an angle but a distortion coefficient: it is printed
+with an exponent."""
 
 
 def decimals_for(deviations: ArrayLike, at_least: int = 3, at_most: int = 6) -> int:

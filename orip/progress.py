@@ -1,4 +1,4 @@
-"""How far long work has come: who does it tells, who wants to know listens, and neither knows the other."""
+"""Progress of long work: a function reports its stages, a listener shows them, and neither knows the other."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Protocol
 
 
 class Listener(Protocol):
-    """Who is told of stages. One begins within another, and ends before it."""
+    """Receives reports on stages; a stage that begins within another one ends before it."""
 
     def begin(self, what: str, total: int | None) -> None:
-        """Hear that work begins; of so many steps, if that is known."""
+        """Take note that a stage begins; `total` steps, None where their number is not known."""
 
     def advance(self, done: int) -> None:
-        """Hear how many steps of the innermost stage are done."""
+        """Take note that so many steps of the innermost stage are done."""
 
     def end(self) -> None:
-        """Hear that the innermost stage is over."""
+        """Take note that the innermost stage has ended."""
 
 
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
@@ -26,7 +26,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Let somebody hear of all stages that begin meanwhile."""
+    """Report all stages that begin within the block to a listener."""
     token = _listener.set(listener)
     try:
         yield
@@ -36,7 +36,7 @@ def listening(listener: Listener) -> Iterator[None]:
 
 @contextmanager
 def stage(what: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
-    """Tell that work begins and ends; the function given tells how many steps are done."""
+    """Report the beginning and the end of a stage; the function that is yielded reports how many steps are done."""
     listener = _listener.get()
     if listener is None:
         yield _nobody_listens

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.equations import Equations
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
-from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
@@ -28,37 +26,19 @@ _LARGE = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class SolvedBlock:
-    """A block after an adjustment: the final state, its equations and the precision of all unknowns.
+class SolvedBlock(Adjustment[BlockState]):
+    """The adjustment of a block, with the precision of all unknowns.
 
     Parameters
     ----------
     problem : BlockProblem
-    state : BlockState
-    equations : Equations
-        At that state.
-    weight_factors : array (n,)
-        Those of the final state; 0 for observations that take no part.
-    normals : SolvedNormals
-    iterations : tuple of IterationRecord
-    reason : TerminationReason
-        Why the iterations ended.
     cofactors : Cofactors
     variance : VarianceOfUnitWeight
-    scale : float
-        Errors of the observations, in a-priori errors, that weights were reduced by; 1 unless these are far off.
     """
 
     problem: BlockProblem
-    state: BlockState
-    equations: Equations
-    weight_factors: FloatArray
-    normals: SolvedNormals
-    iterations: tuple[IterationRecord, ...]
-    reason: TerminationReason
     cofactors: Cofactors
     variance: VarianceOfUnitWeight
-    scale: float
 
     @property
     def block(self) -> Block:
@@ -167,6 +147,6 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
     effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(
-        problem, found.state, equations, found.weight_factors, normals, found.iterations, found.reason, precision,
-        variance, found.scale,
+        found.state, equations, found.weight_factors, normals, found.iterations, found.reason, found.scale, problem,
+        precision, variance,
     )  # fmt: skip

@@ -27,14 +27,14 @@ NAME: Final = "equidistant"
 LARGEST_ANGLE = math.radians(175.0)
 """Angle from the axis beyond which nothing is shown: straight behind the camera a point has no image."""
 
-_LEAST_COSINE = math.cos(LARGEST_ANGLE)
+LEAST_COSINE = math.cos(LARGEST_ANGLE)
 _ON_AXIS = 1e-16
 """Square of the angle from the axis below which its third power is nothing beside it."""
 
 
 def is_in_front(u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
     """Tell whether points, numbers or arrays (n,) of U in the photo's axes, have an image."""
-    found: bool | BoolArray = -u3 > _LEAST_COSINE * (u1 * u1 + u2 * u2 + u3 * u3) ** 0.5
+    found: bool | BoolArray = -u3 > LEAST_COSINE * (u1 * u1 + u2 * u2 + u3 * u3) ** 0.5
     return found
 
 

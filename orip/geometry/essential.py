@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 
 _NEARLY_REAL = 0.1
-"""Largest imaginary part, relative, of a solution whose real part is taken: where two solutions are near to each other,
-errors of measuring make of them a complex pair."""
+"""Largest relative imaginary part of a solution whose real part is used: measuring errors turn two solutions that are
+close to each other into a complex pair."""
 
 _GENERAL = np.array(
     [
@@ -27,7 +27,7 @@ _GENERAL = np.array(
         [-0.59, -0.29, -0.33, 0.67],
     ]
 )
-"""Some regular matrix: of a special null space (exact normal case) the last matrix alone may have no share in E."""
+"""Any regular matrix: in a special null space (exact normal case) the last matrix alone may contribute nothing to E."""
 
 _VARIABLES = "xyz1"
 _CUBIC = ["xxx", "xxy", "xxz", "xyy", "xyz", "xzz", "yyy", "yyz", "yzz", "zzz"]
@@ -82,9 +82,9 @@ def essential_matrices(left: FloatArray, right: FloatArray) -> FloatArray:
     Returns
     -------
     array (m, 3, 3)
-        The solutions of all samples, up to ten of each, with the norm 1. Of a pair of complex ones that are nearly
-        real the real part, which is essential only roughly. Where five points leave a curve of solutions (a point
-        twice, no base) some of it or nothing.
+        The solutions of all samples, up to ten for each, with norm 1. A pair of complex solutions that are nearly real
+        is represented by its real part, which is only approximately essential. Where five points admit a curve of
+        solutions (a repeated point, no base), some of them are returned, or none.
 
     Notes
     -----
@@ -126,7 +126,7 @@ def two_photos_of(essential: FloatArray) -> TwoPhotos:
     -------
     TwoPhotos
         Of shape (..., 4, 3) and (..., 4, 3, 3): both signs of the base with each of the two rotations. The rotations
-        are exact even where the matrix is essential only roughly.
+        are orthogonal even where the matrix is only approximately essential.
 
     Notes
     -----
@@ -156,7 +156,7 @@ def _null_space(left: FloatArray, right: FloatArray) -> FloatArray:
 def _cubic_equations(null_space: FloatArray) -> FloatArray:
     """Return the coefficients (s, 10, 20) of the constraints on E = x E1 + y E2 + z E3 + E4.
 
-    Products of sums are written out over the four matrices of each factor (a, b, c), and collected by monomials.
+    Products of sums are expanded over the four matrices of each factor (a, b, c) and collected by monomials.
     """
     count = len(null_space)
     flat = null_space.reshape(count, 12, 3)

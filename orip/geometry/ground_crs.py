@@ -85,7 +85,7 @@ class GroundCrs:
     def _angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return longitude and latitude, array (2, n), in the system's unit.
 
-        PROJ inverts some projections by a short series (LAEA: 0.5 mm). What the result misses is put right once.
+        PROJ inverts some projections by short series (LAEA: 0.5 mm off). Correcting by the misclosure removes that.
         """
         angles = _finite(self.horizontal.transform(x, y))
         back = _finite(self.horizontal.transform(angles[0], angles[1], direction="INVERSE"))
@@ -134,10 +134,10 @@ def ground_crs(crs: str, ground_unit: str, origin: FloatArray) -> GroundCrs:
 
 
 def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray:
-    """Return the X, Y, Z (3,) of a place in the project's system, its height taken as it is.
+    """Return X, Y, Z (3,) of a place in the project's system; its height is not changed.
 
-    Good for the `origin` of `ground_crs`, where nothing else is known than a place by longitude, latitude (radians,
-    from the system's own prime meridian) and height (metres).
+    For the `origin` of `ground_crs` where only longitude, latitude (radians, from the system's own prime meridian) and
+    height (metres) of a place are known.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def near_place(crs: str, ground_unit: str, geographic: FloatArray) -> FloatArray
 
 
 class _CheckedCrs(NamedTuple):
-    """A projected system: as a whole, as it is shown, what it is projected from, and with Z above its ellipsoid."""
+    """A projected system as a whole, its name in messages, its geographic system, and it with Z above the ellipsoid."""
 
     whole: pyproj.CRS
     shown: str
@@ -173,7 +173,7 @@ def _checked(crs: str, ground_unit: str) -> _CheckedCrs:
 
 
 def _whole(crs: str) -> tuple[pyproj.CRS, str]:
-    """Return a system without a transformation to another datum bound to it, and how it is shown."""
+    """Return a system, without any transformation to another datum that is bound to it, and its name in messages."""
     whole = known_crs(crs)
     if whole.is_bound and whole.source_crs is not None:
         whole = whole.source_crs
@@ -227,7 +227,7 @@ def known_crs(crs: str) -> pyproj.CRS:
 
 
 def _horizontal(whole: pyproj.CRS, shown: str) -> tuple[pyproj.CRS, pyproj.CRS]:
-    """Return the projected part, bare of a transformation to another datum bound to it, and what it is projected from.
+    """Return the projected part, without any bound transformation to another datum, and its geographic system.
 
     Raises
     ------

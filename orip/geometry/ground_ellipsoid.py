@@ -1,7 +1,7 @@
 """Ellipsoidal and geocentric coordinates of places.
 
 Geographic coordinates are longitude and latitude (radians) and height above the ellipsoid (metres); geocentric ones are
-metres from the centre of the ellipsoid, the third along its axis. An ellipsoid is given by its two half axes, metres.
+metres from the centre of the ellipsoid, the third along its axis. An ellipsoid is given by its two semi-axes, metres.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from orip.arrays import FloatArray
 
 _ROUNDS = 3
-"""Of Bowring's iteration: one leaves 0.3 micrometres at 5 km of height, two are exact to rounding, one is to spare."""
+"""Steps of Bowring's iteration: one gives 0.3 micrometres at a height of 5 km, two are exact to rounding."""
 
 
 def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:

@@ -152,8 +152,8 @@ class GroundFrame:
     def project_with_partials(self, local: FloatArray) -> ProjectCoordinates:
         """Return the project's coordinates and their partials by local ones.
 
-        What is observed, or held, in the project's coordinates stays there: with it any of X, Y, Z alone is a function
-        of a point's three local unknowns.
+        Observations and constants in the project's coordinates are not transformed: each of X, Y and Z is a function of
+        the three local unknowns of a point.
 
         Parameters
         ----------
@@ -263,7 +263,7 @@ def ground_frame(crs: str, ground_unit: str, origin: FloatArray) -> GroundFrame:
     Returns
     -------
     GroundFrame
-        Its warnings say what was taken for granted.
+        Its warnings say what was assumed.
 
     Raises
     ------

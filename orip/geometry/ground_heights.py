@@ -1,8 +1,7 @@
 """Heights of a vertical system to heights above the ellipsoid, and the refusal where that cannot be done.
 
-PROJ goes on without a missing geoid grid and silently leaves heights as they are, even when asked for the best
-transformation only. What it could do with every grid installed, and whether they are, is known to a group of
-transformations alone.
+Where a geoid grid is missing PROJ silently leaves heights unchanged, even when asked for the best transformation only.
+Only a transformation group tells which transformation would be possible with all grids, and which grids are installed.
 """
 
 from __future__ import annotations

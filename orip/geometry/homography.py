@@ -69,12 +69,12 @@ def plane_orientations(vectors: FloatArray, points: FloatArray) -> PlaneOrientat
     vectors : array (n, 3)
         Image vectors u = (x, y, -C) of n >= 4 points.
     points : array (n, 3)
-        Ground points in a plane, or nearly so; distances from their best plane are not looked at.
+        Ground points in a plane, or nearly so; distances from their best-fitting plane are disregarded.
 
     Returns
     -------
     PlaneOrientations
-        For exact data the first is right. Of a small or distant object the other fits almost as well.
+        For exact data the first is right. For a small or distant object the other fits almost as well.
 
     Raises
     ------

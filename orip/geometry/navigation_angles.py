@@ -33,8 +33,8 @@ def rotation_from_navigation(angles: FloatArray, mount: Literal["body", "gimbal"
     angles : array (n, 3)
         Roll, pitch, heading, radians.
     mount : {"body", "gimbal"}
-        How the camera is mounted on what the angles turn: looking down, the top of the picture forward; or looking
-        forward, so that pitch -90 degrees looks down.
+        body: the angles are those of the vehicle, and the camera looks down with the top of the picture forward.
+        gimbal: the angles are those of the camera, which looks forward at pitch 0 and down at pitch -90 degrees.
 
     Returns
     -------

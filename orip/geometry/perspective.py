@@ -4,7 +4,8 @@ U = R^T (X - X0) is the point in the photo's axes; the camera looks along its ne
 
     x, y = -C U1 / U3, -C U2 / U3
 
-What takes plain numbers as well as arrays serves the real-time loop, where arrays of one point would be far slower.
+Functions that take plain numbers as well as arrays serve the real-time loop, where arrays of one point would be far
+slower.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from orip.geometry.rotation import cross_matrix, rotated_back
 
 NAME: Final = "perspective"
 
-IN_FRONT = 1e-6
+LEAST_COSINE = 1e-6
 """Smallest part that the depth of a point has of its distance from the projection centre."""
 
 
 def is_in_front(u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
     """Tell whether points, numbers or arrays (n,) of U in the photo's axes, are in front of the camera."""
-    found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > IN_FRONT**2 * (u1 * u1 + u2 * u2 + u3 * u3))
+    found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > LEAST_COSINE**2 * (u1 * u1 + u2 * u2 + u3 * u3))
     return found
 
 

@@ -16,18 +16,18 @@ MARKS_NEEDED: dict[TransformationKind, int] = {"A": 3, "C": 2, "W": 2}
 PARAMETERS: dict[TransformationKind, int] = {"A": 6, "C": 4, "W": 3}
 
 _LARGEST_COORDINATE = 1e100
-"""Above it squares overflow; no film is that large in any unit."""
+"""Above this, squares overflow; no film is that large in any unit."""
 
 _ONE_PLACE = 1e-12
-"""Marks nearer to each other than this part of their coordinates differ by rounding alone."""
+"""Marks closer together than this part of their coordinates differ only by rounding."""
 
 _ONE_LINE = 1e-3
-"""Marks on a line across a film of 230 mm are off it by some 0.01 mm, the error of measuring; no frame is so narrow
-that its width is a thousandth of its length."""
+"""Marks on a line across a film of 230 mm deviate from it by some 0.01 mm, the measuring error; no frame is as narrow
+as a thousandth of its length."""
 
 _NO_INVERSE = 1e-2
-"""Smallest scale, as part of the one expected from the extents; a square turned over leaves a scale of measuring errors
-alone, some 1e-4, to a conformal transformation."""
+"""Smallest scale as part of the one expected from the extents: a conformal transformation to a mirrored square has a
+scale of some 1e-4, which comes from measuring errors alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def fit_plane_transformation(kind: TransformationKind, measured: FloatArray, giv
     ------
     ValueError
         With fewer marks than the kind needs, or marks that do not determine it: all on a line, in one place, or so
-        unlike the given ones that the transformation has no inverse.
+        different from the given ones that the transformation has no inverse.
     """
     if len(measured) < MARKS_NEEDED[kind]:
         message = f"{len(measured)} marks, {MARKS_NEEDED[kind]} are needed"

@@ -20,6 +20,8 @@ class Projection(NamedTuple):
     ----------
     is_in_front : callable
         From U1, U2, U3 in the photo's axes: whether the point has an image.
+    least_cosine : float
+        Cosine of the angle from the axis up to which it has.
     ideal_coordinates : callable
         From C (mm), U1, U2, U3: ideal photo coordinates, mm.
     image_vector : callable
@@ -28,12 +30,13 @@ class Projection(NamedTuple):
     """
 
     is_in_front: Callable[..., Any]
+    least_cosine: float
     ideal_coordinates: Callable[..., Any]
     image_vector: Callable[..., Any]
 
 
 PROJECTIONS: Final = {
-    module.NAME: Projection(module.is_in_front, module.ideal_coordinates, module.image_vector)
+    module.NAME: Projection(module.is_in_front, module.LEAST_COSINE, module.ideal_coordinates, module.image_vector)
     for module in (perspective, equidistant)
 }
 """By the name that a camera's record has."""

@@ -17,7 +17,7 @@ _AT_ORIGIN = 1e-3
 def intersect_rays(
     origins: FloatArray, directions: FloatArray, point_index: NDArray[np.int64], point_count: int
 ) -> FloatArray:
-    """Return for each point the position with the least sum of squared distances to its rays.
+    """Return for each point the position with the smallest sum of squared distances to its rays.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def without_near_points(
 ) -> FloatArray:
     """Return positions (p, 3), NaN for points that are at the origin of one of their rays.
 
-    Rays from one place meet there, and nowhere else: a position nearer than a thousandth of a typical distance is none.
+    Rays from one place meet there only: a position nearer to it than a thousandth of a typical distance is rejected.
     """
     distance = np.linalg.norm(positions[point_index] - origins, axis=1)
     found = positions.copy()

@@ -12,7 +12,7 @@ from orip.arrays import FloatArray
 from orip.geometry.rotation import cross_matrix, rotation_about_axes
 
 _ONE_LINE = 1e-6
-"""Points whose width is a smaller part of their length lie on a line: rounding and no figure is left across it."""
+"""Points whose width is a smaller part of their length lie on a line: what remains across it is rounding."""
 
 UNKNOWNS = 7
 """Relative change of scale, three shifts, three small rotations about the target's axes: in this order."""
@@ -132,7 +132,7 @@ def fit_similarities(source: FloatArray, target: FloatArray, weights: FloatArray
     Returns
     -------
     Similarities
-        As many as there are samples, less those that determine none.
+        One for each sample that determines a similarity.
     """
     share = np.ones(source.shape[:2]) if weights is None else weights
     share = (share / share.sum(axis=1, keepdims=True))[:, :, None]
@@ -150,7 +150,7 @@ def fit_similarities(source: FloatArray, target: FloatArray, weights: FloatArray
 
 
 def _spread(reduced: FloatArray) -> NDArray[np.bool_]:
-    """Return which samples (s, k, 3), reduced to their centroids, span a plane at least."""
+    """Return which samples (s, k, 3), reduced to their centroids, span at least a plane."""
     if not reduced.size:
         return np.zeros(len(reduced), dtype=bool)
     singular = np.linalg.svd(reduced, compute_uv=False)

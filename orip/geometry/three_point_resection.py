@@ -17,7 +17,8 @@ _MIX = 0.4142
 """Turns the pencil of conics, in which a symmetric triangle would have two singular conics at zero and infinity."""
 
 _MISCLOSURE = 1e-8
-"""Of the squared sides: Newton's method leaves 1e-15, or 1e-10 at a double solution; what has none stays far off."""
+"""Largest relative misfit of the squared sides: Newton's method reaches 1e-15, or 1e-10 at a double solution, and stays
+far above where there is no solution."""
 
 _NEWTON_STEPS = 2
 
@@ -31,7 +32,7 @@ class ThreePointOrientations(NamedTuple):
         Photo to ground.
     centres : array (s, 4, 3)
     valid : array (s, 4) of bool
-        The other places mean nothing.
+        Entries that are not valid have no meaning.
     """
 
     rotations: FloatArray
@@ -52,7 +53,7 @@ def three_point_resection(vectors: FloatArray, points: FloatArray) -> ThreePoint
     Returns
     -------
     ThreePointOrientations
-        Nothing valid where three points lie on one line, or image points in one place.
+        None is valid where three points lie on one line, or image points coincide.
 
     Notes
     -----
@@ -85,7 +86,7 @@ def _on_one_line(points: FloatArray) -> BoolArray:
 
 
 def _axes_of(points: FloatArray) -> FloatArray:
-    """Return right-handed axes (..., 3, 3), as columns, that lie alike in congruent triangles (..., 3, 3)."""
+    """Return right-handed axes (..., 3, 3), as columns, placed alike in congruent triangles (..., 3, 3)."""
     along = points[..., 1, :] - points[..., 0, :]
     normal = np.cross(along, points[..., 2, :] - points[..., 0, :])
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -42,14 +42,14 @@ class CameraModel:
         mm; infinite where there is no frame line.
     projection : Projection
     least_cosine : float
-        Of the angle from the axis beyond which nothing is within the frame; -1 where there is no frame.
+        Of the angle from the axis beyond which nothing is within the frame; that of the projection where there is none.
     """
 
     principal_distance: float
     image: ImageEquation
     half_frame: tuple[float, float]
     projection: Projection
-    least_cosine: float = -1.0
+    least_cosine: float
 
     def is_one_to_one(self, x: FloatArray, y: FloatArray) -> bool:
         """Tell whether the polynomials rise at all places (n,), mm from the principal point."""
@@ -71,15 +71,16 @@ def camera_model(camera: DriveCamera) -> CameraModel:
         values = np.array(camera.additional.values)
         additional = image_polynomial(camera.additional.name, camera.additional.base, values)
     image = ImageEquation(x0, y0, tuple(coefficients), at_measured, additional, reach_square)
-    model = CameraModel(principal_distance, image, (half_x, half_y), PROJECTIONS[camera.projection])
+    projection = PROJECTIONS[camera.projection]
+    model = CameraModel(principal_distance, image, (half_x, half_y), projection, projection.least_cosine)
     return replace(model, least_cosine=_least_cosine(model))
 
 
 def _least_cosine(camera: CameraModel) -> float:
-    """Return the cosine of the largest angle from the axis within the frame, with a margin; -1 without a frame."""
+    """Return the cosine of the largest angle from the axis within the frame, with a margin; of all without a frame."""
     half_x, half_y = camera.half_frame
     if not np.isfinite(half_x) or not np.isfinite(half_y):
-        return -1.0
+        return camera.least_cosine
     side = np.linspace(-1.0, 1.0, _BORDER_PLACES)
     end = np.ones_like(side)
     border_x, border_y = np.concatenate([[side, end], [side, -end], [end, side], [-end, side]], axis=1)
@@ -87,8 +88,8 @@ def _least_cosine(camera: CameraModel) -> float:
         x, y = camera.image.ideal(half_x * border_x, half_y * border_y)
         vectors = camera.projection.image_vector(camera.principal_distance, _BEYOND_BORDER * x, _BEYOND_BORDER * y)
         largest = float(np.min(-vectors[2] / np.sqrt(sum(component**2 for component in vectors))))
-    # a border that is not shown everywhere is no bound
-    return largest if largest > -1.0 else -1.0
+    # NaN: the border is not shown everywhere
+    return largest if largest > camera.least_cosine else camera.least_cosine
 
 
 def _reach_square(radial: Sequence[float], sign: float) -> float:

@@ -15,13 +15,13 @@ from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.fit import fits_by_chance, is_strong, redundancy, robust_square_sum
 from orip.prelim.found_values import found_values
-from orip.prelim.growing_block import GrowingBlock
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.joint.by_parts import by_parts
 from orip.prelim.joint.by_photos import by_photos
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
-from orip.prelim.misplaced_photos import misplaced_photos
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.resection.direct_linear import POINTS_NEEDED
 from orip.prelim.routes import (
     LEAST_RESECTION,

@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 
 _PHOTO, _POINT = 6, 3
 """Unknowns."""

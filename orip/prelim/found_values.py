@@ -7,10 +7,10 @@ from itertools import compress
 
 import numpy as np
 
-from orip.prelim.growing_block import GrowingBlock, empty_growing_block
+from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
+from orip.prelim.growing.reasons import doubtful_photos, why_not_oriented
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
-from orip.prelim.reasons import doubtful_photos, why_not_oriented
 from orip.prelim.refinement.camera_corrections import parameters_with
 from orip.prelim.routes import Route
 from orip.prelim.to_ground import Outcome, lengths_of_residuals

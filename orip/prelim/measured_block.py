@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.ground_control import approximate_points, known_centres, known_points
-from orip.prelim.growing import BlockGrower
-from orip.prelim.image_rays import ImageRays, image_rays, rays_of_plane_images
-from orip.prelim.photo_index import PhotoIndex, photo_index
+from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
+from orip.prelim.rays.photo_index import PhotoIndex, photo_index
+from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.similarity.absolute_orientation import KnownPositions
-from orip.prelim.thinning import thinned
 from orip.records.block import Block
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 

@@ -8,8 +8,8 @@ from itertools import groupby
 
 import numpy as np
 
-from orip.prelim.image_rays import ImageRays
-from orip.prelim.photo_index import PhotoIndex
+from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays.photo_index import PhotoIndex
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row

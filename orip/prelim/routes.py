@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.growing import BlockGrower
-from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block, growing_block_of
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.refinement import ROUGH
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems

@@ -12,8 +12,8 @@ import numpy as np
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.prelim.arbitrary_datum import ratios_of_distances
-from orip.prelim.growing_block import GrowingBlock
+from orip.prelim.ground.arbitrary_datum import ratios_of_distances
+from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.measured_block import MeasuredBlock
 from orip.wording import counted
 

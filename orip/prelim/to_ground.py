@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.prelim.arbitrary_datum import with_arbitrary_datum
-from orip.prelim.growing_block import GrowingBlock
+from orip.prelim.ground.arbitrary_datum import with_arbitrary_datum
+from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.growing.misplaced_photos import residual_lengths
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
-from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.prelim.growing import BlockGrower
+from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.resection.direct_linear import DirectLinear, direct_linear
 from orip.prelim.routes import Route, control_start

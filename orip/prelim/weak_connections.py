@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.wording import agreeing, counted, first_names
 
 if TYPE_CHECKING:

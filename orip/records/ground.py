@@ -28,7 +28,7 @@ class GroundSystem(Protocol):
 
     @property
     def warnings(self) -> tuple[ProjectWarning, ...]:
-        """Return what was taken for granted."""
+        """Return warnings of what was assumed."""
 
     @property
     def dependence(self) -> BoolArray:

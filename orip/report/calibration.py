@@ -14,10 +14,10 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
 from orip.records.results.solution import Solution
-from orip.report.drawing import ChartFrame, Curve, line_chart
+from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
-from orip.report.residual_vectors import measured_reach
 from orip.report.table import PageColumn, PageTable
 
 STRONG = 0.95

@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from orip.records.results.solution import Solution
-from orip.report.drawing import ChartFrame, Curve, line_chart
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.numbers import fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable

@@ -13,16 +13,16 @@ from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.records.results.solution import Solution
-from orip.report.block_view import block_view
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.convergence import convergence_charts, iteration_table
-from orip.report.ellipses import ellipse_views
+from orip.report.drawings.block_view import block_view
+from orip.report.drawings.ellipses import ellipse_views
+from orip.report.drawings.residual_vectors import vector_sheets
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
-from orip.report.residual_vectors import vector_sheets
 from orip.report.run_mark import RUN_NAME
 from orip.report.stations import station_charts, station_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table

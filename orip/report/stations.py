@@ -8,7 +8,7 @@ from markupsafe import Markup
 from orip.number_text import decimals_for
 from orip.records.results.solution import Solution
 from orip.records.results.station_residuals import StationResiduals, station_residuals
-from orip.report.drawing import ChartFrame, Curve, line_chart
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.numbers import fixed
 from orip.report.table import PageColumn, PageTable
 

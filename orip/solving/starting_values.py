@@ -14,7 +14,7 @@ from orip.bundle.part_of_block import without_photos
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
-from orip.prelim.project_coordinates import orientations_in_frame, points_in_project
+from orip.prelim.ground.project_coordinates import orientations_in_frame, points_in_project
 from orip.records.block import Block
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.camera import Camera

@@ -70,7 +70,7 @@ def test_every_key() -> None:
     film, digital, curve = project.cameras
     assert film == Camera(
         "FILM",
-        (152, -0.1905, 0.9305, 1e-3, 2, 3, 4, 5, 6, 7, 8),
+        (152, -0.1905, 0.9305, 1e-3, 2, 3, 4, 9, 5, 6, 7, 8),
         distortion_at="measured",
         frame=(24, 36),
         fiducials=(Mark("1", -12, 18), Mark("2", 12, 18)),

@@ -46,7 +46,7 @@ from orip.interior.distortion import (
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
 from orip.interior.image_polynomial import deformation_with_partials, image_polynomial
 from orip.multimodel.camera_model import camera_model
-from orip.prelim.image_rays import image_rays
+from orip.prelim.rays.image_rays import image_rays
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.problem import RefinementProblem, RefinementState

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
-from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.intersection import intersection
-from orip.prelim.photo_index import photo_index
+from orip.prelim.rays.image_rays import ImageRays, image_rays
+from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.refinement import refinement
 from orip.prelim.relative import solution as relative_solution
 from orip.prelim.relative.parallax import Pairs

@@ -13,7 +13,7 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 from orip.bundle.part_of_block import without_photos
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim.chain import preliminary_values
-from orip.prelim.project_coordinates import orientations_in_project, points_in_project
+from orip.prelim.ground.project_coordinates import orientations_in_project, points_in_project
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.observations.control import Control
 from orip.records.project.definition import StereoModel

@@ -14,8 +14,8 @@ from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthet
 
 from orip.geometry.similarity import Similarity
 from orip.prelim import compiled
-from orip.prelim.image_rays import ALL_KNOWN, ImageRays, UnknownCameras
 from orip.prelim.intersection.intersection import intersect
+from orip.prelim.rays.image_rays import ALL_KNOWN, ImageRays, UnknownCameras
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
 from orip.prelim.relative.orientation import orient_pair

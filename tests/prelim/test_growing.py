@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.prelim.growing import BlockGrower
-from orip.prelim.growing_block import GrowingBlock, empty_growing_block
-from orip.prelim.image_rays import ImageRays, image_rays
-from orip.prelim.misplaced_photos import residual_lengths
-from orip.prelim.photo_index import photo_index
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
+from orip.prelim.growing.misplaced_photos import residual_lengths
+from orip.prelim.rays.image_rays import ImageRays, image_rays
+from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.resection import Resected
 

@@ -9,9 +9,9 @@ from monte_carlo.weakly_joined_blocks import weakly_joined_records
 from scipy import stats
 
 from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
-from orip.prelim.image_rays import ImageRays, image_rays
 from orip.prelim.joint.placing import levelled, place_parts, tilted
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
+from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.records.results.preliminary import PartialBlock
 
 C = 0.15

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
 from orip.prelim.compiled import is_compiled
-from orip.prelim.image_rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.intersection.intersection import intersect
+from orip.prelim.rays.image_rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.camera_corrections import EXPECTED
 from orip.prelim.refinement.refinement import refine

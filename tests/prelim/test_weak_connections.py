@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.weak_connections import weak_connections
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.report.drawing import ChartFrame, Curve, line_chart, round_step, ticks
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart, round_step, ticks
 from orip.report.numbers import decimals_for, fixed, parameter, significant
 
 

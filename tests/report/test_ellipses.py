@@ -12,7 +12,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.results.solution import solution_of
 from orip.bundle.unknowns import CONSTANT
-from orip.report.ellipses import drawn_points, ellipse_views, standard_ellipses
+from orip.report.drawings.ellipses import drawn_points, ellipse_views, standard_ellipses
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 

@@ -77,7 +77,7 @@ class Bench:
         self.link = PlateProcessorLink(self.line, "tcp://here", greeting_of(greeting(station, None).decode().strip()))
         self.operator = None
 
-    def means(self, operator):
+    def means(self, operator, log=LOG):
         """Return the means of digitising by an operator, given as one, as simulation files, or as lines of a script."""
 
         def of(films):
@@ -91,30 +91,30 @@ class Bench:
             self.operator = Recorded(found, self.line)
             return self.operator
 
-        return DigitisingSetup(lambda: nullcontext(self.link), of, log_file, self.said.append)
+        return DigitisingSetup(self.folder, log, lambda: nullcontext(self.link), of, log_file, self.said.append)
 
     def template(self, name, operator, **options):
-        return digitise_template(self.folder, LOG, self.means(operator), name, **options)
+        return digitise_template(self.means(operator), name, **options)
 
     def photos(self, names, operator, **options):
-        return digitise_photos(self.folder, LOG, self.means(operator), names, **options)
+        return digitise_photos(self.means(operator), names, **options)
 
     def points(self, operator, *, viewing=None, start=None, **choice):
         chosen = PointChoice(**choice)
-        return digitise_points(self.folder, LOG, self.means(operator), None, chosen, viewing=viewing, start=start)
+        return digitise_points(self.means(operator), None, chosen, viewing=viewing, start=start)
 
     def new_points(self, operator, *, viewing=None, **choice):
         means, chosen = self.means(operator), NewPointsChoice(**choice)
-        return digitise_new_points(self.folder, LOG, means, None, chosen, viewing=viewing)
+        return digitise_new_points(means, None, chosen, viewing=viewing)
 
     def fiducials(self, camera, operator, arrangement="corners", stage="UPPER", names=()):
-        return digitise_fiducials(self.folder, LOG, self.means(operator), camera, arrangement, stage, names)
+        return digitise_fiducials(self.means(operator), camera, arrangement, stage, names)
 
     def ticks(self, temtick, operator, stage="UPPER", names=()):
-        return digitise_ticks(self.folder, LOG, self.means(operator), temtick, stage, names)
+        return digitise_ticks(self.means(operator), temtick, stage, names)
 
     def ground(self, operator, **choice):
-        return digitise_ground(self.folder, self.means(operator), None, GroundChoice(**choice))
+        return digitise_ground(self.means(operator), None, GroundChoice(**choice))
 
     @property
     def log(self):

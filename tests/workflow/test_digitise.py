@@ -434,7 +434,7 @@ def test_what_does_not_count_is_said(cliff):
     assert [(warning.code, warning.where) for warning in found.warnings] == [("disregarded", "point 1103 of 101")]
     found = cliff.points((DAY1, DAY2), viewing="mono", points=("1103",), photos=("102",))
     assert codes(found) == ["does-not-count"]
-    outside = digitise_template(cliff.folder, Path("other.txt"), cliff.means((DAY1,)), "RIGHT")
+    outside = digitise_template(cliff.means((DAY1,), Path("other.txt")), "RIGHT")
     assert codes(outside) == ["not-in-project"]
 
 
@@ -533,7 +533,7 @@ def test_ground_usage(cliff):
 def test_a_dry_run_shows_what_would_be_done(cliff):
     before = contents(cliff.folder / "films"), sorted(path.name for path in cliff.folder.iterdir())
     choice = PointChoice(again=True, points=("1112", "1102"))
-    trial = digitise_points(cliff.folder, LOG, rehearsal(cliff.said.append), None, choice)
+    trial = digitise_points(rehearsal(cliff.folder, LOG, cliff.said.append), None, choice)
     assert (contents(cliff.folder / "films"), sorted(path.name for path in cliff.folder.iterdir())) == before
     assert trial.is_trial
     found = cliff.points((DAY1, DAY2), again=True, points=("1112", "1102"))

@@ -58,8 +58,8 @@ class Instrument(NamedTuple):
     simulate: SimulateOption = None
     script: ScriptOption = None
 
-    def setup(self, invocation: Invocation, *, dry_run: bool = False) -> DigitisingSetup:
-        """Return what the commands digitise with.
+    def setup(self, invocation: Invocation, log: Path, *, dry_run: bool = False) -> DigitisingSetup:
+        """Return what the commands digitise with, and the log that they write to.
 
         Raises
         ------
@@ -72,14 +72,16 @@ class Instrument(NamedTuple):
             message = "the operator is simulated, or does what a script says; give --simulate or --script"
             raise UsageError(message)
         if dry_run:
-            return rehearsal(invocation.terminal.detail)
+            return rehearsal(invocation.folder, log, invocation.terminal.detail)
         if self.link is None:
             message = (
                 f"which plate processor? name it with --link tcp://127.0.0.1:4788 or in the environment variable "
                 f"{LINK_VARIABLE}, or see the order with --dry-run"
             )
             raise UsageError(message)
-        return by_link(self.link, invocation.terminal.say, simulate=self.simulate or (), script=self.script)
+        return by_link(
+            invocation.folder, log, self.link, invocation.terminal.say, simulate=self.simulate or (), script=self.script
+        )
 
 
 class Orienting(NamedTuple):
@@ -138,9 +140,7 @@ def _register_template(group: typer.Typer) -> None:
         from orip.workflow.digitise.marks import digitise_template
 
         found = digitise_template(
-            invocation.folder,
-            orienting.log,
-            instrument.setup(invocation, dry_run=dry_run),
+            instrument.setup(invocation, orienting.log, dry_run=dry_run),
             template,
             kind=orienting.transformation,
             stage=stage,
@@ -169,9 +169,7 @@ def _register_photo(group: typer.Typer) -> None:
         from orip.workflow.digitise.marks import digitise_photos
 
         found = digitise_photos(
-            invocation.folder,
-            orienting.log,
-            instrument.setup(invocation, dry_run=dry_run),
+            instrument.setup(invocation, orienting.log, dry_run=dry_run),
             photos or (),
             template=template,
             kind=orienting.transformation,
@@ -214,15 +212,15 @@ def _register_points(group: typer.Typer) -> None:
         from orip.workflow.digitise.points import digitise_points
         from orip.workflow.digitise.wanted import PointChoice
 
-        setup = instrument.setup(invocation, dry_run=dry_run)
+        setup = instrument.setup(invocation, log, dry_run=dry_run)
         viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
         if new:
             _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
             chosen = NewPointsChoice(tuple(photo or ()), model, first)
-            found = digitise_new_points(invocation.folder, log, setup, bundle, chosen, viewing=viewing)
+            found = digitise_new_points(setup, bundle, chosen, viewing=viewing)
         else:
             choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
-            found = digitise_points(invocation.folder, log, setup, bundle, choice, viewing=viewing, start=start)
+            found = digitise_points(setup, bundle, choice, viewing=viewing, start=start)
         tell_digitised(invocation.terminal, "digitise points", found)
 
 
@@ -252,8 +250,8 @@ def _register_fiducials(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.record_marks import digitise_fiducials
 
-        setup = instrument.setup(invocation)
-        found = digitise_fiducials(invocation.folder, marks.log, setup, camera, arrangement, marks.stage, names or ())
+        setup = instrument.setup(invocation, marks.log)
+        found = digitise_fiducials(setup, camera, arrangement, marks.stage, names or ())
         tell_digitised(invocation.terminal, "digitise fiducials", found)
 
 
@@ -273,8 +271,8 @@ def _register_ticks(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_digitised
         from orip.workflow.digitise.record_marks import digitise_ticks
 
-        setup = instrument.setup(invocation)
-        found = digitise_ticks(invocation.folder, marks.log, setup, temtick, marks.stage, names or ())
+        setup = instrument.setup(invocation, marks.log)
+        found = digitise_ticks(setup, temtick, marks.stage, names or ())
         tell_digitised(invocation.terminal, "digitise ticks", found)
 
 
@@ -302,9 +300,9 @@ def _register_ground(group: typer.Typer) -> None:
         from orip.cli.digitise.output import tell_ground
         from orip.workflow.digitise.ground import GroundChoice, digitise_ground
 
-        setup = instrument.setup(invocation)
+        setup = instrument.setup(invocation, LOG)
         choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
-        tell_ground(invocation.terminal, digitise_ground(invocation.folder, setup, bundle, choice))
+        tell_ground(invocation.terminal, digitise_ground(setup, bundle, choice))
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:

@@ -60,7 +60,7 @@ def preliminary_text(points: Sequence[PreliminaryPoint]) -> str:
     Raises
     ------
     ValueError
-        If a name is not fit, a number is not finite or a standard deviation is negative: such a file could not be read.
+        If a name is not allowed, a number is not finite or a standard deviation is negative: no reader would take it.
     """
     rows = [_row(point) for point in points]
     name_width = max((len(row[0]) for row in rows), default=0)
@@ -85,7 +85,7 @@ def _row(point: PreliminaryPoint) -> list[str]:
 
 
 def _parts(number: str) -> tuple[str, str]:
-    """Part a number at its decimal point; an exponent without a point stays with the digits after it."""
+    """Split a number at its decimal point; without a point everything is before it."""
     whole, point, fraction = number.partition(".")
     return whole, point + fraction
 

@@ -23,7 +23,7 @@ from orip.records.drive_table import (
     PlateUnit,
     StageLimits,
 )
-from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 from orip.records.project.photo import Stage
 
 Word = TypeVar("Word", bound=str)
@@ -39,6 +39,7 @@ _PRINTABLE = " !\"#$&'()*+,-./:;<=>?@[\\]^_`{|}~"
 """Besides letters and digits; not the percent sign, which begins a code."""
 
 _ARGUMENTS: dict[str, DistortionArgument] = {"IDEAL": "ideal", "MEASURED": "measured"}
+_PROJECTIONS: dict[str, Projection] = {"PERSPECTIVE": "perspective", "EQUIDISTANT": "equidistant"}
 
 
 def user_text(user: str) -> str:

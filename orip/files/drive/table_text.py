@@ -1,4 +1,4 @@
-"""The drive table's text, BUNDLE.DRV: written and read with nothing lost, and refused if a byte of it is wrong.
+"""The drive table's text, BUNDLE.DRV: written and read without loss, and refused if a byte of it is wrong.
 
     ORIPDRIVE 3
     BLOCK <bundle>

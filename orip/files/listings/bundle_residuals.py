@@ -21,7 +21,7 @@ from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 
 LARGEST = 10
-"""So many of the largest standard residuals stand at the front of the listing."""
+"""Number of the largest standard residuals that are listed first."""
 
 LEGEND = [
     "",
@@ -164,7 +164,7 @@ def _photo_rows(solution: Solution) -> PhotoRows:
 def _pairs(photo: Names, point: Names, component: Names) -> IntArray:
     """Return the rows of the x and y components of each measurement (n, 2) in the order of their first ones.
 
-    A component met again belongs to another measurement of the point.
+    A component that comes again belongs to another measurement of the point.
     """
     pairs = np.arange(len(photo) // 2 * 2).reshape(-1, 2)
     axis = np.fromiter(map(AXES.__getitem__, component), np.int64, len(component))

@@ -17,7 +17,7 @@ def distortion_lines(
     given: FloatArray,
     residual: FloatArray,
 ) -> list[str]:
-    """Return the coefficients of the polynomial and of the ISP form; of a given curve its points and residuals.
+    """Return the terms of the polynomial, the ISP form, and of a given curve its points and residuals.
 
     Parameters
     ----------
@@ -26,7 +26,8 @@ def distortion_lines(
     radius, given, residual : arrays (n,)
         Points of the curve and polynomial minus given, mm; empty without a curve.
     """
-    lines = [_named("polynomial", RADIAL_PARAMETERS, coefficients)]
+    terms = {name: value for name, value in zip(RADIAL_PARAMETERS, coefficients, strict=True) if value} or {"A1": 0.0}
+    lines = [_named("polynomial", list(terms), list(terms.values()))]
     if isp is not None:
         lines.append(_named("ISP form", ISP_PARAMETERS, isp))
     if len(radius):

@@ -156,6 +156,6 @@ def _deviations(points: Sequence[PreliminaryPoint]) -> NDArray[np.float64]:
 
 
 def _decimals(points: Sequence[PreliminaryPoint]) -> int:
-    """Return the decimals that a usual standard deviation has two digits with."""
+    """Return the decimals with which a typical standard deviation has two significant digits."""
     sd = _deviations(points)
     return decimals_for(np.nanmedian(sd) if np.isfinite(sd).any() else [])

@@ -28,7 +28,7 @@ class Log(Protocol):
         """Put a block in the place of the chapter's one with that header; without lines there is none."""
 
     def edit(self, line: str) -> None:
-        """Put an edit behind all that was measured so far."""
+        """Write an edit after everything measured so far."""
 
 
 class NoLog:
@@ -107,7 +107,7 @@ class LogFile:
         return _ended(before) + gap + "\n".join([self._chapter, *blocks]) + "\n"
 
     def _catch_up(self) -> None:
-        """Let all that somebody else has written to the file stay: this chapter then stands behind it, whole."""
+        """Keep what another process has written to the file: the whole chapter then follows it."""
         found = self._read()
         if found != self._written:
             self._before = self._written = found

@@ -1,4 +1,4 @@
-"""What the antennas of orip.toml must be: their cameras and their unknown parameters."""
+"""Rules for the antennas of orip.toml: their cameras and their unknown parameters."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def _set(table: TomlTable, key: str, annotation: Any, text: str) -> str | None:
 
 
 def _toml(text: str) -> Any:
-    """Return the value that a text is in TOML, None if it is none."""
+    """Return the value of a text that is TOML, None for any other text."""
     try:
         document = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -122,7 +122,7 @@ def _is_texts(value: Any) -> bool:
 
 
 def _words(text: str) -> list[str]:
-    """Return ``[C, "A3"]`` or ``C,A3`` as words, whatever a shell has left of brackets and quotation marks."""
+    """Return ``[C, "A3"]`` or ``C,A3`` as words, whichever brackets and quotation marks a shell has removed."""
     return list(filter(None, (word.strip().strip("\"'") for word in text.strip("[]").split(","))))
 
 
@@ -131,7 +131,7 @@ def _annotation(form: type[BaseModel], key: str) -> Any:
 
 
 def _without_none(annotation: Any) -> Any:
-    """Return what an optional value is where it is given, without its limits."""
+    """Return the type of an optional value without None and without its limits."""
     origin = get_origin(annotation)
     if origin is None or origin in {list, Literal}:
         return annotation

@@ -1,4 +1,4 @@
-"""What the records of orip.toml must be to each other: names, references, templates and photos, models."""
+"""Rules between the records of orip.toml: names, references, templates and photos, models."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def check_lenses(source: ProjectSource, references: References) -> Iterator[Faul
 
 
 def _of_the_lens(camera: Camera) -> Iterator[tuple[str, str]]:
-    """Yield the keys with which a camera gives what its lens determines, and what that is."""
+    """Yield the keys of a camera that its lens determines, and what each of them is."""
     parameters = dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
     if not math.isnan(parameters["C"]):
         yield "c", "c"

@@ -1,4 +1,4 @@
-"""What the names of a project's files must be, before any file is looked for."""
+"""Rules for the names of a project's files, checked before any file is opened."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def file_name_fault(name: str) -> str | None:
 
 
 def fit_file_name(name: str) -> str:
-    """Return the file name nearest to a name that is none."""
+    """Return the file name nearest to a name that cannot be one."""
     fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
     return fit if fit.strip("._") else "PROJECT"
 

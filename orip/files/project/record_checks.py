@@ -1,4 +1,4 @@
-"""What a single record of orip.toml must be in itself, beyond the types of its values."""
+"""Rules for a single record of orip.toml, beyond the types of its values."""
 
 from __future__ import annotations
 

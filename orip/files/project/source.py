@@ -1,4 +1,4 @@
-"""All tables of orip.toml that are right in themselves, each with its place in the text."""
+"""All tables of orip.toml that are valid by themselves, each with its place in the text."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def _key(annotation: Any, field: Field | Part, *, required: bool) -> Any:
 
 
 def _read_by(record_field: RecordField) -> Any:
-    """Return the type of a value that may be written in several ways; None for all others."""
+    """Return the type of a value that may be written in several forms; None for all others."""
     if record_field.type is Precision:
         return Annotated[Any, PlainValidator(_precision)]
     return Annotated[Any, PlainValidator(_one_for_both)] if record_field.field.one_for_all else None

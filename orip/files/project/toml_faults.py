@@ -138,7 +138,7 @@ def _found(detail: ErrorDetails) -> str:
 
 
 def _inner_table(table: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel] | None:
-    """Follow keys into nested tables; None where the way leads out of what is known."""
+    """Follow keys into nested tables; None where a key is not that of a known table."""
     current: type[BaseModel] | None = table
     for part in location:
         if isinstance(part, int) or current is None:

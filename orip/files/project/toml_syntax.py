@@ -1,4 +1,4 @@
-"""A text that is no TOML: where it ends to be, and what was probably meant there."""
+"""A text that is not TOML: where the fault is, and what was probably meant there."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _WORD = re.compile(r"[^\W\d][^\s,\]}#]*")
 
 
 def syntax_complaint(fault: str, text: str, shown: str) -> Complaint:
-    """Return the complaint about a text that is no TOML, from what the parser of the library says of it."""
+    """Return the complaint about a text that is not TOML, from the message of the library's parser."""
     place = _PLACE.search(fault)
     reason = fault[: place.start()] if place else fault
     if place is None:

@@ -200,7 +200,7 @@ def _points(solution: Solution) -> dict[str, dict[str, object]]:
 
 @dataclass(frozen=True, slots=True)
 class _Points:
-    """The points of a solution, to be written without making a document of them: blocks have many."""
+    """The points of a solution, written without building a document of them: blocks have many."""
 
     solution: Solution
 

@@ -28,13 +28,13 @@ Found = dict[tuple[str, str], FigureGroup]
 
 
 class _MalformedError(ValueError):
-    """The document is JSON, but not that of a result; says where."""
+    """The document is JSON, but not that of a result; the message says where."""
 
 
 def read_result(path: Path, shown: str) -> ResultFigures:
     """Read the figures of a result.json: those of the whole adjustment, of cameras, photos, points and check points.
 
-    What tells how the adjustment got there (iterations, ENP, inputs, messages) is left out.
+    The course of the adjustment (iterations, ENP, inputs, messages) is left out.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Checksums of what a store holds: a flipped bit is found by whoever reads the rows it is in, and named.
 
 A sum goes over the values of a table, column by column, in the order in which they are read. Tables that are read
-owner by owner have one for each owner. They are computed from what is written, and from what is read, never by reading
-a store for its sums alone.
+owner by owner have one for each owner. They are computed while rows are written or read; a store is
+never read for its sums alone.
 """
 
 from __future__ import annotations

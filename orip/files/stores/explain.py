@@ -1,4 +1,4 @@
-"""SQLite's errors in the user's words: which file, what is the matter, what to do."""
+"""SQLite's errors in the user's words: which file, what is wrong, what to do."""
 
 from __future__ import annotations
 

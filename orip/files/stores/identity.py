@@ -1,4 +1,4 @@
-"""Is this file a store, of which kind and version? And how a new one begins."""
+"""Whether a file is a store, of which kind and version; and the creation of a new one."""
 
 from __future__ import annotations
 

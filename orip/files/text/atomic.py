@@ -83,7 +83,7 @@ def replace_bytes(path: Path, data: bytes) -> None:
 
 
 def require_no_link(path: Path) -> None:
-    """Refuse to edit a text through a link: a new text in the link's place would part what was shared unnoticed.
+    """Refuse to edit a text through a link: a new text in place of the link would separate what was shared, unnoticed.
 
     Raises
     ------

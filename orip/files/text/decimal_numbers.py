@@ -1,4 +1,4 @@
-"""Numbers as people and Fortran programs write them, and what to say of those that are none."""
+"""Numbers as people and Fortran programs write them, and the messages about what is not a number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _D_EXPONENT = str.maketrans("dD", "ee")
 _MINUS_SIGNS = str.maketrans("−–—", "---")
 _LONGEST_GUESS = 40
 LARGEST_NUMBER = 1e30
-"""Nothing that is measured is larger, and of larger numbers the squares of squares would overflow."""
+"""Nothing measured is larger, and the fourth power of a larger number would overflow."""
 
 
 def parse_number(token: str) -> float:

@@ -1,4 +1,4 @@
-"""The digest that tells whether a file has changed."""
+"""The digest by which a change of a file is recognised."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Temporary files: their names say whose they are, so that those of killed runs can be told from those in use.
 
-A process number alone does not tell: another host that shares the folder has the same numbers, and a number is given
-again when its process has ended. So the name has the host and the moment at which the process began, too.
+A process number alone is not enough: another host that shares the folder has the same numbers, and numbers are reused.
+The name therefore also has the host and the start time of the process.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _FOREIGN_AGE_SECONDS = 86400.0
 """Whether a process of another host still runs cannot be asked; no text takes a day to write."""
 
 _PLACE_OF_BEGIN = 19
-"""Of the fields of /proc/PID/stat behind the program's name: clock ticks from the start of the machine."""
+"""Place of the start time (clock ticks since the machine's start) among the fields of /proc/PID/stat after the name."""
 
 
 def temporary_beside(target: Path) -> Path:

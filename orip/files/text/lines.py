@@ -63,9 +63,9 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
 
 
 def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
-    """Part bytes into lines of text; UTF-8 with or without byte order mark, any kind of line end.
+    """Split bytes into lines of text; UTF-8 with or without byte order mark, any kind of line end.
 
-    Lines that are not UTF-8 are complained of, each, and left empty.
+    Each line that is not UTF-8 gives a complaint and is left empty.
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return Parsed([], (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
@@ -104,7 +104,7 @@ def read_lines(path: Path, shown: str, *, may_be_absent: bool = False) -> Parsed
 
 
 def split_line(line: str, number: int) -> TextLine | None:
-    """Part one line into fields at blanks and tabs; None if nothing is left before the comment.
+    """Split one line into fields at blanks and tabs; None if there is nothing before the comment.
 
     ``!`` or ``#`` starts a comment where a field would start; inside a field it belongs to the field.
     """

@@ -1,4 +1,4 @@
-"""A new folder of text files: there as a whole or not at all."""
+"""A new folder of text files, created as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
     Raises
     ------
     OSError
-        If the folder or the disk refuses; what was written is taken away again.
+        If the folder or the disk refuses; what was written is removed.
     """
     folder = file_of(folder)
     if folder.exists():

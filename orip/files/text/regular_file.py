@@ -1,7 +1,7 @@
 """Opening files of the user's: regular files alone, of a size that a text can have.
 
-A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are refused by
-what they are, before anything is read.
+A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are recognised by
+their kind and refused before anything is read.
 """
 
 from __future__ import annotations

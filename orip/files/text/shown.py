@@ -1,4 +1,4 @@
-"""What a user wrote, as messages show it: short, on one line, and with nothing that a terminal would obey."""
+"""User input as messages show it: short, on one line, and without control characters."""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ import numpy as np
 from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.image_rays import ImageRays
 from orip.prelim.intersection.robust_intersection import (
     ABSOLUTE_ITERATIONS,
     DANISH_ITERATIONS,
@@ -21,6 +20,7 @@ from orip.prelim.intersection.robust_intersection import (
     OrientedRays,
     robust_intersection,
 )
+from orip.prelim.rays.image_rays import ImageRays
 
 _NUMBERS_OF_A_RAY = 9
 """Room of the compiled loop: origin, direction, error, residual and one more."""

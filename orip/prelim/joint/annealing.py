@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.prelim.growing import BlockGrower
-from orip.prelim.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.growing.misplaced_photos import residual_lengths
 from orip.prelim.joint.placing import place_parts
-from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.results.preliminary import PartialBlock
 

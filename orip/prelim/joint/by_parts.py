@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.prelim.growing import FITTING, BlockGrower
+from orip.prelim.growing.block_grower import FITTING, BlockGrower
 from orip.prelim.joint.annealing import placed_together
 from orip.prelim.joint.placing import levelled
 from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos

@@ -13,11 +13,11 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
-from orip.prelim.growing import BlockGrower
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.misplaced_photos import residual_lengths
 from orip.prelim.joint.annealing import placed_together
 from orip.prelim.joint.placing import levelled, tilted
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
-from orip.prelim.misplaced_photos import residual_lengths
 from orip.prelim.routes import Route
 from orip.records.results.preliminary import PartialBlock
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 from orip.records.results.preliminary import PartialBlock
 
 LOOKING_DOWN, UPRIGHT = 2, 1

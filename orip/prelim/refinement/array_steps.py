@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.prelim.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
+from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
 from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations

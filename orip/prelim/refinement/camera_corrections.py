@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.prelim.image_rays import CAMERA_CORRECTIONS, ImageRays
+from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS, ImageRays
 from orip.records.project.camera import Camera
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
-from orip.prelim.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
 from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations

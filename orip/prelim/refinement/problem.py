@@ -9,8 +9,8 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
-from orip.prelim.image_rays import ImageRays
 from orip.prelim.least_squares import LARGEST_TURN
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import EXPECTED
 
 _MEDIAN = np.sqrt(2.0 * np.log(2.0))

@@ -15,8 +15,8 @@ import numpy as np
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
-from orip.prelim.image_rays import ImageRays
 from orip.prelim.least_squares import E, PrelimProblem, least_squares
+from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.compiled_steps import CompiledSolver

@@ -7,8 +7,8 @@ import numpy as np
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import IntArray
 from orip.geometry.rotation import cross_matrix
-from orip.prelim.image_rays import ImageRays
-from orip.prelim.photo_index import PhotoIndex, photo_index
+from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.parallax import Pairs, parallaxes
 from orip.prelim.relative.remarks import remarks_on
 from orip.prelim.relative.solution import PairSolution, solve

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.prelim.image_rays import ImageRays
+from orip.prelim.rays.image_rays import ImageRays
 
 
 class Pair(NamedTuple):

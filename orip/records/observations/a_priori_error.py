@@ -1,4 +1,4 @@
-"""What a-priori errors may be: beyond, weights would differ by more digits than the normal equations have."""
+"""Limits of a-priori errors: beyond them weights would differ by more digits than the normal equations have."""
 
 from __future__ import annotations
 

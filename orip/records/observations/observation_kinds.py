@@ -1,4 +1,4 @@
-"""The kinds of observation: what each is called, and the unit of its components.
+"""The kinds of observation: their names, and the units of their components.
 
 Stores, residuals.csv and result.json name a kind by `ObservationKind.name`; listings, the report and messages take
 label and unit from here. The equations of a kind are in its module of `orip.bundle.kinds`. A new kind is a line here

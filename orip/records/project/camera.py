@@ -13,7 +13,7 @@ CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", 
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
 
 OWN_PARAMETERS = ("DX", "DY")
-"""Those that are no matter of the lens: cameras with the same lens have principal points of their own."""
+"""Those that do not depend on the lens: cameras with the same lens have principal points of their own."""
 
 RADIAL_PARAMETERS = ("A1", "A3", "A5", "A7", "A9")
 """Those of the radial distortion, which a camera's record may also give as a curve or in the form of the ISP."""

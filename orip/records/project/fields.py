@@ -1,4 +1,4 @@
-"""What is to be known of each field of a record: its key, its limits, its unit, its heading.
+"""The properties of each field of a record: its key, its limits, its unit, its heading.
 
 A record is declared once, as a dataclass whose annotations carry a `Field`. The columns of its store, the keys of its
 table in orip.toml with their types and limits, and the headings and units of lists of records all follow from that: a

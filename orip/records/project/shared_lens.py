@@ -1,6 +1,6 @@
 """Cameras that have the same lens: principal distance and distortion are common, principal points their own.
 
-A camera names with `same_lens_as` the one whose lens it has. What the lens determines is given, adjusted and updated
+`same_lens_as` of a camera names the one whose lens it has. What the lens determines is given, adjusted and updated
 there.
 """
 
@@ -45,7 +45,7 @@ def with_lens_of(camera: Camera, lens: Camera) -> Camera:
 
 
 def with_shared_lenses(cameras: Iterable[Camera]) -> tuple[Camera, ...]:
-    """Return cameras, those that name another one with the lens of that; of one that is missing they keep their own."""
+    """Return the cameras; those that name another one have its lens, or their own where that one is missing."""
     every = tuple(cameras)
     by_name = {record_key(camera.name): camera for camera in every}
     return tuple(
@@ -57,7 +57,7 @@ def with_shared_lenses(cameras: Iterable[Camera]) -> tuple[Camera, ...]:
 
 
 def without_lens(camera: Camera) -> Camera:
-    """Return a camera that names another one's lens without what that lens determines: as its record is written."""
+    """Return a camera as its record is written: without what its lens determines if it names another camera's lens."""
     own = tuple(name for name in camera.unknown if name in OWN_PARAMETERS)
     parameters = list(camera.parameters)
     for place in LENS_PLACES:

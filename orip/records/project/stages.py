@@ -70,7 +70,7 @@ def _set_stages(photos: Sequence[Photo], templates: Sequence[Template]) -> dict[
 
 
 def _spread(start: Sequence[str], neighbours: Mapping[str, Sequence[str]], stages: dict[str, Stage]) -> None:
-    """Give neighbours the other stage, breadth first, as long as there are some without."""
+    """Assign the other stage to all connected photos that have none yet, breadth first."""
     waiting = deque(start)
     while waiting:
         node = waiting.popleft()

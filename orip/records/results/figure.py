@@ -22,9 +22,9 @@ class Figure:
     sd : float or None
         Its standard deviation, None where it has none.
     adjusted : bool
-        It is the value of an unknown or constant; not one that says how good values are.
+        It is the value of an unknown or constant, not a measure of quality.
     effect : float
-        What one unit of it does to a photo coordinate 10 mm from the principal point, mm; 1 unless it is a coefficient.
+        Effect of one unit of it on a photo coordinate 10 mm from the principal point, mm; 1 unless it is a coefficient.
     """
 
     value: float | str | None

@@ -1,4 +1,4 @@
-"""Photo observations as an operator looks at them: what fits badly, who else sees a point, what to measure again."""
+"""Photo observations as an operator sees them: what fits badly, who else shows a point, what to measure again."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Pair = tuple[float, float]
-"""x and y; NaN for what there is none of."""
+"""x and y; NaN where there is no value."""
 
 PartnerPlace = Literal["measured", "predicted", "not known"]
 """Where a partner's coordinates come from: its own measurement, the last adjustment, nowhere."""

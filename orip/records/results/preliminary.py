@@ -1,8 +1,8 @@
 """Preliminary values: what each step of their computation found, as listings and the terminal show it.
 
-Indices of photos and points are those of one `orip.prelim.image_rays.ImageRays`. Everything is radians; coordinates
-are those of the system that a class names. A model's own system is that of its left photo: origin in the left
-projection centre, axes of the left photo, unit the metre at photo scale (millimetres of the photo / 1000).
+Indices of photos and points are those of one `orip.prelim.rays.image_rays.ImageRays`. Everything is radians;
+coordinates are those of the system that a class names. A model's own system is that of its left photo: origin in the
+left projection centre, axes of the left photo, unit the metre at photo scale (millimetres of the photo / 1000).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class RelativeOrientation:
     block : PartialBlock
         Both photos and the points in front of both of them, in the model's system.
     remarks : tuple of str
-        What the user should know, in sentences.
+        Remarks for the user, in sentences.
     """
 
     model: str

@@ -1,4 +1,4 @@
-"""Variance components: by which factor the a-priori errors of each group of observations are wrong."""
+"""Variance components: the factor by which the a-priori errors of each group of observations have to be multiplied."""
 
 from __future__ import annotations
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.prelim.image_rays import ImageRays, image_rays
+from orip.prelim.ground.project_coordinates import absolute_in_project, block_in_project
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
-from orip.prelim.photo_index import photo_index
-from orip.prelim.project_coordinates import absolute_in_project, block_in_project
+from orip.prelim.rays.image_rays import ImageRays, image_rays
+from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.similarity.bridging import JoinedSystems, bridge
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect

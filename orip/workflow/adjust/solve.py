@@ -9,7 +9,7 @@ from pathlib import Path
 from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
 from orip.files.stores.contents.solutions import SolutionHead
-from orip.prelim.project_coordinates import absolute_in_project
+from orip.prelim.ground.project_coordinates import absolute_in_project
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.results.gate import GateResult

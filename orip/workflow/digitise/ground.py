@@ -80,7 +80,7 @@ class GroundDigitised:
     warnings: tuple[ProjectWarning, ...]
 
 
-def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, choice: GroundChoice) -> GroundDigitised:
+def digitise_ground(setup: DigitisingSetup, bundle: str | None, choice: GroundChoice) -> GroundDigitised:
     """Take ground coordinates from a model of the last adjustment; each is in its file before the next is asked for.
 
     Raises
@@ -90,7 +90,7 @@ def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, ch
     if choice.target == "PNT" and choice.error is None:
         message = "a control point needs an a-priori error; say --error 0.05 (0: constant, negative: check point)"
         raise UsageError(message)
-    films = mounted_films(folder, Path(EDITS_FILE), "solutions")
+    films = mounted_films(setup.folder, Path(EDITS_FILE), "solutions")
     definition = films.bundle(bundle)
     ground = _ground(BundleState(films.state, definition.name))
     model = model_named(definition, choice.model)
@@ -109,7 +109,8 @@ def digitise_ground(folder: Path, setup: DigitisingSetup, bundle: str | None, ch
             if point.xyz is not None:
                 words = _words(point.xyz, choice.error if choice.target == "PNT" else None)
                 carry_out(
-                    read_records(folder), partial(add_control, kind=kind, name=name, words=words, bundle=of_bundle)
+                    read_records(setup.folder),
+                    partial(add_control, kind=kind, name=name, words=words, bundle=of_bundle),
                 )
             points.append(point)
             session.enter(Entry("ground point", model.name, name, point.outcome, "nowhere", None, None))

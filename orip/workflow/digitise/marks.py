@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -39,7 +38,7 @@ from orip.workflow.digitise.session import DriveTarget, Entry, Outcome, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted_marks import MarkChoice, WantedMarks, marks_to_visit
 from orip.workflow.drive.loaded_table import load_again
-from orip.workflow.observations.films import MountedFilms, mounted_films, plate_of_log, position
+from orip.workflow.observations.films import MountedFilms, plate_of_log, position
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +72,6 @@ class _Sheet:
 
 
 def digitise_template(
-    folder: Path,
-    log: Path,
     setup: DigitisingSetup,
     template: str,
     *,
@@ -87,9 +84,6 @@ def digitise_template(
 
     Parameters
     ----------
-    folder : Path
-    log : Path
-        Measurement text that is written to, relative to the project folder.
     setup : DigitisingSetup
     template : str
     kind : {"A", "C", "W"} or None
@@ -105,14 +99,12 @@ def digitise_template(
     ------
     UsageError, InputError, LinkError
     """
-    films = mounted_films(folder, log)
+    films = setup.films()
     sheet = _template_sheet(films, films.template(template), kind, stage, WantedMarks(again, chosen))
     return _digitise(films, setup, [sheet])
 
 
 def digitise_photos(
-    folder: Path,
-    log: Path,
     setup: DigitisingSetup,
     photos: Sequence[str],
     *,
@@ -138,7 +130,7 @@ def digitise_photos(
     ------
     UsageError, InputError, LinkError
     """
-    films = mounted_films(folder, log)
+    films = setup.films()
     if bool(photos) == (template is not None):
         message = "name photos, or a template with --template to digitise all photos on it"
         raise UsageError(message)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from orip.errors import UsageError
@@ -22,7 +21,7 @@ from orip.workflow.digitise.point_visits import PointVisits, Viewing
 from orip.workflow.digitise.session import Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, bundle_points, model_named
-from orip.workflow.observations.films import MountedFilms, mounted_films
+from orip.workflow.observations.films import MountedFilms
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +52,6 @@ class _Place(NamedTuple):
 
 
 def digitise_new_points(
-    folder: Path,
-    log: Path,
     setup: DigitisingSetup,
     bundle: str | None,
     choice: NewPointsChoice,
@@ -65,9 +62,6 @@ def digitise_new_points(
 
     Parameters
     ----------
-    folder : Path
-    log : Path
-        Measurement text that is written to, relative to the project folder.
     setup : DigitisingSetup
     bundle : str or None
         None: the project's only one.
@@ -83,7 +77,7 @@ def digitise_new_points(
     if fault is not None:
         message = f"--first: {fault}"
         raise UsageError(message)
-    films = mounted_films(folder, log, "solutions")
+    films = setup.films("solutions")
     points = bundle_points(films, bundle)
     viewing = viewing or ("stereo" if points.block.models and not choice.photos else "mono")
     places = _models(points, choice) if viewing == "stereo" else _photos(points, choice)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from orip.errors import ProjectWarning, UsageError
 from orip.multimodel.digitising import Turn, from_point
 from orip.workflow.digitise.point_visits import PointVisits, Viewing
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
-from orip.workflow.observations.films import mounted_films
 
 
 def digitise_points(
-    folder: Path,
-    log: Path,
     setup: DigitisingSetup,
     bundle: str | None,
     choice: PointChoice,
@@ -30,9 +26,6 @@ def digitise_points(
 
     Parameters
     ----------
-    folder : Path
-    log : Path
-        Measurement text that is written to, relative to the project folder.
     setup : DigitisingSetup
     bundle : str or None
         None: the project's only one.
@@ -46,7 +39,7 @@ def digitise_points(
     ------
     UsageError, InputError, LinkError
     """
-    films = mounted_films(folder, log, "solutions")
+    films = setup.films("solutions")
     points = bundle_points(films, bundle)
     wanted = wanted_points(points, choice)
     for photo in {photo for photos in wanted.values() for photo in photos}:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -25,7 +24,6 @@ from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named, Sought, Visit
 from orip.workflow.digitise.session import Entry, Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
-from orip.workflow.observations.films import mounted_films
 
 FEWEST_FIDUCIALS = 4
 FEWEST_TICKS = 2
@@ -55,8 +53,6 @@ class _Record:
 
 
 def digitise_fiducials(
-    folder: Path,
-    log: Path,
     setup: DigitisingSetup,
     camera: str,
     arrangement: Literal["corners", "midsides"],
@@ -67,9 +63,6 @@ def digitise_fiducials(
 
     Parameters
     ----------
-    folder : Path
-    log : Path
-        Measurement text that is written to, relative to the project folder.
     setup : DigitisingSetup
     camera : str
     arrangement : {"corners", "midsides"}
@@ -83,7 +76,7 @@ def digitise_fiducials(
     ------
     UsageError, InputError, LinkError
     """
-    films = mounted_films(folder, log)
+    films = setup.films()
     record = _defined(films.definitions.cameras, "camera", camera)
     if record.sensor is not None:
         message = f"camera {record.name} has a sensor, and a digital frame has no fiducial marks"
@@ -97,16 +90,14 @@ def digitise_fiducials(
     return setup.outcome(films, session)
 
 
-def digitise_ticks(
-    folder: Path, log: Path, setup: DigitisingSetup, temtick: str, stage: Stage, names: Sequence[str] = ()
-) -> Digitised:
+def digitise_ticks(setup: DigitisingSetup, temtick: str, stage: Stage, names: Sequence[str] = ()) -> Digitised:
     """Digitise the tick marks of a temtick record on one template; parameters are those of `digitise_fiducials`.
 
     Raises
     ------
     UsageError, InputError, LinkError
     """
-    films = mounted_films(folder, log)
+    films = setup.films()
     record = _defined(films.definitions.temticks, "temtick", temtick)
 
     def transformed(measured: MeasuredMarks) -> tuple[Mark, ...]:

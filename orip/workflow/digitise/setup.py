@@ -31,6 +31,7 @@ from orip.workflow.digitise.operator import (
 from orip.workflow.digitise.session import Ending, Entry, Rehearsal, Session
 from orip.workflow.observations.films import MountedFilms, films_of, mounted_films, plate_of_log, position
 from orip.workflow.project.leftovers import remove_leftovers_of_kills
+from orip.workflow.project.state import Part
 
 _SAME_PLACE = 0.5e-4
 """Plate units: half the last digit of a log."""
@@ -69,10 +70,13 @@ class Digitised:
 
 @dataclass(frozen=True, slots=True)
 class DigitisingSetup:
-    """How marks and points are digitised.
+    """Where and how marks and points are digitised.
 
     Parameters
     ----------
+    folder : Path
+    path : Path
+        Measurement text that is written to, relative to the project folder.
     link : function that opens the link; called when all else is in order
     operator : function of the films
     log : function of the films
@@ -81,11 +85,17 @@ class DigitisingSetup:
         Nothing is driven or written.
     """
 
+    folder: Path
+    path: Path
     link: Callable[[], AbstractContextManager[Instrument]]
     operator: Callable[[MountedFilms], Operator]
     log: Callable[[MountedFilms], Log]
     tell: Tell
     is_trial: bool = False
+
+    def films(self, *parts: Part) -> MountedFilms:
+        """Return the films as the measurement texts leave them, with parts of the stores; see `mounted_films`."""
+        return mounted_films(self.folder, self.path, *parts)
 
     @contextmanager
     def session(self, films: MountedFilms, going_on: str) -> Iterator[Session]:
@@ -114,7 +124,7 @@ class DigitisingSetup:
         entries = tuple(session.entries)
         warnings = (*films.warnings, *session.warnings)
         if not self.is_trial:
-            after = mounted_films(films.project.folder, films.log)
+            after = self.films()
             warnings = (*session.warnings, *after.warnings, *_without_effect(after, entries))
         return Digitised(
             films.shown_log, self.is_trial, entries, session.ending, tuple(orientations),
@@ -128,11 +138,15 @@ def log_file(films: MountedFilms) -> LogFile:
     return LogFile(films.log, films.shown_log, f"measured for {films.project.owner}")
 
 
-def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None) -> DigitisingSetup:
+def by_link(
+    folder: Path, path: Path, url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path | None = None
+) -> DigitisingSetup:
     """Return the means of digitising at a plate processor.
 
     Parameters
     ----------
+    folder, path : Path
+        See `DigitisingSetup`.
     url : str
         See `orip.link.client.host_link`.
     tell : function of a line
@@ -152,7 +166,7 @@ def by_link(url: str, tell: Tell, *, simulate: Sequence[Path] = (), script: Path
             return Script(typed_requests(sys.stdin, tell), lambda _request, fault: tell(str(fault)))
         return Script(read_script(films.project.folder / script, str(script)), _stop_at)
 
-    return DigitisingSetup(lambda: host_link(url), operator, log_file, tell)
+    return DigitisingSetup(folder, path, lambda: host_link(url), operator, log_file, tell)
 
 
 def _stop_at(request: str, fault: ProcessorFault) -> None:
@@ -160,10 +174,12 @@ def _stop_at(request: str, fault: ProcessorFault) -> None:
     raise LinkError(message)
 
 
-def rehearsal(tell: Tell) -> DigitisingSetup:
+def rehearsal(folder: Path, path: Path, tell: Tell) -> DigitisingSetup:
     """Return the means of a dry run: the order and the places without a link, and nothing is written."""
     stand_in = Rehearsal()
-    return DigitisingSetup(lambda: nullcontext(stand_in), lambda _: stand_in, lambda _: NoLog(), tell, is_trial=True)
+    return DigitisingSetup(
+        folder, path, lambda: nullcontext(stand_in), lambda _: stand_in, lambda _: NoLog(), tell, is_trial=True
+    )
 
 
 def _without_effect(films: MountedFilms, entries: Sequence[Entry]) -> Iterator[ProjectWarning]:

@@ -1,0 +1,1 @@
+"""Conventions of other programs and of orip: rotations, image coordinates, cameras, and the test which reading fits."""

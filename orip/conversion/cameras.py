@@ -1,0 +1,198 @@
+"""Cameras of other programs as orip's cameras, exact or fitted, and measurements that take what the fit leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
+from orip.conversion.lenses.fit import fitted_polynomial
+from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial
+from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
+from orip.errors import OripError
+from orip.interior.image_coordinates import ImageEquation
+from orip.records.exchanged import ExchangedCamera
+from orip.records.project.camera import Camera, Sensor
+
+MOST_MISFIT_PX = 0.5
+"""A fit that is worse somewhere in the frame is refused, unless measurements are corrected for it."""
+
+ASSUMED_WIDTH_MM = 36.0
+"""Of the larger side of a frame whose size in millimetres no file says."""
+
+_GRID = 41
+"""Places along each side of the frame at which a camera is fitted."""
+
+
+class UnsuitableCameraError(OripError):
+    """Orip has no camera that comes near enough."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertedCamera:
+    """A camera in orip's form.
+
+    Parameters
+    ----------
+    camera : Camera
+        Named as the other program has it, or as it will be called.
+    source : ExchangedCamera
+    worst_px, rms_px : float
+        What the fit leaves over the frame; 0 where the conversion is exact.
+    size_is_assumed : bool
+        The size of the sensor is not known: millimetres of the camera are arbitrary.
+    """
+
+    camera: Camera
+    source: ExchangedCamera
+    worst_px: float = 0.0
+    rms_px: float = 0.0
+    size_is_assumed: bool = False
+
+    @property
+    def is_exact(self) -> bool:
+        """Return whether orip's camera is the other program's."""
+        return self.worst_px == 0.0
+
+    def pixels(self, image: FloatArray) -> FloatArray:
+        """Return orip's columns and rows (n, 2) of image coordinates (n, 2) in the axes of the source's rays."""
+        return pixels_from_axes(image, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
+
+    def rays_of_pixels(self, pixels: FloatArray) -> FloatArray:
+        """Return image coordinates (n, 2) in the axes of the source's rays of orip's columns and rows (n, 2)."""
+        return axes_from_pixels(pixels, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
+
+    def corrected_pixels(self, pixels: FloatArray) -> FloatArray:
+        """Return pixels (n, 2) that orip's camera has where the source's camera has the given ones.
+
+        With these the fitted camera stands for the other program's without any misfit. NaN where there are none.
+        """
+        if self.is_exact:
+            return pixels
+        in_lens = axes_from_pixels(pixels, self.source.lens_axes, _frame(self.source), _size(self.camera.sensor))
+        return pixels_of_directions(self.camera, _y_up(directions_of_image(self.source, in_lens), self.source))
+
+
+def convert_camera(
+    source: ExchangedCamera, name: str, *, accepts_any_fit: bool = False, unknown: tuple[str, ...] = ()
+) -> ConvertedCamera:
+    """Return orip's camera for one of another program.
+
+    Parameters
+    ----------
+    source : ExchangedCamera
+    name : str
+        Of the record.
+    accepts_any_fit : bool
+        Measurements will be corrected for what the fit leaves.
+    unknown : tuple of str
+        Parameters that the adjustment is to estimate.
+
+    Raises
+    ------
+    UnsuitableCameraError
+        If the model is not supported, its values are impossible, or no camera of orip comes within `MOST_MISFIT_PX`.
+    """
+    _require_possible(source)
+    sensor, size_is_assumed = _sensor(source)
+    exact = LENSES[source.lens].polynomial(lens_parameters(source))
+    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor)
+    pixel_mm = sensor.width / sensor.columns
+    length = np.hypot(*residuals.T) / (1.0 if source.lens_axes.unit == "pixel" else pixel_mm)
+    worst = float(length.max())
+    if worst > MOST_MISFIT_PX and not accepts_any_fit:
+        message = (
+            f"camera '{source.name}' ({source.model or source.lens}): orip's camera differs from it by up to "
+            f"{worst:.2f} px; import it with --exact-distortion, which corrects the measurements by this difference"
+        )
+        raise UnsuitableCameraError(message)
+    camera = Camera(
+        name=name,
+        parameters=parameters_from_polynomial(polynomial, source.lens_axes, _frame(source), pixel_mm),
+        distortion_at="measured" if polynomial.at_measured else "ideal",
+        sensor=sensor,
+        unknown=unknown,
+    )
+    return ConvertedCamera(camera, source, worst, float(np.sqrt(np.mean(length**2))), size_is_assumed)
+
+
+def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
+    """Return the pixels (n, 2) where a camera with a sensor images directions (n, 2), tangents x right and y up.
+
+    NaN where it has none.
+    """
+    sensor = camera.sensor
+    if sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+    with np.errstate(all="ignore"):  # directions far outside the frame may overflow
+        x, y = equation.measured(*np.ascontiguousarray(c * directions.T))
+    column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
+    row = sensor.rows / 2.0 - np.asarray(y) * (sensor.rows / sensor.height)
+    return np.stack([column, row], axis=1)
+
+
+def _require_possible(source: ExchangedCamera) -> None:
+    what = f"camera '{source.name}' ({source.model or source.lens})"
+    if source.lens == "unsupported":
+        message = f"{what}: orip has no such camera model; supported are {', '.join(LENSES)}"
+        raise UnsuitableCameraError(message)
+    if source.columns <= 0 or source.rows <= 0:
+        message = f"{what}: the number of its columns and rows is not known; give it with --frame COLUMNSxROWS"
+        raise UnsuitableCameraError(message)
+    values = lens_parameters(source)
+    focal = [values[name] for name in ("f", "fx", "fy") if name in values]
+    if not all(np.isfinite(list(values.values()))) or min(focal) <= 0.0:
+        message = f"{what}: its focal length is not above 0, or a parameter is not finite"
+        raise UnsuitableCameraError(message)
+
+
+def _sensor(source: ExchangedCamera) -> tuple[Sensor, bool]:
+    """Return the sensor, with square pixels where the lens is in pixels, and whether its size is assumed."""
+    columns, rows = _frame(source)
+    if source.sensor_mm is not None and source.lens_axes.unit == "mm":
+        return Sensor(columns, rows, *source.sensor_mm), False
+    width = ASSUMED_WIDTH_MM * columns / max(columns, rows) if source.sensor_mm is None else source.sensor_mm[0]
+    return Sensor(columns, rows, width, width * rows / columns), source.sensor_mm is None
+
+
+def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatArray]:
+    columns, rows = _frame(source)
+    places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
+    image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), _size(sensor))
+    directions = directions_of_image(source, image)
+    if not np.isfinite(directions).all():
+        message = (
+            f"camera '{source.name}' ({source.model or source.lens}): its formula has no inverse over the whole frame, "
+            "so that it cannot be fitted"
+        )
+        raise UnsuitableCameraError(message)
+    return fitted_polynomial(directions, image)
+
+
+def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:
+    """Return the pixels (n, 2), as orip counts them, where a camera of another program images directions (n, 2).
+
+    Directions are tangents x right and y up; NaN where there are none.
+    """
+    image = image_of_directions(source, _y_up(directions, source))
+    return pixels_from_axes(image, source.lens_axes, _frame(source), sensor_mm)
+
+
+def _y_up(directions: FloatArray, source: ExchangedCamera) -> FloatArray:
+    """Return directions of the lens' axes with y up, or the other way."""
+    return directions if source.lens_axes.y == "up" else directions * np.array([1.0, -1.0])
+
+
+def _frame(source: ExchangedCamera) -> tuple[int, int]:
+    return source.columns, source.rows
+
+
+def _size(sensor: Sensor | None) -> tuple[float, float] | None:
+    return None if sensor is None else (sensor.width, sensor.height)

@@ -1,0 +1,108 @@
+"""The lenses by name: their parameters, their formula in both directions, and orip's polynomial where it holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.lenses import exact_forms, formulas
+from orip.conversion.lenses.formulas import Parameters
+from orip.conversion.lenses.inversion import Map, inverse_of
+from orip.conversion.lenses.polynomial import Polynomial
+from orip.records.exchanged import ExchangedCamera, Lens
+
+
+@dataclass(frozen=True, slots=True)
+class LensFormula:
+    """A lens.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Its parameters.
+    formula : callable
+        From parameters and directions to image coordinates, or the other way.
+    polynomial : callable
+        From parameters to orip's polynomial; None where it does not hold the lens exactly.
+    gives_directions : bool
+        The formula takes image coordinates and returns directions.
+    """
+
+    names: tuple[str, ...]
+    formula: Callable[[Parameters, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+    polynomial: Callable[[Parameters], Polynomial | None]
+    gives_directions: bool = False
+
+
+_PLANE = ("fx", "fy", "cx", "cy")
+_LENGTHS = ("f", "cx", "cy", "p1", "p2", "b1", "b2")
+
+LENSES: Mapping[Lens, LensFormula] = {
+    "opencv": LensFormula(
+        (*_PLANE, "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"),
+        formulas.opencv_image,
+        exact_forms.opencv_polynomial,
+    ),
+    "agisoft": LensFormula(
+        (*_LENGTHS, "k1", "k2", "k3", "k4", "p3", "p4"), formulas.agisoft_image, exact_forms.agisoft_polynomial
+    ),
+    "fraser": LensFormula(
+        (*_LENGTHS, "c1", "c2", "c3", "c4", "c5", "ex", "ey"), formulas.fraser_image, exact_forms.fraser_polynomial
+    ),
+    "measured": LensFormula(
+        (*_LENGTHS, "k1", "k2", "k3"), formulas.measured_direction, exact_forms.measured_polynomial, True
+    ),
+    "isp": LensFormula((*_LENGTHS, "r0", "a1", "a2", "a3"), formulas.isp_image, exact_forms.isp_polynomial),
+    "division": LensFormula((*_PLANE, "k1"), formulas.division_direction, exact_forms.no_polynomial, True),
+    "equidistant": LensFormula(
+        (*_PLANE, "k1", "k2", "k3", "k4"), formulas.equidistant_image, exact_forms.no_polynomial
+    ),
+}
+
+
+def lens_parameters(camera: ExchangedCamera) -> dict[str, float]:
+    """Return all parameters of a camera's lens; 0 for those that the file does not have.
+
+    Raises
+    ------
+    KeyError
+        If the file has one that the lens has not: a fault of its reader.
+    """
+    names = LENSES[camera.lens].names
+    if unknown := set(camera.parameters) - set(names):
+        raise KeyError(min(unknown))
+    return {name: float(camera.parameters.get(name, 0.0)) for name in names}
+
+
+def image_of_directions(camera: ExchangedCamera, directions: FloatArray) -> FloatArray:
+    """Return image coordinates (n, 2), in the axes of the lens, of directions (n, 2); NaN where there are none."""
+    lens, parameters = LENSES[camera.lens], lens_parameters(camera)
+    function: Map = partial(lens.formula, parameters)
+    if not lens.gives_directions:
+        with np.errstate(all="ignore"):
+            return np.stack(function(*directions.T), axis=1)
+    return inverse_of(function, directions, _pinhole(parameters, directions))
+
+
+def directions_of_image(camera: ExchangedCamera, image: FloatArray) -> FloatArray:
+    """Return the directions (n, 2) of image coordinates (n, 2) in the axes of the lens; NaN where there are none."""
+    lens, parameters = LENSES[camera.lens], lens_parameters(camera)
+    function: Map = partial(lens.formula, parameters)
+    if lens.gives_directions:
+        with np.errstate(all="ignore"):
+            return np.stack(function(*image.T), axis=1)
+    return inverse_of(function, image, _pinhole_directions(parameters, image))
+
+
+def _pinhole(p: Parameters, directions: FloatArray) -> FloatArray:
+    fx, fy = p.get("f", p.get("fx", 1.0)), p.get("f", p.get("fy", 1.0))
+    return np.asarray(directions * np.array([fx, fy]) + np.array([p["cx"], p["cy"]]))
+
+
+def _pinhole_directions(p: Parameters, image: FloatArray) -> FloatArray:
+    fx, fy = p.get("f", p.get("fx", 1.0)), p.get("f", p.get("fy", 1.0))
+    return np.asarray((image - np.array([p["cx"], p["cy"]])) / np.array([fx, fy]))

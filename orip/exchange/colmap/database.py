@@ -1,0 +1,111 @@
+"""Positions of photos (pose priors) in the database of a COLMAP project.
+
+The table has had two forms: up to COLMAP 3.x a row belongs to an image, from 4.x on to the datum of a sensor. Columns
+are found by their names. What is NaN is not given.
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint
+from orip.files.text.parsed import Parsed
+from orip.records.observations.station import IN_PROJECT, Station, StationReference
+
+DATABASE = "database.db"
+_LEVELS = 3
+"""The model is in its project's folder, or in sparse/0 of it."""
+
+_CAMERA_SENSOR, _WGS84, _CARTESIAN = 0, 0, 1
+_GEOGRAPHIC = "EPSG:4979"
+_LARGEST = 1e8
+
+
+@dataclass(frozen=True, slots=True)
+class PosePriors:
+    """Stations of photos by their image names, what their positions refer to, and what is lost."""
+
+    stations: tuple[Station, ...] = ()
+    reference: StationReference = IN_PROJECT
+    notes: tuple[str, ...] = ()
+
+
+def pose_priors(model: Path) -> Parsed[PosePriors]:
+    """Return the positions of photos in the database beside a model; none where there is no database.
+
+    Parameters
+    ----------
+    model : Path
+        Folder of the model.
+    """
+    folder = model.absolute()
+    found = next(
+        (level / DATABASE for level in [folder, *folder.parents][:_LEVELS] if (level / DATABASE).is_file()), None
+    )
+    if found is None:
+        return Parsed(PosePriors())
+    try:
+        with closing(sqlite3.connect(f"{found.as_uri()}?mode=ro&immutable=1", uri=True)) as connection:
+            connection.execute("PRAGMA trusted_schema = OFF")
+            return Parsed(_priors(connection))
+    except (sqlite3.Error, ValueError, OverflowError) as fault:
+        message = f"the positions of photos in it cannot be read ({fault}); move it away, and they are left out"
+        return Parsed(PosePriors(), (Complaint(message, str(found)),))
+
+
+def _priors(connection: sqlite3.Connection) -> PosePriors:
+    columns = [row[1] for row in connection.execute("PRAGMA table_info(pose_priors)")]
+    if "position" not in columns or "coordinate_system" not in columns:
+        return PosePriors()
+    is_new = "corr_data_id" in columns
+    covariance = "p.position_covariance" if "position_covariance" in columns else "NULL"
+    joined = f"p.{'corr_data_id' if is_new else 'image_id'} = i.image_id"
+    only = f" WHERE p.corr_sensor_type = {_CAMERA_SENSOR}" if is_new and "corr_sensor_type" in columns else ""
+    rows = connection.execute(
+        f"SELECT i.name, p.coordinate_system, p.position, {covariance} "
+        f"FROM pose_priors p JOIN images i ON {joined}{only} ORDER BY i.image_id"
+    ).fetchall()
+    given = [row for row in rows if row[1] in {_WGS84, _CARTESIAN}]
+    systems = {row[1] for row in given}
+    if len(systems) != 1:
+        reason = "their coordinate system is not said" if not systems else "they are in two coordinate systems"
+        return PosePriors(notes=(f"Positions of photos in {DATABASE} are left out: {reason}.",) if rows else ())
+    is_geographic = systems == {_WGS84}
+    stations = tuple(_stations(given, is_geographic=is_geographic))
+    notes = []
+    if any(station.position_error[0] < 0.0 for station in stations):
+        notes.append(
+            f"Positions of photos in {DATABASE} have no standard deviations: they are compared, and have no influence."
+        )
+    return PosePriors(stations, StationReference(_GEOGRAPHIC) if is_geographic else IN_PROJECT, tuple(notes))
+
+
+def _stations(rows: list[tuple[object, ...]], *, is_geographic: bool) -> Iterator[Station]:
+    for name, _, position, covariance in rows:
+        place = _floats(position, 3)
+        if place is None or not np.isfinite(place).all() or np.abs(place).max() > _LARGEST:
+            continue
+        if is_geographic:
+            place = place[[1, 0, 2]]
+        errors = (-1.0, -1.0, -1.0)
+        matrix = _floats(covariance, 9)
+        if matrix is not None:
+            variances = matrix.reshape(3, 3).diagonal()
+            if np.isfinite(variances).all() and (variances > 0.0).all():
+                x, y, z = map(math.sqrt, variances.tolist())
+                errors = (x, y, z)
+        x, y, z = place.tolist()
+        yield Station(str(name), (x, y, z), errors)
+
+
+def _floats(blob: object, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
+    if not isinstance(blob, bytes) or len(blob) != 8 * count:
+        return None
+    return np.frombuffer(blob, "<f8").astype(np.float64)

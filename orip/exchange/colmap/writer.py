@@ -1,0 +1,228 @@
+"""A project as a model of COLMAP: a new one, or the result in a copy of the model that it was imported from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orip.arrays import BoolArray, IntArray
+from orip.errors import InputError
+from orip.exchange.colmap.folder import PARTS, form_of, model_folder, read_folder
+from orip.exchange.colmap.model import (
+    CAMERA_MODELS,
+    NO_POINT,
+    CameraModel,
+    ColmapCamera,
+    ColmapImage,
+    ColmapModel,
+    ColmapPoints,
+)
+from orip.exchange.colmap.writing import model_files
+from orip.files.text.lines import read_bytes
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
+
+_SAME_POSE = 1e-11
+"""Of a quaternion and, relative to its size, of a translation: angles and centres were written and read again."""
+
+_MODELS_WRITTEN = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+_UNKNOWN_ERROR = -1.0
+
+
+def write_model(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
+    """Return the files of a model: binary, unless the original is text.
+
+    Raises
+    ------
+    InputError
+        If the original is damaged or gone.
+    """
+    if original is None:
+        return model_files(new_model(project), "bin")
+    folder = model_folder(original)
+    parsed = read_folder(folder, str(folder))
+    if parsed.complaints:
+        raise InputError(parsed.complaints)
+    form = form_of(folder) or "bin"
+    before = {f"{part}.{form}": read_bytes(folder / f"{part}.{form}", "")[0] or b"" for part in PARTS}
+    return model_files(updated_model(parsed.value, project), form, before)
+
+
+def new_model(project: ExchangedProject) -> ColmapModel:
+    """Return a model of the project's photos and points; keypoints are the rays.
+
+    Ids are those that the project has, where these are numbers of their own, else they count from 1.
+    """
+    photo_ids = _ids([str(photo.key) for photo in project.photos])
+    camera_ids = _ids([camera.name for camera in project.cameras])
+    point_ids = np.array(_ids(project.points.names), dtype=np.int64)
+    images = []
+    for number, photo in enumerate(project.photos):
+        rows = np.flatnonzero((project.rays.photo == number) & project.rays.is_active)
+        images.append(
+            ColmapImage(
+                photo_ids[number],
+                _pose(photo),
+                camera_ids[photo.camera],
+                photo.name,
+                project.rays.image[rows],
+                point_ids[project.rays.point[rows]],
+            )
+        )
+    cameras = tuple(_camera(camera, identity) for camera, identity in zip(project.cameras, camera_ids, strict=True))
+    residual = project.points.residual
+    errors = np.full(len(point_ids), np.nan) if residual is None else residual
+    points = ColmapPoints(
+        point_ids,
+        project.points.coordinates,
+        np.zeros((len(point_ids), 3), dtype=np.uint8),
+        np.where(np.isfinite(errors), errors, _UNKNOWN_ERROR),
+        *_tracks(images, point_ids),
+    )
+    known = np.isfinite(points.coordinates).all(axis=1) & (points.lengths > 0)
+    return _without_points(ColmapModel(cameras, tuple(images), points), ~known)
+
+
+def updated_model(original: ColmapModel, project: ExchangedProject) -> ColmapModel:
+    """Return a model with the poses, cameras, coordinates and errors of a project; the rest stays.
+
+    Points that the project has not, and rays that it leaves out, become keypoints without a point.
+    """
+    photos = {photo.key: photo for photo in project.photos}
+    cameras = {camera.name: camera for camera in project.cameras}
+    images = tuple(_updated_image(image, photos.get(image.id)) for image in original.images)
+    points, gone = _updated_points(original.points, project)
+    model = ColmapModel(
+        tuple(_updated_camera(camera, cameras.get(str(camera.id))) for camera in original.cameras), images, points
+    )
+    return _without_rays(_without_points(model, gone), project)
+
+
+def _updated_image(image: ColmapImage, photo: ExchangedPhoto | None) -> ColmapImage:
+    if photo is None:
+        return image
+    pose, old = np.array(_pose(photo)), np.array(image.pose)
+    same_rotation = abs(abs(float(pose[:4] @ old[:4])) / float(np.linalg.norm(old[:4])) - 1.0) < _SAME_POSE**2 + 1e-15
+    size = max(1.0, float(np.abs(old[4:]).max()))
+    if same_rotation and np.abs(pose[4:] - old[4:]).max() <= _SAME_POSE * size:
+        return image
+    return replace(image, pose=tuple(pose.tolist()))
+
+
+def _updated_camera(old: ColmapCamera, new: ExchangedCamera | None) -> ColmapCamera:
+    if new is None:
+        return old
+    camera = _camera(replace(new, model=old.model), old.id)
+    if camera.model == old.model and np.allclose(camera.parameters, old.parameters, rtol=1e-12, atol=1e-13):
+        return old
+    return camera
+
+
+def _updated_points(old: ColmapPoints, project: ExchangedProject) -> tuple[ColmapPoints, BoolArray]:
+    """Return the points with the project's coordinates and errors, and which of them the project has not."""
+    place = {name: n for n, name in enumerate(project.points.names)}
+    found = np.array([place.get(str(identity), -1) for identity in old.ids.tolist()], dtype=np.int64)
+    there = found >= 0
+    coordinates, errors = old.coordinates.copy(), old.errors.copy()
+    coordinates[there] = project.points.coordinates[found[there]]
+    if project.points.residual is not None:
+        residual = project.points.residual[found[there]]
+        errors[there] = np.where(np.isfinite(residual), residual, errors[there])
+    gone = ~there | ~np.isfinite(coordinates).all(axis=1)
+    return replace(old, coordinates=coordinates, errors=errors), gone
+
+
+def _without_points(model: ColmapModel, gone: BoolArray) -> ColmapModel:
+    """Return a model without points flagged (m,): their keypoints stay."""
+    if not gone.any():
+        return model
+    points, left = model.points, ~gone
+    of_track = np.repeat(left, points.lengths)
+    lost = points.ids[gone]
+    images = tuple(
+        replace(image, points=np.where(np.isin(image.points, lost), NO_POINT, image.points)) for image in model.images
+    )
+    kept = ColmapPoints(
+        points.ids[left],
+        points.coordinates[left],
+        points.colours[left],
+        points.errors[left],
+        points.lengths[left],
+        points.tracks[of_track],
+    )
+    return replace(model, images=images, points=kept)
+
+
+def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
+    """Return a model without the rays that a project leaves out; a point of which less than two are left goes too."""
+    left_out = np.flatnonzero(~project.rays.is_active)
+    if not left_out.size:
+        return model
+    pairs = {
+        (project.photos[photo].key, project.points.names[point])
+        for photo, point in zip(
+            project.rays.photo[left_out].tolist(), project.rays.point[left_out].tolist(), strict=True
+        )
+    }
+    images = tuple(
+        replace(
+            image,
+            points=np.array(
+                [NO_POINT if (image.id, str(point)) in pairs else point for point in image.points.tolist()],
+                dtype=np.int64,
+            ),
+        )
+        for image in model.images
+    )
+    lengths, tracks = _tracks(images, model.points.ids)
+    model = replace(model, images=images, points=replace(model.points, lengths=lengths, tracks=tracks))
+    return _without_points(model, lengths < 2)
+
+
+def _tracks(images: Sequence[ColmapImage], ids: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the numbers of rays of points, and image ids and places of keypoints of all points in their order."""
+    order = np.argsort(ids, kind="stable")
+    owners, rows = [], []
+    for image in images:
+        seen = np.flatnonzero(image.points >= 0)
+        owners.append(image.points[seen])
+        rows.append(np.column_stack([np.full(len(seen), image.id, dtype=np.int64), seen]))
+    owner = np.concatenate(owners) if owners else np.zeros(0, dtype=np.int64)
+    all_rows = np.concatenate(rows) if rows else np.zeros((0, 2), dtype=np.int64)
+    if not len(ids):
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+    point = order[np.minimum(np.searchsorted(ids[order], owner), len(ids) - 1)]
+    is_known = ids[point] == owner
+    point, all_rows = point[is_known], all_rows[is_known]
+    lengths = np.bincount(point, minlength=len(ids)).astype(np.int64)
+    return lengths, all_rows[np.argsort(point, kind="stable")]
+
+
+def _camera(camera: ExchangedCamera, identity: int) -> ColmapCamera:
+    """Return a camera in its own model where that holds its values, else in the smallest that does."""
+    names = (camera.model, *_MODELS_WRITTEN) if camera.model in CAMERA_MODELS else _MODELS_WRITTEN
+    name = next((name for name in names if _holds(CAMERA_MODELS[name], camera)), "FULL_OPENCV")
+    values = [camera.parameters.get("fx" if key == "f" else key, 0.0) for key in CAMERA_MODELS[name].parameters]
+    return ColmapCamera(identity, name, camera.columns, camera.rows, tuple(map(float, values)))
+
+
+def _holds(model: CameraModel, camera: ExchangedCamera) -> bool:
+    if model.lens != camera.lens:
+        return False
+    values = {name: value for name, value in camera.parameters.items() if value}
+    if "f" in model.parameters and values.get("fx") != values.get("fy"):
+        return False
+    known = {*model.parameters, *(("fx", "fy") if "f" in model.parameters else ())}
+    return set(values) <= known
+
+
+def _pose(photo: ExchangedPhoto) -> tuple[float, ...]:
+    return (*map(float, photo.rotation), *map(float, photo.position))
+
+
+def _ids(names: Sequence[str]) -> list[int]:
+    """Return names as whole numbers above 0, or numbers from 1 on where they are none, or not different."""
+    numbers = [int(name) for name in names if name.isascii() and name.isdigit() and len(name) < 10 and int(name) > 0]
+    return numbers if len(set(numbers)) == len(names) else list(range(1, len(names) + 1))

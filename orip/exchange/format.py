@@ -1,0 +1,42 @@
+"""What a format of another program's projects offers: how it is recognised, read and written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedProject
+
+Read = Callable[[Path, str], Parsed[ExchangedProject | None]]
+"""From a file or folder, and its name for messages, to the project in it; None where there are complaints."""
+
+Write = Callable[[ExchangedProject, Path | None], Mapping[str, bytes]]
+"""From a project, and the file or folder that it was once imported from, to files by their names.
+
+What the original has and the project has not stays as it is there.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format.
+
+    Parameters
+    ----------
+    name : str
+        As it is written on the command line.
+    title : str
+        The program, and which files of it.
+    read : Read or None
+    recognises : function of a path
+        Tells from names and first bytes whether a file or folder is probably of this format; False if it is absent.
+    write : Write or None
+    """
+
+    name: str
+    title: str
+    read: Read | None = None
+    recognises: Callable[[Path], bool] = lambda _: False
+    write: Write | None = None

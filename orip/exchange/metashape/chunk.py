@@ -1,0 +1,292 @@
+"""The chunk of a Metashape document: photos with their poses and references, markers, and scale bars.
+
+The transform of a camera takes its axes, y down, z forward, to those of the chunk; the transform of its component takes
+the chunk to the ground: geocentric coordinates where the chunk has a geographic or projected system, else that system.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
+from orip.files.text.shown import shown_token
+from orip.records.exchanged import ExchangedPhoto, GroundFrame
+from orip.records.observations.control import ControlDistance, ControlPoint
+from orip.records.observations.station import Station
+
+_NEAR_THE_GROUND = (6.2e6, 6.5e6)
+"""Metres from the centre of the earth."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkTransform:
+    """From a chunk to the ground: X = translation + scale · rotation · x."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    scale: float
+
+    def pose(self, camera: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotation and projection centre on the ground of a camera's 4 x 4 matrix in the chunk."""
+        return self.rotation @ camera[:3, :3], self.points(camera[:3, 3])
+
+    def points(self, points: FloatArray) -> FloatArray:
+        """Return points (..., 3) of the chunk on the ground."""
+        return np.asarray(self.translation + self.scale * (points @ self.rotation.T))
+
+
+IN_THE_CHUNK = ChunkTransform(np.eye(3), np.zeros(3), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracies:
+    """Standard deviations of a chunk that hold where a reference has none; None where the chunk has none either.
+
+    Parameters
+    ----------
+    ties, projections : float or None
+        Of tie points and of markers in photos, pixels.
+    markers, cameras, scale_bars : float or None
+        Of references, metres.
+    """
+
+    ties: float | None = None
+    projections: float | None = None
+    markers: float | None = None
+    cameras: float | None = None
+    scale_bars: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A marker; `control` is None for a tie point measured by hand."""
+
+    key: int
+    name: str
+    control: ControlPoint | None
+
+
+class ChunkReader:
+    """Reads a chunk.
+
+    Parameters
+    ----------
+    chunk : XmlElement
+    fields : XmlFields
+    """
+
+    def __init__(self, chunk: XmlElement, fields: XmlFields) -> None:
+        self._chunk = chunk
+        self._fields = fields
+        self.crs = _text(chunk, "reference")
+        self.accuracies = self._accuracies()
+        self._transforms = self._read_transforms()
+
+    @property
+    def is_on_the_ground(self) -> bool:
+        """Return whether the chunk has a transform to the ground."""
+        return any(transform is not IN_THE_CHUNK for transform in self._transforms.values())
+
+    @property
+    def frame(self) -> GroundFrame:
+        """Return the frame of the poses: geocentric unless the chunk's system is local, or there is none."""
+        if not self.is_on_the_ground or self.crs.startswith("LOCAL"):
+            return GroundFrame()
+        distances = [np.linalg.norm(item.translation) for item in self._transforms.values()]
+        near = any(_NEAR_THE_GROUND[0] < distance < _NEAR_THE_GROUND[1] for distance in distances)
+        return GroundFrame("geocentric") if self.crs or near else GroundFrame()
+
+    def transform(self, component: str | None) -> ChunkTransform:
+        """Return the transform of a component to the ground; the only one where a camera names none."""
+        found = self._transforms.get(component or "")
+        return found or next(iter(self._transforms.values()), IN_THE_CHUNK)
+
+    def sensors(self) -> Iterator[tuple[str, XmlElement]]:
+        """Iterate over the sensors with their ids."""
+        for sensor in self._part("sensors").all("sensor"):
+            yield sensor.attributes.get("id", ""), sensor
+
+    def cameras(self) -> Iterator[XmlElement]:
+        """Iterate over the cameras, in groups or not."""
+        return self._part("cameras").within("camera")
+
+    def photo(self, camera: XmlElement, sensors: Mapping[str, int]) -> ExchangedPhoto | None:
+        """Return a photo; None if its sensor has no calibration."""
+        key, label = self._fields.attribute_whole(camera, "id"), self._fields.attribute(camera, "label")
+        sensor = sensors.get(camera.attributes.get("sensor_id", ""))
+        if key is None or label is None or sensor is None:
+            return None
+        matrix = self._matrix(camera)
+        if matrix is None:
+            return ExchangedPhoto(label, sensor, key=key)
+        transform = self.transform(camera.attributes.get("component_id"))
+        rotation, centre = transform.pose(matrix)
+        deviation = self._location_deviation(camera, transform)
+        return ExchangedPhoto(label, sensor, tuple(rotation.ravel().tolist()), tuple(centre.tolist()), deviation, key)
+
+    def station(self, camera: XmlElement) -> Station | None:
+        """Return the observed position of a photo; None if it has no reference. A negative error: not used."""
+        reference = camera.child("reference")
+        label = camera.attributes.get("label", "")
+        place = None if reference is None else self._place(reference)
+        if reference is None or place is None or None in place:
+            return None
+        errors = self._errors(reference, self.accuracies.cameras)
+        if errors is None or None in errors:
+            return None
+        x, y, z = (float(value or 0.0) for value in place)
+        sx, sy, sz = (float(value or 0.0) for value in errors)
+        return Station(label, (x, y, z), (sx, sy, sz), line=camera.line)
+
+    def markers(self) -> list[Marker]:
+        """Return the markers; labels that repeat are made different by the marker's id."""
+        found: list[Marker] = []
+        names: set[str] = set()
+        for element in self._part("markers").within("marker"):
+            key = self._fields.attribute_whole(element, "id")
+            if key is None:
+                continue
+            label = element.attributes.get("label") or f"marker{key}"
+            name = f"{label}_{key}" if label in names else label
+            names.add(name)
+            found.append(Marker(key, name, self._control(name, element)))
+        return found
+
+    def distances(self, markers: Mapping[str, str]) -> tuple[list[ControlDistance], int]:
+        """Return the scale bars between two markers, names by id, and the number of those that are not understood."""
+        found: list[ControlDistance] = []
+        lost = 0
+        for element in self._part("scalebars").within("scalebar"):
+            ends = [markers[key] for key in _end_ids(element) if key in markers]
+            reference = element.child("reference")
+            if len(ends) != 2 or reference is None or "distance" not in reference.attributes:
+                lost += 1
+                continue
+            length = self._fields.attribute_decimal(reference, "distance")
+            accuracy = self.accuracies.scale_bars or _DEFAULT_SCALE_BAR
+            if "accuracy" in reference.attributes:
+                accuracy = self._fields.attribute_decimal(reference, "accuracy") or accuracy
+            if length is not None:
+                used = is_true(reference.attributes.get("enabled"), missing=True)
+                name = element.attributes.get("label") or f"scalebar{len(found) + 1}"
+                error = accuracy if used else -accuracy
+                found.append(ControlDistance(name, ends[0], ends[1], "XYZ", length, error, element.line))
+        return found, lost
+
+    def _control(self, name: str, element: XmlElement) -> ControlPoint | None:
+        reference = element.child("reference")
+        place = None if reference is None else self._place(reference)
+        if reference is None or place is None:
+            return None
+        errors = self._errors(reference, self.accuracies.markers) or (None, None, None)
+        known = tuple(error if value is not None else None for value, error in zip(place, errors, strict=True))
+        return ControlPoint(name, place, (known[0], known[1], known[2]), line=element.line)
+
+    def _place(self, reference: XmlElement) -> tuple[float | None, float | None, float | None] | None:
+        """Return the coordinates of a reference; None where it has none of them."""
+        values = [
+            self._fields.attribute_decimal(reference, name) if name in reference.attributes else None for name in "xyz"
+        ]
+        x, y, z = values
+        return None if x is None and y is None and z is None else (x, y, z)
+
+    def _errors(
+        self, reference: XmlElement, default: float | None
+    ) -> tuple[float | None, float | None, float | None] | None:
+        """Return the accuracies of a reference, negative where it is not enabled."""
+        forms = (("sx", "sy", "sz"), ("sxy", "sxy", "sz"), ("sxyz", "sxyz", "sxyz"))
+        form = next((names for names in forms if all(name in reference.attributes for name in names)), None)
+        values: list[float | None] = [default] * 3
+        if form is not None:
+            values = [self._fields.attribute_decimal(reference, name) for name in form]
+        if None in values:
+            return None
+        sign = 1.0 if is_true(reference.attributes.get("enabled"), missing=True) else -1.0
+        x, y, z = (sign * (value or 0.0) for value in values)
+        return x, y, z
+
+    def _matrix(self, camera: XmlElement) -> FloatArray | None:
+        if camera.child("transform") is None:
+            return None
+        values = self._fields.decimals(camera, "transform", 16)
+        return None if values is None else np.array(values).reshape(4, 4)
+
+    def _location_deviation(self, camera: XmlElement, transform: ChunkTransform) -> tuple[float, float, float] | None:
+        if camera.child("location_covariance") is None:
+            return None
+        values = self._fields.decimals(camera, "location_covariance", 9)
+        if values is None:
+            return None
+        turned = transform.rotation @ np.array(values).reshape(3, 3) @ transform.rotation.T
+        x, y, z = (transform.scale * math.sqrt(max(float(turned[n, n]), 0.0)) for n in range(3))
+        return x, y, z
+
+    def _read_transforms(self) -> dict[str, ChunkTransform]:
+        """Return transforms by the id of their component; "" is the chunk's own, of documents before 1.5."""
+        found = {
+            item.attributes.get("id", ""): self._transform(item) for item in self._part("components").all("component")
+        }
+        return found or {"": self._transform(self._chunk)}
+
+    def _transform(self, owner: XmlElement) -> ChunkTransform:
+        element = owner.child("transform")
+        if element is None or element.child("rotation") is None:
+            return IN_THE_CHUNK
+        rotation = self._fields.decimals(element, "rotation", 9)
+        translation = self._fields.decimals(element, "translation", 3)
+        scale = self._fields.decimal(element, "scale")
+        if rotation is None or translation is None or scale is None:
+            return IN_THE_CHUNK
+        if scale <= 0:
+            self._fields.faults.complain("the scale of a transform has to be above 0; correct it", element.line)
+        return ChunkTransform(np.array(rotation).reshape(3, 3), np.array(translation), scale)
+
+    def _accuracies(self) -> Accuracies:
+        names = ("tiepoints", "projections", "markers", "cameras", "scalebars")
+        settings = {
+            item.attributes.get("name", "").removeprefix("accuracy_"): item
+            for item in self._part("settings").all("property")
+        }
+        values = [
+            self._fields.attribute_decimal(settings[name], "value") if name in settings else None for name in names
+        ]
+        return Accuracies(*(value if value is not None and value > 0 else None for value in values))
+
+    def _part(self, tag: str) -> XmlElement:
+        found = self._chunk.child(tag)
+        return XmlElement(tag, self._chunk.line, {}) if found is None else found
+
+
+_DEFAULT_SCALE_BAR = 0.001
+"""Metres; Metashape's default accuracy of scale bars."""
+
+
+def chunk_of(root: XmlElement, fields: XmlFields) -> XmlElement | None:
+    """Return the chunk of a document, the active or first one; None, and a complaint kept, if there is none."""
+    chunk = root if root.tag == "chunk" else next(root.within("chunk"), None)
+    if chunk is None:
+        fields.faults.complain(
+            f"there is no chunk in <{shown_token(root.tag)}>; export the cameras of a chunk", root.line
+        )
+    return chunk
+
+
+def _end_ids(element: XmlElement) -> list[str]:
+    """Return the ids of markers that a scale bar refers to, in attributes or in elements of its own."""
+    owners = [element, *element.within("marker"), *element.within("endpoint"), *element.within("point")]
+    return [
+        value
+        for owner in owners
+        for name, value in owner.attributes.items()
+        if name.startswith(("marker", "point")) and "id" in name
+    ]
+
+
+def _text(parent: XmlElement, tag: str) -> str:
+    found = parent.child(tag)
+    return "" if found is None else found.text.strip()

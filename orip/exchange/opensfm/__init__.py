@@ -1,0 +1,1 @@
+"""Reconstructions, tracks and control points of OpenSfM and OpenDroneMap."""

@@ -1,0 +1,226 @@
+"""Which files make up a project of OpenSfM or OpenDroneMap, and the project that they give together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint
+from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
+from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
+from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
+from orip.exchange.opensfm.tracks import Tracks, read_tracks
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.json_tree import read_json
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedCamera, ExchangedProject
+from orip.records.observations.control import ControlPoint
+from orip.records.observations.station import IN_PROJECT, Station, StationReference
+
+_RECONSTRUCTIONS = (
+    "opensfm/reconstruction.topocentric.json",
+    "opensfm/reconstruction.json",
+    "reconstruction.topocentric.json",
+    "reconstruction.json",
+)
+"""In a folder, the adjusted one first: OpenDroneMap changes reconstruction.json after the adjustment."""
+
+_UNKNOWN_ACCURACY = 10.0
+"""Metres that OpenDroneMap takes for the position of a photo where nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Paths of the files of a project; None where there is none."""
+
+    reconstruction: Path
+    tracks: Path | None
+    control_document: Path | None
+    control_list: Path | None
+    places: Path | None
+
+
+def reconstruction_file(source: Path) -> Path | None:
+    """Return the reconstruction of a project's folder, or the file itself; None if there is none."""
+    if source.is_file():
+        return source
+    return next((source / name for name in _RECONSTRUCTIONS if (source / name).is_file()), None)
+
+
+def read_opensfm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read a project: the folder of OpenSfM or OpenDroneMap, or its reconstruction file with the files beside it.
+
+    Parameters
+    ----------
+    source : Path
+    shown : str
+        The source as the user would name it.
+    """
+    found = reconstruction_file(source)
+    if found is None:
+        message = f"there is no reconstruction here; name the folder that has one of {', '.join(_RECONSTRUCTIONS)}"
+        return Parsed(None, (Complaint(message, shown),))
+    files = _files(found, source)
+    complaints: list[Complaint] = []
+
+    def faults_of(path: Path) -> Faults:
+        return Faults(_shown(path, source, shown))
+
+    faults = faults_of(found)
+    document = read_json(found, faults)
+    reconstruction = None if document is None else largest_reconstruction(document)
+    complaints += faults.complaints
+    if reconstruction is None:
+        return Parsed(None, tuple(complaints))
+    project = _project(reconstruction, files, faults_of, complaints)
+    return Parsed(None if complaints else project, tuple(complaints))
+
+
+def _shown(path: Path, source: Path, shown: str) -> str:
+    if path == source:
+        return shown
+    folder = source if source.is_dir() else source.parent
+    named = Path(shown) if source.is_dir() else Path(shown).parent
+    return str(named / path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
+
+
+def _files(reconstruction: Path, source: Path) -> _Files:
+    folders = [reconstruction.parent]
+    if reconstruction.parent.name == "opensfm" and source.is_dir():
+        folders.append(reconstruction.parent.parent)
+    stem = reconstruction.name.removeprefix("reconstruction").removesuffix(".json").replace(".topocentric", "")
+
+    def first(*names: str) -> Path | None:
+        return next((path for folder in folders for name in names if (path := folder / name).is_file()), None)
+
+    return _Files(
+        reconstruction,
+        first(f"tracks{stem}.csv", "tracks.csv"),
+        first("ground_control_points.json"),
+        first("gcp_list.txt", "gcp/gcp_list.txt"),
+        first("geo.txt"),
+    )
+
+
+def _project(
+    reconstruction: Reconstruction,
+    files: _Files,
+    faults_of: Callable[[Path], Faults],
+    complaints: list[Complaint],
+) -> ExchangedProject:
+    points, rays = CollectedPoints(), CollectedRays()
+    notes = list(reconstruction.notes)
+    for name, coordinates in reconstruction.points.items():
+        points.add(name, coordinates, is_track=True)
+    photos = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
+    if files.tracks is None:
+        notes.append("there is no tracks.csv beside the reconstruction: no measurements of tie points")
+    else:
+        faults = faults_of(files.tracks)
+        notes += _add_tracks(read_tracks(files.tracks, faults), reconstruction, points, rays)
+        complaints += faults.complaints
+    control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays)
+    stations, reference = reconstruction.stations, IN_PROJECT
+    if files.places is not None:
+        faults = faults_of(files.places)
+        places = read_place_list(files.places, faults)
+        complaints += faults.complaints
+        stations, reference = _stations(places, photos), StationReference(places.crs)
+    return ExchangedProject(
+        name="",
+        cameras=reconstruction.cameras,
+        photos=reconstruction.photos,
+        points=points.points(),
+        rays=rays.rays(),
+        readings=(READING,),
+        control=control,
+        control_crs=crs,
+        stations=stations,
+        station_reference=reference,
+        ground_unit="m",
+        frame=reconstruction.frame,
+        notes=tuple(notes),
+    )
+
+
+def _pixel(camera: ExchangedCamera, x: float, y: float) -> tuple[float, float]:
+    """Return column and row, from the outer corner, of normalised coordinates."""
+    longer = max(camera.columns, camera.rows)
+    return x * longer + camera.columns / 2.0, y * longer + camera.rows / 2.0
+
+
+def _add_tracks(
+    tracks: Tracks, reconstruction: Reconstruction, points: CollectedPoints, rays: CollectedRays
+) -> list[str]:
+    """Add the rays of tracks that have a point, in photos that are oriented; return what is left out."""
+    place_of_photo = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
+    photo = np.array([place_of_photo.get(name, -1) for name in tracks.shots], dtype=np.int64)
+    found = [points.place(name, is_track=True) for name in tracks.tracks]
+    point = np.array([-1 if place is None else place for place in found], dtype=np.int64)
+    photo_of_row, point_of_row = photo[tracks.shot], point[tracks.track]
+    used = (photo_of_row >= 0) & (point_of_row >= 0)
+    cameras = [reconstruction.cameras[item.camera] for item in reconstruction.photos]
+    for at, to, (x, y) in zip(
+        photo_of_row[used].tolist(), point_of_row[used].tolist(), tracks.coordinates[used].tolist(), strict=True
+    ):
+        rays.add(at, to, _pixel(cameras[at], x, y))
+    lost = len(used) - int(used.sum())
+    return (
+        [f"{lost} features of tracks without a point, or in photos that are not oriented, are left out"] if lost else []
+    )
+
+
+def _add_control(
+    files: _Files,
+    faults_of: Callable[[Path], Faults],
+    complaints: list[Complaint],
+    reconstruction: Reconstruction,
+    points: CollectedPoints,
+    rays: CollectedRays,
+) -> tuple[tuple[ControlPoint, ...], str]:
+    """Add the marks of control points; return the control points and what their coordinates refer to."""
+    marked: Sequence[MarkedPoint] = ()
+    crs, in_pixels = "", False
+    if files.control_list is not None:
+        faults = faults_of(files.control_list)
+        control_list = read_control_list(files.control_list, faults)
+        marked, crs, in_pixels = marked_points_of_list(control_list), control_list.crs, True
+        complaints += faults.complaints
+    elif files.control_document is not None:
+        faults = faults_of(files.control_document)
+        document = read_json(files.control_document, faults)
+        marked, crs = () if document is None else marked_points_of_document(document), "EPSG:4979"
+        complaints += faults.complaints
+    for item in marked:
+        _add_marks(item, reconstruction, points, rays, in_pixels=in_pixels)
+    nothing = (None, None, None)
+    return tuple(
+        ControlPoint(item.name, item.coordinates, nothing, line=item.line)
+        for item in marked
+        if item.coordinates is not None
+    ), crs
+
+
+def _add_marks(
+    item: MarkedPoint, reconstruction: Reconstruction, points: CollectedPoints, rays: CollectedRays, *, in_pixels: bool
+) -> None:
+    place_of_photo = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
+    point = points.add(item.name)
+    for name, (x, y) in item.marks:
+        photo = place_of_photo.get(name)
+        if photo is not None:
+            camera = reconstruction.cameras[reconstruction.photos[photo].camera]
+            rays.add(photo, point, (x + 0.5, y + 0.5) if in_pixels else _pixel(camera, x, y))
+
+
+def _stations(places: PlaceList, photos: dict[str, int]) -> tuple[Station, ...]:
+    found = []
+    for place in places.places:
+        if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # not NaN
+            horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
+            found.append(Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+    return tuple(found)

@@ -1,0 +1,106 @@
+"""Tracks of OpenSfM (``tracks.csv``): which feature of a photo belongs to which track, in all versions of the file.
+
+Columns are separated by tabs. Version 0 has no head and no scale; version 1 adds the scale of the feature, version 2
+the segmentation and the instance. The coordinates are normalised: from the centre of the photo, divided by its longer
+side, y down.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.exchange.sources.faults import Faults
+from orip.files.text.lines import read_lines
+from orip.files.text.shown import shown_token
+
+_HEAD = "OPENSFM_TRACKS_VERSION_v"
+_FIELDS = {0: 8, 1: 9, 2: 11}
+_FARTHEST = 10.0
+"""Normalised coordinate that no camera has; the corners of a photo are at 0.7."""
+_LARGEST_FEATURE = 1 << 31
+_SHOT, _TRACK, _FEATURE, _X, _Y = range(5)
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Features of photos that belong to tracks.
+
+    Parameters
+    ----------
+    shots : tuple of str
+        Names of the photos.
+    tracks : tuple of str
+        Names of the tracks.
+    shot, track, feature : int array, shape (n,)
+        Of each feature: indices of its photo and of its track, and its number in the photo.
+    coordinates : float array, shape (n, 2)
+        Normalised x (right) and y (down).
+    line : int array, shape (n,)
+        Its line in the file.
+    """
+
+    shots: tuple[str, ...]
+    tracks: tuple[str, ...]
+    shot: IntArray
+    track: IntArray
+    feature: IntArray
+    coordinates: FloatArray
+    line: IntArray
+
+
+def read_tracks(path: Path, faults: Faults) -> Tracks:
+    """Read a file of tracks; what is wrong with it is kept with its line."""
+    lines = read_lines(path, faults.shown)
+    faults.complaints += lines.complaints
+    first = lines.value[0] if lines.value else ""
+    fields = _fields_of_version(first, faults)
+    shots: dict[str, int] = {}
+    tracks: dict[str, int] = {}
+    indices, coordinates = array("q"), array("d")
+    for number, line in enumerate(lines.value, start=1):
+        if not line.strip() or (number == 1 and first.startswith(_HEAD)):
+            continue
+        row = _row(line, number, fields, faults)
+        if row is not None:
+            shot, track, feature, x, y = row
+            indices.extend((shots.setdefault(shot, len(shots)), tracks.setdefault(track, len(tracks)), feature, number))
+            coordinates.extend((x, y))
+    columns = np.frombuffer(indices, dtype=np.int64).reshape(-1, 4).T
+    places = np.frombuffer(coordinates, dtype=float).reshape(-1, 2)
+    return Tracks(tuple(shots), tuple(tracks), columns[0], columns[1], columns[2], places, columns[3])
+
+
+def _fields_of_version(first: str, faults: Faults) -> int:
+    if not first.startswith(_HEAD):
+        return _FIELDS[0]
+    version = first.removeprefix(_HEAD).strip()
+    if version not in {str(known) for known in _FIELDS}:
+        faults.complain(f"version '{version}' of tracks is not known; those known are 0, 1 and 2", 1)
+        return _FIELDS[2]
+    return _FIELDS[int(version)]
+
+
+def _row(line: str, number: int, fields: int, faults: Faults) -> tuple[str, str, int, float, float] | None:
+    words = line.split("\t")
+    if len(words) != fields:
+        form = "photo, track, feature, x, y and others, separated by tabs"
+        faults.complain(f"{len(words)} fields, and {fields} should be here: {form}", number)
+        return None
+    try:
+        feature, x, y = int(words[_FEATURE]), float(words[_X]), float(words[_Y])
+    except ValueError:
+        feature, x, y = -1, math.nan, math.nan
+    if 0 <= feature < _LARGEST_FEATURE and abs(x) <= _FARTHEST and abs(y) <= _FARTHEST:
+        return words[_SHOT], words[_TRACK], feature, x, y
+    faults.complain(
+        "feature, x and y should be a whole number and two normalised coordinates, found "
+        f"'{shown_token(' '.join(words[_FEATURE : _Y + 1]))}'; correct them",
+        number,
+    )
+    return None

@@ -1,0 +1,117 @@
+"""Pix4D's folder ``1_initial/params``: photos with cameras, poses and the coordinates' offset.
+
+``*_calibrated_camera_parameters.txt`` has for each photo its camera matrix, radial and tangential distortion (OpenCV's
+order), position without the offset, and rotation from ground to camera, y down. It has no measurements.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import text_lines
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
+
+READING = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")
+
+_CAMERAS = "_calibrated_camera_parameters.txt"
+_HEAD = "camera model m = K [R|-Rt] X"
+_LINES_OF_PHOTO = 10
+_COUNTS = (3, 3, 3, 3, 2, 3, 3, 3, 3)
+
+
+def cameras_file(source: Path) -> Path | None:
+    """Return the file of camera parameters: the source itself, or the one in a folder or its params; else None."""
+    if source.is_file():
+        return source if source.name.endswith(_CAMERAS) else None
+    folders = (source, source / "params", source / "1_initial" / "params")
+    return next((path for folder in folders for path in sorted(folder.glob(f"*{_CAMERAS}"))), None)
+
+
+def is_pix4d(source: Path) -> bool:
+    """Return whether a folder or file is, or has, Pix4D's camera parameters."""
+    return cameras_file(source) is not None
+
+
+def read_pix4d(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read the parameters of calibrated cameras, with the offset and the coordinate system beside them."""
+    path = cameras_file(source)
+    if path is None:
+        message = f"there is no file *{_CAMERAS} here; name the folder 1_initial/params of the project"
+        return Parsed(None, (Complaint(message, shown),))
+    complaints: list[Complaint] = []
+    folder = Path(shown) if source.is_dir() else Path(shown).parent
+
+    def faults_of(file: Path) -> Faults:
+        inside = file.relative_to(source) if source.is_dir() else Path(file.name)
+        return Faults(str(folder / inside), complaints)
+
+    lines = text_lines(path, faults_of(path))
+    head = next((n for n, line in enumerate(lines) if line.strip() == _HEAD), None)
+    if head is None:
+        faults_of(path).complain(f"the head does not end with '{_HEAD}'; export the parameters again", 1)
+        return Parsed(None, tuple(complaints))
+    stem = path.name.removesuffix(_CAMERAS)
+    offset = _offset(path.with_name(f"{stem}_offset.xyz"), faults_of)
+    photos, cameras = _photos(lines, head + 1, offset, faults_of(path))
+    if not photos and not complaints:
+        complaints.append(Complaint("there is no photo in the file", shown))
+    if complaints:
+        return Parsed(None, tuple(complaints))
+    prj = path.with_name(f"{stem}_wkt.prj")
+    crs = "\n".join(text_lines(prj, Faults(""))).strip() if prj.is_file() else ""
+    notes = ("the folder has no measurements: only cameras and orientations are imported",)
+    return Parsed(
+        ExchangedProject(
+            stem, tuple(cameras), tuple(photos), CollectedPoints().points(), CollectedRays().rays(), (READING,),
+            crs=crs or None, ground_unit="m", notes=notes,
+        )
+    )  # fmt: skip
+
+
+def _offset(path: Path, faults_of: object) -> tuple[float, ...]:
+    if not path.is_file() or not callable(faults_of):
+        return (0.0, 0.0, 0.0)
+    faults: Faults = faults_of(path)
+    text = " ".join(text_lines(path, faults))
+    return faults.decimals(text, 3, "offset", 1) or (0.0, 0.0, 0.0)
+
+
+def _photos(
+    lines: list[str], first: int, offset: tuple[float, ...], faults: Faults
+) -> tuple[list[ExchangedPhoto], list[ExchangedCamera]]:
+    """Return photos and their different cameras."""
+    filled = [(number, line) for number, line in enumerate(lines, start=1) if number > first and line.strip()]
+    photos: list[ExchangedPhoto] = []
+    cameras: dict[tuple[int | float, ...], int] = {}
+    for start in range(0, len(filled), _LINES_OF_PHOTO):
+        part = filled[start : start + _LINES_OF_PHOTO]
+        if len(part) < _LINES_OF_PHOTO:
+            faults.complain("the last photo is not whole: a photo has ten lines", part[0][0])
+            break
+        number, head = part[0]
+        words = head.rsplit(maxsplit=2)
+        size = [faults.whole(word, "columns and rows", number, 1) for word in words[1:]]
+        rows = [faults.decimals(line, count, "camera", at) for (at, line), count in zip(part[1:], _COUNTS, strict=True)]
+        if len(size) < 2 or None in size or None in rows:
+            if len(size) < 2:
+                faults.complain("the line should be: name of the photo, columns, rows", number)
+            continue
+        k, radial, tangential, position = rows[0:3], rows[3] or (), rows[4] or (), rows[5] or ()
+        plane = ((k[0] or ())[0], (k[1] or ())[1], (k[0] or ())[2], (k[1] or ())[2])
+        camera = cameras.setdefault((size[0] or 0, size[1] or 0, *plane, *radial, *tangential), len(cameras))
+        rotation = tuple(value for row in rows[6:9] for value in row or ())
+        x, y, z = (value + shift for value, shift in zip(position, offset, strict=True))
+        photos.append(ExchangedPhoto(words[0], camera, rotation, (x, y, z), key=len(photos)))
+    return photos, [_camera(number, values) for number, values in enumerate(cameras, start=1)]
+
+
+def _camera(number: int, values: tuple[int | float, ...]) -> ExchangedCamera:
+    columns, rows, *numbers = values
+    names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
+    return ExchangedCamera(
+        f"camera{number}", int(columns), int(rows), "opencv", dict(zip(names, numbers, strict=True)), "Pix4D"
+    )

@@ -1,0 +1,204 @@
+"""XML as a tree of elements that know their lines; parts of long files are given to a function and forgotten.
+
+Document types and entities are refused: no format read here has them, and they can make a small file expand without
+bound. Parsed by expat itself, as the trees of `xml.etree` do not know lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from orip.exchange.sources.faults import Faults
+from orip.files.text.lines import read_bytes
+from orip.files.text.shown import shown_token
+
+MOST_ELEMENTS = 3_000_000
+"""Elements that a tree may have; in memory each of them is many times larger than in the file."""
+
+_DEEPEST = 60
+
+
+@dataclass(slots=True)
+class XmlElement:
+    """An element: its tag, attributes, own text, children and the line that it begins in."""
+
+    tag: str
+    line: int
+    attributes: dict[str, str]
+    text: str = ""
+    children: list[XmlElement] = field(default_factory=list)
+
+    def child(self, path: str) -> XmlElement | None:
+        """Return the first descendant of a path such as ``Externe/Centre``; None if there is none."""
+        element: XmlElement | None = self
+        for tag in path.split("/"):
+            element = next((child for child in element.children if child.tag == tag), None) if element else None
+        return element
+
+    def all(self, tag: str) -> Iterator[XmlElement]:
+        """Iterate over the children of a tag."""
+        return (child for child in self.children if child.tag == tag)
+
+    def within(self, tag: str) -> Iterator[XmlElement]:
+        """Iterate over all descendants of a tag, in the order of the file."""
+        for child in self.children:
+            if child.tag == tag:
+                yield child
+            yield from child.within(tag)
+
+
+class _RefusedError(Exception):
+    """The text has what is refused."""
+
+
+class _TreeBuilder:
+    """Takes the events of expat."""
+
+    def __init__(self, parser: expat.XMLParserType, parts: Mapping[str, Callable[[XmlElement], None]]) -> None:
+        self._parser = parser
+        self._parts = parts
+        self._open: list[XmlElement] = []
+        self._kept = 0
+        self.root: XmlElement | None = None
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = XmlElement(tag, self._parser.CurrentLineNumber, attributes)
+        self._kept += 1
+        if self._kept > MOST_ELEMENTS or len(self._open) > _DEEPEST:
+            message = f"there are more elements in one another, or in all, than a file of this kind has ({tag})"
+            raise _RefusedError(message)
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+
+    def end(self, tag: str) -> None:
+        element = self._open.pop()
+        take = self._parts.get(tag)
+        if take is not None and self._open:
+            siblings = self._open[-1].children
+            siblings.pop()
+            self._kept -= 1 + len(element.children)
+            take(element)
+
+    def text(self, data: str) -> None:
+        self._open[-1].text += data
+
+    def doctype(self, name: str, *_: object) -> None:
+        message = f"a document type is declared (<!DOCTYPE {shown_token(name)}); remove it, entities are not read"
+        raise _RefusedError(message)
+
+
+def read_xml(
+    path: Path, faults: Faults, parts: Mapping[str, Callable[[XmlElement], None]] | None = None
+) -> XmlElement | None:
+    """Return the root of an XML file; None, and a complaint kept, if it is no such file.
+
+    Parameters
+    ----------
+    path : Path
+    faults : Faults
+        Takes the complaints.
+    parts : mapping of tag to function, optional
+        Elements of these tags are given to their function as soon as they are complete, and are not in the tree.
+    """
+    data, complaints = read_bytes(path, faults.shown)
+    faults.complaints += complaints
+    return None if data is None else xml_of(data, faults, parts)
+
+
+def xml_of(
+    data: bytes, faults: Faults, parts: Mapping[str, Callable[[XmlElement], None]] | None = None
+) -> XmlElement | None:
+    """Return the root of an XML text, as `read_xml`."""
+    parser = expat.ParserCreate()
+    builder = _TreeBuilder(parser, parts or {})
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.text
+    parser.StartDoctypeDeclHandler = builder.doctype
+    try:
+        parser.Parse(data, True)
+    except _RefusedError as fault:
+        faults.complain(str(fault), parser.CurrentLineNumber)
+        return None
+    except expat.ExpatError as fault:
+        message = f"this is no XML ({expat.ErrorString(fault.code)}); export the file again"
+        faults.complain(message, fault.lineno, fault.offset + 1)
+        return None
+    except (LookupError, ValueError) as fault:
+        faults.complain(f"the encoding of this XML cannot be read ({fault}); save it as UTF-8", 1)
+        return None
+    return builder.root
+
+
+class XmlFields:
+    """Values of elements and attributes; what is missing or wrong is complained of with its line."""
+
+    def __init__(self, faults: Faults) -> None:
+        self.faults = faults
+
+    def required(self, element: XmlElement, path: str) -> XmlElement | None:
+        """Return a descendant; None, and a complaint kept, if it is missing."""
+        found = element.child(path)
+        if found is None:
+            self.faults.complain(f"<{shown_token(element.tag)}> has no <{path}>; export the file again", element.line)
+        return found
+
+    def text(self, element: XmlElement, path: str) -> str | None:
+        """Return the text of a required descendant, without blanks and quotes around it."""
+        found = self.required(element, path)
+        return None if found is None else plain(found.text)
+
+    def decimals(self, element: XmlElement, path: str, count: int) -> tuple[float, ...] | None:
+        """Return the numbers of a required descendant; None if there are not as many."""
+        found = self.required(element, path)
+        return None if found is None else self.faults.decimals(found.text, count, f"<{path}>", found.line)
+
+    def decimal(self, element: XmlElement, path: str) -> float | None:
+        """Return the number of a required descendant."""
+        found = self.decimals(element, path, 1)
+        return None if found is None else found[0]
+
+    def optional(self, element: XmlElement, path: str, missing: float = 0.0) -> float:
+        """Return the number of a descendant; `missing` where there is none, or where it is no number."""
+        if element.child(path) is None:
+            return missing
+        found = self.decimal(element, path)
+        return missing if found is None else found
+
+    def attribute(self, element: XmlElement, name: str) -> str | None:
+        """Return a required attribute; None, and a complaint kept, if it is missing."""
+        value = element.attributes.get(name)
+        if value is None:
+            message = f"<{shown_token(element.tag)}> has no attribute '{name}'; export the file again"
+            self.faults.complain(message, element.line)
+        return value
+
+    def attribute_decimal(self, element: XmlElement, name: str) -> float | None:
+        """Return the number of a required attribute; None, and a complaint kept, if it is none."""
+        value = self.attribute(element, name)
+        if value is None:
+            return None
+        found = self.faults.decimals(value, 1, f"'{name}' of <{element.tag}>", element.line)
+        return None if found is None else found[0]
+
+    def attribute_whole(self, element: XmlElement, name: str, least: int = 0) -> int | None:
+        """Return the whole number of a required attribute; None, and a complaint kept, if it is none."""
+        value = self.attribute(element, name)
+        return None if value is None else self.faults.whole(value, f"'{name}' of <{element.tag}>", element.line, least)
+
+
+def plain(text: str) -> str:
+    """Return a text without blanks and quotes around it."""
+    return text.strip().removeprefix('"').removesuffix('"')
+
+
+def is_true(word: str | None, *, missing: bool) -> bool:
+    """Return whether an attribute says ``true``, ``True`` or ``1``."""
+    return missing if word is None else word.strip().lower() in ("true", "1")

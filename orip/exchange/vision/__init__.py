@@ -1,0 +1,1 @@
+"""Models of early structure-from-motion programs: Bundler, BAL, and VisualSFM's NVM."""

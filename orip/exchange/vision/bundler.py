@@ -1,0 +1,189 @@
+"""Bundler's ``bundle.out`` (v0.3) and its relative BAL: a camera for each photo, with f, k1, k2.
+
+Camera axes are x right, y up, z backward; image coordinates count from the centre, y up. No file says the size of the
+photos. A camera of bundle.out whose f is 0 was not oriented.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import text_lines
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
+
+BUNDLER = PoseReading("y_up", "to_camera", "matrix", "radian", "translation")
+BAL = PoseReading("y_up", "to_camera", "rotation_vector", "radian", "translation")
+
+AXES = ImageAxes("pixel", "frame_centre", "up")
+
+_HEAD = "# Bundle file"
+_NUMBERS_OF_CAMERA, _NUMBERS_OF_POINT, _NUMBERS_OF_RAY = 9, 3, 4
+_LINES_OF_CAMERA, _LINES_OF_POINT = 5, 3
+
+
+def is_bundler(beginning: str) -> bool:
+    """Return whether a file begins as a bundle.out does."""
+    return beginning.startswith(_HEAD)
+
+
+def is_bal(beginning: str) -> bool:
+    """Return whether a file begins as a BAL problem does: three counts, then a measurement of camera 0."""
+    lines = [line.split() for line in beginning.splitlines()[:2]]
+    return len(lines) == 2 and len(lines[0]) == 3 and len(lines[1]) == 4 and all(map(str.isdigit, lines[0]))
+
+
+def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read a BAL problem."""
+    faults = Faults(shown)
+    lines = text_lines(source, faults)
+    head = lines[0].split() if lines else []
+    counts = [faults.whole(word, "count", 1) for word in head[:3]]
+    if len(counts) < 3 or None in counts:
+        faults.complain("the first line should have the numbers of cameras, points and measurements", 1)
+        return Parsed(None, tuple(faults.complaints))
+    cameras, points, measurements = (count or 0 for count in counts)
+    found = sum(1 for line in lines if line.strip())
+    wanted = 1 + measurements + _NUMBERS_OF_CAMERA * cameras + _NUMBERS_OF_POINT * points
+    if found != wanted:
+        faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is not whole", 1)
+        return Parsed(None, tuple(faults.complaints))
+    rays, collected = CollectedRays(), CollectedPoints()
+    filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
+    numbers = [_last_number(line, number, faults) for number, line in filled[1 + measurements :]]
+    first_of_points = _NUMBERS_OF_CAMERA * cameras
+    for point in range(points):
+        start = first_of_points + _NUMBERS_OF_POINT * point
+        collected.add(str(point), numbers[start : start + 3], is_track=True)
+    for number, line in filled[1 : 1 + measurements]:
+        _add_ray(line, number, (cameras, points), rays, faults)
+    cameras_found = [numbers[_NUMBERS_OF_CAMERA * n : _NUMBERS_OF_CAMERA * (n + 1)] for n in range(cameras)]
+    photos = [
+        ExchangedPhoto(f"photo{n}", n, tuple(values[:3]), tuple(values[3:6]), key=n)
+        for n, values in enumerate(cameras_found)
+    ]
+    lenses = [_camera(f"camera{n}", values[6:9], 0, faults) for n, values in enumerate(cameras_found)]
+    return _parsed(lenses, photos, collected, rays, BAL, (), faults)
+
+
+def _last_number(line: str, number: int, faults: Faults) -> float:
+    values = faults.decimals(line, 1, "a parameter of a camera or a coordinate", number)
+    return float("nan") if values is None else values[0]
+
+
+def _add_ray(line: str, number: int, counts: tuple[int, int], rays: CollectedRays, faults: Faults) -> None:
+    words = line.split()
+    if len(words) != _NUMBERS_OF_RAY:
+        faults.complain(f"{len(words)} fields, and 4 should be here: camera, point, x, y", number)
+        return
+    camera, point = faults.whole(words[0], "camera", number), faults.whole(words[1], "point", number)
+    x, y = (faults.decimal(word, "x and y", number) for word in words[2:])
+    if camera is None or point is None:
+        return
+    if camera >= counts[0] or point >= counts[1]:
+        faults.complain(f"camera {camera}, point {point}: there are {counts[0]} and {counts[1]} of them", number)
+        return
+    rays.add(camera, point, (x, y))
+
+
+def _camera(name: str, values: Sequence[float], line: int, faults: Faults) -> ExchangedCamera:
+    focal, k1, k2 = values
+    if focal <= 0:
+        faults.complain(f"{name}: the focal length has to be above 0", line or None)
+    parameters = {"fx": focal, "fy": focal, "cx": 0.0, "cy": 0.0, "k1": k1, "k2": k2}
+    return ExchangedCamera(name, 0, 0, "opencv", parameters, "Bundler", lens_axes=AXES, ray_axes=AXES)
+
+
+def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read a bundle.out; names of photos are those of ``list.txt`` beside it."""
+    faults = Faults(shown)
+    lines = text_lines(source, faults)
+    if not lines or not is_bundler(lines[0]):
+        faults.complain(f"the file does not begin with '{_HEAD} v0.3'; name the bundle.out", 1)
+        return Parsed(None, tuple(faults.complaints))
+    counts = faults.decimals(lines[1], 2, "numbers of cameras and points", 2) if len(lines) > 1 else None
+    if counts is None:
+        faults.complain("the second line should have the numbers of cameras and points", 2)
+        return Parsed(None, tuple(faults.complaints))
+    cameras, points = (int(count) for count in counts)
+    wanted = 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * points
+    if min(cameras, points) < 0 or len(lines) < wanted:
+        faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is not whole", 2)
+        return Parsed(None, tuple(faults.complaints))
+    names = _names(source, cameras)
+    photos: list[ExchangedPhoto] = []
+    lenses: list[ExchangedCamera] = []
+    place: dict[int, int] = {}
+    for camera in range(cameras):
+        first = 2 + _LINES_OF_CAMERA * camera
+        rows = [
+            faults.decimals(lines[first + n], 3, "camera", first + n + 1) or (0.0, 0.0, 0.0)
+            for n in range(_LINES_OF_CAMERA)
+        ]
+        if rows[0][0] != 0.0:
+            place[camera] = len(photos)
+            rotation = tuple(value for row in rows[1:4] for value in row)
+            photos.append(ExchangedPhoto(names[camera], len(lenses), rotation, rows[4], key=camera))
+            lenses.append(_camera(f"camera{camera}", rows[0], first + 1, faults))
+    collected, rays = CollectedPoints(), CollectedRays()
+    for point in range(points):
+        _add_point(
+            lines, 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point, point, place, collected, rays, faults
+        )
+    lost = cameras - len(photos)
+    notes = (f"{lost} photos were not oriented and are left out",) if lost else ()
+    return _parsed(lenses, photos, collected, rays, BUNDLER, notes, faults)
+
+
+def _add_point(
+    lines: list[str],
+    first: int,
+    point: int,
+    place: dict[int, int],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    faults: Faults,
+) -> None:
+    """Add the point of three lines: coordinates, colour, and its rays."""
+    coordinates = faults.decimals(lines[first], 3, "coordinates", first + 1)
+    words, line = lines[first + 2].split(), first + 3
+    count = faults.whole(words[0], "number of rays", line) if words else None
+    if count is None or len(words) != 1 + _NUMBERS_OF_RAY * count:
+        faults.complain("the line should have the number of rays, and 4 numbers for each of them", line)
+        return
+    number = points.add(str(point), coordinates, is_track=True)
+    for ray in range(count):
+        start = 1 + _NUMBERS_OF_RAY * ray
+        camera = faults.whole(words[start], "camera", line)
+        x, y = (faults.decimal(word, "x and y", line) for word in words[start + 2 : start + 4])
+        if camera is not None and camera in place:
+            rays.add(place[camera], number, (x, y))
+
+
+def _names(source: Path, count: int) -> list[str]:
+    path = source.parent / "list.txt"
+    if not path.is_file():
+        return [f"photo{n}" for n in range(count)]
+    found = [line.split()[0] for line in text_lines(path, Faults("")) if line.strip()]
+    return [found[n] if n < len(found) else f"photo{n}" for n in range(count)]
+
+
+def _parsed(
+    cameras: Sequence[ExchangedCamera],
+    photos: Sequence[ExchangedPhoto],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    reading: PoseReading,
+    notes: tuple[str, ...],
+    faults: Faults,
+) -> Parsed[ExchangedProject | None]:
+    if not photos:
+        faults.complaints.append(Complaint("no photo is oriented; there is nothing to import", faults.shown))
+    if faults.complaints:
+        return Parsed(None, tuple(faults.complaints))
+    project = ExchangedProject("", tuple(cameras), tuple(photos), points.points(), rays.rays(), (reading,), notes=notes)
+    return Parsed(project)

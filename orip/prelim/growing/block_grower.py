@@ -1,0 +1,377 @@
+"""Adding photo after photo to a block: resection from its known points, then intersection of the points newly seen.
+
+A photo that sees too few known points for resection is added by a model with an oriented photo: rotation and base come
+from all points of the two photos, and one known point gives the scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
+from orip.prelim.growing.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
+from orip.prelim.intersection.intersection import intersect
+from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays.photo_index import PhotoIndex
+from orip.prelim.refinement.refinement import ROUGH, refine
+from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.resection.configuration import image_configuration
+from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.rotation_starts import upright
+from orip.progress import stage
+from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.wording import counted
+
+_WELL, _BARELY = 8, 4
+"""Known points in a photo: eight reveal one or two blunders; four give only a check."""
+
+_LEAST = 3
+"""Known points that suffice to orient a photo, in up to four positions."""
+
+_NEARLY_MOST = 0.7
+"""Only photos seeing at least this part of the best photo's known points are added now."""
+
+_SCALE_CHECKED = 3
+"""Known points of a model: three reveal a wrong one."""
+
+FITTING = 0.6
+"""Part of the known points that has to fit a resection."""
+
+_FEWEST_FOR_MODEL = 5
+
+_MODELS_TRIED = 6
+"""Models with oriented photos that are tried for one photo."""
+
+_BLOCKS_TRIED = 3
+"""Models from which growing a partial block is tried."""
+
+_REMOVALS = 2
+"""How often a photo may be removed; after that it stays, and its residuals show that it does not fit."""
+
+_REFINED_AT = 1.5
+"""Errors add up as a block grows: when it has grown by this factor it is adjusted as a whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Refused:
+    """What could not be added, and how many points were known then: it is tried again once there are more.
+
+    Photos, and models of an oriented photo and one that is not.
+    """
+
+    photos: dict[int, int] = field(default_factory=dict)
+    models: dict[tuple[int, int], int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class BlockGrower:
+    """The rays from which a block grows, and what does not change while it grows.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    index : PhotoIndex
+    common : array (photos, photos)
+        Numbers of common points.
+    held : array (number of points, 3)
+        Coordinates of points that do not change; NaN for the others.
+    allowed : array (photos,) of bool
+        Photos that may be added.
+    models : dict
+        Relative orientations by pairs of photos, kept since many are needed again.
+    branching : bool
+        Partial blocks may grow by themselves before they are connected; they do not branch again.
+    held_errors : array (number of points,) or None
+        A-priori errors of the coordinates of points that do not change; None: they are exact.
+    """
+
+    rays: ImageRays
+    index: PhotoIndex
+    common: IntArray
+    held: FloatArray
+    allowed: BoolArray
+    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    branching: bool = True
+    held_errors: FloatArray | None = None
+
+    @property
+    def held_points(self) -> BoolArray:
+        """Return which points do not change, array (number of points,)."""
+        return np.isfinite(self.held[:, 0])
+
+    def seen(self, current: GrowingBlock) -> ImageRays:
+        """Return the rays with the cameras corrected and the a-priori errors of points that do not change included."""
+        return current.corrected(self._with_errors_of_held(current))
+
+    def _with_errors_of_held(self, current: GrowingBlock) -> ImageRays:
+        """Return the rays with the errors of points that are held counted as errors of their photo points."""
+        rays = self.rays
+        if self.held_errors is None or not self.held_errors.any():
+            return rays
+        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & current.oriented[rays.photo])
+        photo, point = rays.photo[rows], rays.point[rows]
+        distance = np.linalg.norm(self.held[point] - current.centres[photo], axis=1)
+        error = rays.error.copy()
+        error[rows] = np.hypot(error[rows], -rays.vectors[rows, 2] * self.held_errors[point] / distance)
+        return replace(rays, error=error)
+
+    def grow(self, start: GrowingBlock, enough: float = 0.0) -> GrowingBlock:
+        """Return the system with all photos that can be added to it, adjusted as a whole.
+
+        Photos that are in the wrong place after an adjustment are removed, and added again on the basis of the others.
+
+        Parameters
+        ----------
+        start : GrowingBlock
+        enough : float
+            Gain at which the last adjustment ends (see `refine`): `ROUGH` where another one follows.
+        """
+        if not self.branching:
+            return self._grow(start, enough, lambda _photos: None)
+        with stage("orienting photos", len(self.rays.photos)) as advance:
+            return self._grow(start, enough, advance)
+
+    def _grow(self, start: GrowingBlock, enough: float, advance: Callable[[int], None]) -> GrowingBlock:
+        current, refined = start, int(start.oriented.sum())
+        refused = _Refused()
+        removals = np.zeros(len(self.rays.photos), dtype=np.int64)
+        while True:
+            added = self._with_more_photos(current, refused)
+            if added is not None:
+                current = self._intersected_again(added, added.oriented & ~current.oriented)
+            count = int(current.oriented.sum())
+            advance(count)
+            if added is not None and count < _REFINED_AT * refined + 1:
+                continue
+            current, refined = self.refined(current, enough if added is None else ROUGH), count
+            lengths = residual_lengths(self.seen(current), current)
+            wrong = misplaced_photos(self.rays, current, lengths) & (removals < _REMOVALS)
+            if wrong.any() and not wrong[current.oriented].all():
+                removals += wrong
+                refused = _Refused()
+                current = self.intersected(current.without_photos(wrong))
+            elif added is None:
+                return current
+
+    def intersected(self, current: GrowingBlock) -> GrowingBlock:
+        """Return the system with all points that its photos determine."""
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(self.rays))
+        return self._with_held(replace(current, coordinates=found.coordinates, deviations=found.deviations))
+
+    def _intersected_again(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
+        """Return the block after a new intersection of the points that some of its photos see."""
+        points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
+        concerned = np.zeros(len(self.rays.points), dtype=bool)
+        concerned[points] = True
+        rows = np.flatnonzero(concerned[self.rays.point])
+        part = self.rays.of(rows)
+        names = tuple(self.rays.points[point] for point in points)
+        part = replace(part, points=names, point=np.searchsorted(points, part.point))
+        found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
+        coordinates[points], deviations[points] = found.coordinates, found.deviations
+        return self._with_held(replace(current, coordinates=coordinates, deviations=deviations))
+
+    def refined(self, current: GrowingBlock, enough: float) -> GrowingBlock:
+        """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
+        found = refine(
+            self._with_errors_of_held(current),
+            current.rotations,
+            current.centres,
+            current.oriented,
+            current.coordinates,
+            corrections=current.corrections,
+            held_points=self.held_points,
+            enough=enough,
+        )
+        moved = replace(current, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
+        return self.intersected(moved)
+
+    def _with_held(self, current: GrowingBlock) -> GrowingBlock:
+        rows = self.held_points
+        if not rows.any():
+            return current
+        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
+        coordinates[rows] = self.held[rows]
+        deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
+        return replace(current, coordinates=coordinates, deviations=deviations)
+
+    def _with_more_photos(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+        """Return the block with the photos that can be added in the safest possible way; None if there are none."""
+        return (
+            self._resected(current, _WELL, refused)
+            or self._with_model(current, refused)
+            or self._resected(current, _BARELY, refused)
+            or (self._with_block(current) if self.branching else None)
+            or (self._by_three_points(current) if self.held_points.any() else None)
+        )
+
+    def _resected(self, current: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
+        """Return the block with the photos that see most of its points, and at least `fewest`."""
+        known = current.known
+        counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
+        counts[current.oriented | ~self.allowed] = 0
+        # what failed is tried again when more points are known
+        counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
+        result, seen = None, current.corrected(self.rays)
+        for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
+            found = self.resection(current, seen, int(photo), known)
+            if found is None:
+                refused.photos[int(photo)] = int(counts[photo])
+            else:
+                result = (result or current).with_photo(int(photo), found.rotation, found.centre, found.how)
+        return result
+
+    def resection(self, current: GrowingBlock, seen: ImageRays, photo: int, known: BoolArray) -> Resected | None:
+        """Return the orientation of a photo from the `known` points of a system that it sees, if they agree on one.
+
+        `seen` are the rays with the cameras corrected as estimated in the system.
+        """
+        rows = self.index.rows[photo][known[self.index.points[photo]]]
+        points = self.rays.point[rows]
+        deviation = np.sqrt((current.deviations[points] ** 2).sum(axis=1) / 3.0)
+        error = float(self.rays.error[rows].mean())
+        found = resect(seen.vectors[rows], current.coordinates[points], deviation, error_mm=error)
+        if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
+            return None
+        if np.mean(found.weight_factor >= 1.0) < FITTING:
+            return None
+        spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
+        return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
+
+    def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
+        """Return the block with the photos that see exactly three known points, each in its most likely position.
+
+        Of up to four positions the one is used in which most other rays of the photo meet those of oriented photos;
+        of equally good ones the most upright, as the vertical is known on the ground.
+        """
+        known, result = current.known, None
+        for photo in np.flatnonzero(self.allowed & ~current.oriented):
+            rows = self.index.rows[photo][known[self.index.points[photo]]]
+            if len(rows) != _LEAST:
+                continue
+            points = self.rays.point[rows]
+            seen = current.corrected(self.rays.of(rows))
+            found = resect(seen.vectors, current.coordinates[points], error_mm=float(np.median(seen.error)))
+            if not isinstance(found, Resected):
+                continue
+            rotations = np.concatenate([found.rotation[None], found.alternatives.rotations])
+            centres = np.concatenate([found.centre[None], found.alternatives.centres])
+            tried = [current.with_photo(int(photo), *position, "") for position in zip(rotations, centres, strict=True)]
+            met = np.array([self._rays_that_meet(position, int(photo)) for position in tried])
+            best = np.flatnonzero(met == met.max())
+            chosen = max(best, key=lambda row: upright(rotations[[row]]))
+            how = "space resection from 3 points, without a check"
+            if len(best) > 1:
+                how += f"; {len(best)} positions fit them, the most upright one was used: measure one more known point"
+            result = (result or current).with_photo(int(photo), rotations[chosen], centres[chosen], how)
+        return result
+
+    def _rays_that_meet(self, current: GrowingBlock, photo: int) -> int:
+        """Return how many points are determined only with the rays of a photo, and fit them."""
+        found = self._intersected_again(current, np.arange(len(current.oriented)) == photo)
+        lengths = residual_lengths(self.seen(found), found)[self.index.rows[photo]]
+        return int(np.count_nonzero(lengths <= MISFIT))
+
+    def _with_model(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
+        """Return the system with the photo that shares most points with an oriented one, connected by their model.
+
+        Known points have to fit: they give the scale and check it.
+        """
+        for oriented, photo in self._models_to_try(current):
+            model = self.model(oriented, photo)
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+                continue
+            known = np.count_nonzero(current.known[model.block.points])
+            if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
+                continue
+            joined = join(model.block, _part(current, oriented, model.block.points), self.rays, "connect")
+            if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
+                place = int(np.flatnonzero(joined.block.photos == photo)[0])
+                how = (
+                    f"model with photo {model.left} ({len(model.points)} points), connected by "
+                    f"{len(joined.step.points)} known points"
+                )
+                return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
+            refused.models[oriented, photo] = int(known)
+        return None
+
+    def _with_block(self, current: GrowingBlock) -> GrowingBlock | None:
+        """Return the system with a partial block grown from an oriented photo, which has too few known points at first.
+
+        The partial block grows by itself: the more photos it has, the more of its points are known, and give its scale.
+        """
+        for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
+            model = self.model(oriented, photo)
+            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+                continue
+            how = f"model with photo {model.left} ({len(model.points)} points)"
+            allowed = self.allowed & ~current.oriented
+            grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=current.corrections)
+            block = grower.grow(start, ROUGH)
+            joined = join(
+                block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+            )
+            if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
+                continue
+            # the photos that the partial block began with may have been removed from it as wrong
+            more = _with_photos_of(current, joined, block)
+            if more is not current:
+                return more
+        return None
+
+    def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:
+        """Return the relative orientation of a photo to another one."""
+        if (left, right) not in self.models:
+            name = self.rays.photos[left]
+            found = orient_pair(self.rays, left, right, model=name, row=None, column=None, index=self.index)
+            self.models[left, right] = found
+        return self.models[left, right]
+
+    def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
+        """Yield pairs of an oriented photo and one that is not, those with most common points first."""
+        oriented = current.oriented
+        counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
+        tried = np.zeros(len(oriented), dtype=int)
+        for flat in np.argsort(-counts, axis=None, kind="stable"):
+            first, photo = divmod(int(flat), counts.shape[1])
+            if counts[first, photo] < _FEWEST_FOR_MODEL:
+                return
+            if tried[photo] < _MODELS_TRIED:
+                tried[photo] += 1
+                yield first, photo
+
+
+def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
+    """Return a system with the photos of a partial block that was connected."""
+    points = counted(len(joined.step.points), "known point")
+    for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
+        if not current.oriented[photo]:
+            how = f"{block.how[photo]}; connected by {points}"
+            current = current.with_photo(int(photo), rotation, centre, how)
+    return current
+
+
+def _fitting_points(joined: Joined) -> int:
+    return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
+
+
+def _part(current: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
+    """Return one photo of a system, with those of its points that are known."""
+    known = points[current.known[points]]
+    return PartialBlock(
+        current.name,
+        np.array([photo]),
+        current.rotations[[photo]],
+        current.centres[[photo]],
+        known,
+        current.coordinates[known],
+        np.nan_to_num(current.deviations[known]),
+    )

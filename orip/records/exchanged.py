@@ -1,0 +1,267 @@
+"""A project as another program has it: cameras, photos, points and rays in that program's own conventions.
+
+Readers of `orip.exchange` return it and writers take it. What its numbers mean is declared beside them (`ImageAxes`,
+`PoseReading`, `Lens`); `orip.conversion` takes them to orip's conventions and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.records.observations.control import ControlDistance, ControlPoint
+from orip.records.observations.station import IN_PROJECT, Station, StationReference
+
+RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
+AngleUnit = Literal["radian", "degree", "gon"]
+
+Lens = Literal["opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "unsupported"]
+"""Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImageAxes:
+    """How image coordinates are counted; x to the right.
+
+    Parameters
+    ----------
+    unit : {"pixel", "mm"}
+    origin : {"corner", "first_pixel", "frame_centre"}
+        Outer corner of the upper left pixel; centre of that pixel; middle of the frame.
+    y : {"down", "up"}
+    """
+
+    unit: Literal["pixel", "mm"] = "pixel"
+    origin: Literal["corner", "first_pixel", "frame_centre"] = "corner"
+    y: Literal["down", "up"] = "down"
+
+
+PIXELS = ImageAxes()
+"""Those of orip: columns to the right and rows down from the outer corner of the upper left pixel."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedCamera:
+    """A camera.
+
+    Parameters
+    ----------
+    name : str
+        As the other program has it.
+    columns, rows : int
+        Of the frame; 0: the file does not say.
+    lens : Lens
+    parameters : mapping of str to float
+        By the names of the lens' parameters; those that are missing are 0. Focal lengths and principal point are in
+        `lens_axes`.
+    model : str
+        What the other program calls its model, for messages and for writing back.
+    lens_axes : ImageAxes
+        Of the focal length, the principal point and distortion.
+    ray_axes : ImageAxes
+        Of the measurements in photos of this camera.
+    sensor_mm : tuple of 2 float, or None
+        Width and height of the frame; None: the file does not say.
+    free : tuple of str
+        Parameters that the other program has estimated.
+    """
+
+    name: str
+    columns: int
+    rows: int
+    lens: Lens
+    parameters: Mapping[str, float]
+    model: str = ""
+    lens_axes: ImageAxes = PIXELS
+    ray_axes: ImageAxes = PIXELS
+    sensor_mm: tuple[float, float] | None = None
+    free: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReading:
+    """What the numbers of poses mean; where a format does not say, there are several readings to be tried.
+
+    Parameters
+    ----------
+    camera_axes : {"y_down", "y_up"}
+        x right, y down, z forward; or x right, y up, z backward as orip.
+    sense : {"to_camera", "to_ground"}
+        The rotation takes ground axes to camera axes, or the other way.
+    form : {"matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"}
+        9 numbers by rows; 4 numbers (w, x, y, z); 3 numbers, axis times angle; 3 angles of Rx(omega) Ry(phi) Rz(kappa),
+        or of Ry(phi) Rx(omega) Rz(kappa), always given as omega, phi, kappa.
+    unit : {"radian", "degree", "gon"}
+        Of angles.
+    position : {"centre", "translation"}
+        The projection centre; or t of: camera coordinates = rotation to the camera · ground coordinates + t.
+    """
+
+    camera_axes: Literal["y_down", "y_up"] = "y_down"
+    sense: Literal["to_camera", "to_ground"] = "to_camera"
+    form: RotationForm = "matrix"
+    unit: AngleUnit = "radian"
+    position: Literal["centre", "translation"] = "centre"
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedPhoto:
+    """A photo.
+
+    Parameters
+    ----------
+    name : str
+        As the other program has it, with folders and blanks.
+    camera : int
+        Its place among the cameras.
+    rotation : tuple of float
+        9, 4 or 3 numbers as the reading's form says; empty: not oriented.
+    position : tuple of 3 float, or empty
+        As the reading says.
+    position_deviation : tuple of 3 float, or None
+        Standard deviations of the adjusted projection centre.
+    key : int
+        Number in the file that the photo is found by when a result is written back.
+    """
+
+    name: str
+    camera: int
+    rotation: tuple[float, ...] = ()
+    position: tuple[float, ...] = ()
+    position_deviation: tuple[float, float, float] | None = None
+    key: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedPoints:
+    """m points that are measured or have coordinates.
+
+    Parameters
+    ----------
+    names : tuple of m str
+        As the other program has them; different from one another among tracks, and among the others.
+    coordinates : array (m, 3)
+        NaN where they are not known.
+    is_track : array (m,) of bool
+        The name is the number of a track, which orip calls T and the number; else a point with a name of its own.
+    covariance : array (m, 3, 3), or None
+        Of adjusted coordinates; NaN where it is not known.
+    residual : array (m,), or None
+        Mean length of the residuals of a point's rays, pixels; NaN where it is not known.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    is_track: BoolArray
+    covariance: FloatArray | None = None
+    residual: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedRays:
+    """k measurements of points in photos.
+
+    Parameters
+    ----------
+    photo, point : arrays (k,) of int
+        Places among photos and points.
+    image : array (k, 2)
+        In the `ray_axes` of the photo's camera.
+    deviation : array (k,)
+        A-priori standard deviation of a coordinate in the unit of these axes; NaN where the file does not say.
+    is_active : array (k,) of bool
+        False: measured, but the other program leaves it out.
+    """
+
+    photo: IntArray
+    point: IntArray
+    image: FloatArray
+    deviation: FloatArray
+    is_active: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class StatedError:
+    """The reprojection error that a file states, pixels.
+
+    Parameters
+    ----------
+    value : float
+    of : {"rms", "mean", "mean_of_points"}
+        Root mean square of the lengths of the residuals, their mean, or the mean over points of their mean lengths.
+    """
+
+    value: float
+    of: Literal["rms", "mean", "mean_of_points"] = "rms"
+
+
+@dataclass(frozen=True, slots=True)
+class GroundFrame:
+    """What ground coordinates refer to where this is not the project's system.
+
+    Parameters
+    ----------
+    kind : {"plain", "geocentric", "topocentric"}
+        The system of `ExchangedProject.crs`, or an arbitrary one if there is none; geocentric X, Y, Z (m); east, north
+        and up (m) at an origin.
+    origin : tuple of 3 float
+        Longitude, latitude (degrees) and ellipsoidal height (m) of a topocentric frame's origin.
+    """
+
+    kind: Literal["plain", "geocentric", "topocentric"] = "plain"
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedProject:
+    """All that is exchanged with another program.
+
+    Parameters
+    ----------
+    name : str
+        Of the project; empty: the file has none.
+    cameras : tuple of ExchangedCamera
+    photos : tuple of ExchangedPhoto
+    points : ExchangedPoints
+    rays : ExchangedRays
+    readings : tuple of PoseReading
+        Of the poses; more than one where the format does not say, the likeliest first.
+    control : tuple of ControlPoint
+        By the name of the point; negative errors: a check point. Errors are None where the file has none.
+    control_crs : str
+        What control coordinates refer to, x or longitude first; empty: the system of all others.
+    stations : tuple of Station
+        By the name of the photo.
+    station_reference : StationReference
+        What positions of stations refer to.
+    distances : tuple of ControlDistance
+    crs : str or None
+        None: an arbitrary or plain system.
+    ground_unit : str
+    frame : GroundFrame
+    precision : float
+        A-priori error of a measurement, in the unit of `ray_axes`.
+    stated : StatedError or None
+    notes : tuple of str
+        What orip has no place for and is lost, a sentence each.
+    """
+
+    name: str
+    cameras: tuple[ExchangedCamera, ...]
+    photos: tuple[ExchangedPhoto, ...]
+    points: ExchangedPoints
+    rays: ExchangedRays
+    readings: tuple[PoseReading, ...] = (PoseReading(),)
+    control: tuple[ControlPoint, ...] = ()
+    control_crs: str = ""
+    stations: tuple[Station, ...] = ()
+    station_reference: StationReference = IN_PROJECT
+    distances: tuple[ControlDistance, ...] = ()
+    crs: str | None = None
+    ground_unit: str = "unit"
+    frame: GroundFrame = field(default_factory=GroundFrame)
+    precision: float = 1.0
+    stated: StatedError | None = None
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,123 @@
+"""The block in three dimensions: photos as pyramids over their frames, points by kind, rays."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.fiducial_system import frame_corners
+from orip.records.names import record_key
+from orip.records.project.camera import Camera
+from orip.records.results.solution import Solution
+from orip.report.drawings.ellipses import drawn_points
+from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.report_input import ReportInput
+from orip.units import DEGREES_PER_RADIAN
+
+MOST_POINTS = 10_000
+_DEPTH = 0.25
+"""Height of a photo's pyramid, as a part of its median distance from its points."""
+
+_FAR_AWAY = 20.0
+"""Multiple of the block's size from which coordinates are reduced: browsers draw in single precision."""
+
+
+def block_view(given: ReportInput) -> dict[str, Any]:
+    """Return what the page's script draws; coordinates are reduced by `origin`, so that single precision is enough."""
+    solution = given.solution
+    rows = drawn_points(solution, MOST_POINTS)
+    points, centres = solution.points.values[rows], solution.photos.values[:, :3]
+    origin = _origin(np.concatenate([points, centres]))
+    corners = pyramid_corners(given) - origin
+    place = {row: index for index, row in enumerate(rows.tolist())}
+    return {
+        "origin": origin.tolist(),
+        "unit": solution.ground_unit,
+        "points": {
+            "names": [solution.points.names[row] for row in rows],
+            "kinds": [solution.point_kinds[row] for row in rows],
+            "xyz": _rounded(points - origin),
+            "of": len(solution.points.names),
+        },
+        "photos": {
+            "names": list(solution.photos.names),
+            "xyz": _rounded(centres - origin),
+            "corners": [_rounded(corner) for corner in corners],
+            "sees": [[place[row] for row in rows.tolist() if row in place] for rows in seen_points(solution)],
+        },
+    }
+
+
+def seen_points(solution: Solution) -> tuple[IntArray, ...]:
+    """Return the rows of the points that each photo has, in the order of the points."""
+    residuals = solution.residuals
+    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
+    point_row = {name: row for row, name in enumerate(solution.points.names)}
+    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
+    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
+    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
+    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
+    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
+
+
+def pyramid_corners(given: ReportInput) -> FloatArray:
+    """Return the corners (photos, 4, 3) of the photos' frames, in the direction they look, in ground coordinates.
+
+    From the lower left counter-clockwise as in the positive photo. The true rays leave the projection centre there:
+    a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
+    """
+    solution = given.solution
+    values = solution.photos.values
+    rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
+    parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
+    frames = {key: _frame(given, key) for key in parameters}
+    directions = np.zeros((len(values), 4, 3))
+    for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
+        photo = given.photos.get(record_key(name))
+        key = record_key(photo.camera) if photo is not None else next(iter(parameters))
+        c, dx, dy = parameters[key][:3]
+        directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
+        directions[row] *= _depth(solution, row, seen) / c
+    return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
+
+
+def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
+    record: Camera | None = given.cameras.get(camera)
+    corners = frame_corners(record) if record is not None else None
+    if corners is None:
+        reach = measured_reach(given, camera) / np.sqrt(2.0) or 1.0
+        corners = np.array([-reach, -reach]), np.array([reach, reach])
+    (left, lower), (right, upper) = corners
+    return [(left, lower), (right, lower), (right, upper), (left, upper)]
+
+
+def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
+    """Return the height of a photo's pyramid: a small part of the distance of its points."""
+    rows = seen if len(seen) else np.arange(len(solution.points.names))
+    distance = np.linalg.norm(solution.points.values[rows] - solution.photos.values[photo, :3], axis=1)
+    known = distance[np.isfinite(distance)]
+    return _DEPTH * float(np.median(known)) if known.size else 1.0
+
+
+def _origin(places: FloatArray) -> FloatArray:
+    """Return round coordinates near the middle."""
+    known = places[np.isfinite(places).all(axis=1)]
+    if not len(known):
+        return np.zeros(3)
+    spread = max(float(np.ptp(known, axis=0).max()), 1e-6)
+    if np.abs(known).max() < _FAR_AWAY * spread:
+        return np.zeros(3)
+    step = 10.0 ** np.ceil(np.log10(spread))
+    return np.asarray(np.round(np.median(known, axis=0) / step) * step)
+
+
+def _rounded(places: FloatArray) -> list[list[float | None]]:
+    """Return coordinates with as many decimals as a drawing can show; None for what is not a number."""
+    spread = float(np.abs(places[np.isfinite(places)]).max(initial=1e-6))
+    decimals = int(np.clip(6 - np.ceil(np.log10(spread)), 0, 9))
+    rounded: list[list[float]] = np.round(places, decimals).tolist()
+    return [[value if math.isfinite(value) else None for value in place] for place in rounded]

@@ -1,0 +1,300 @@
+"""Residual vectors of photo points, photo by photo, and their means by camera, which show systematic errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from orip.arrays import FloatArray, IntArray
+from orip.interior.fiducial_system import frame_corners
+from orip.records.names import record_key
+from orip.records.results.solution import Residuals
+from orip.report.drawings.svg import drawing, element, number, round_step, text
+from orip.report.numbers import counted, probability
+from orip.report.report_input import ReportInput
+
+MOST_PHOTOS = 48
+MOST_VECTORS = 250
+CELLS = 6
+"""Cells along the longer side of the frame in which the mean residual is taken."""
+
+_FEWEST = 3
+_LENGTH = 0.10
+"""Length of a large residual in the drawing, as a part of the longer side of the frame."""
+
+_PIXELS, _MEAN_PIXELS, _MARGIN = 216.0, 400.0, 10.0
+_ALPHA = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoVectors:
+    """Residual vectors of n photo points.
+
+    Parameters
+    ----------
+    photo : str
+    xy, residual : arrays (n, 2), mm
+        Measured coordinates, and adjusted minus measured ones.
+    sound : array (n,) of bool
+        Neither component is down-weighted or disregarded.
+    """
+
+    photo: str
+    xy: FloatArray
+    residual: FloatArray
+    sound: NDArray[np.bool_]
+
+    @property
+    def rms(self) -> float:
+        """Return the root mean square (mm) of the components of the sound points, 0 where there are none."""
+        return float(np.sqrt(np.mean(self.residual[self.sound] ** 2))) if self.sound.any() else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CellMeans:
+    """Mean residuals of a camera's photo points in the cells of a grid over its frame.
+
+    Parameters
+    ----------
+    centre, mean : arrays (k, 2), mm
+    count : array (k,)
+    p : float
+        Probability of means so large, or larger, by chance if residuals are independent.
+    """
+
+    centre: FloatArray
+    mean: FloatArray
+    count: IntArray
+    p: float
+
+
+@dataclass(frozen=True, slots=True)
+class VectorSheet:
+    """Drawings of one camera: the mean of all its photos, the single photos, and what was left out."""
+
+    camera: str
+    mean: Markup
+    finding: str
+    photos: tuple[Markup, ...]
+    note: str
+
+
+def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
+    """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
+    # arrays of objects: an array of texts would copy each of them
+    kind, component = (np.array(labels, dtype=object) for labels in (residuals.kind, residuals.component))
+    rows = np.flatnonzero((kind == "photo") & (component == "x"))
+    pairs = np.stack([rows, rows + 1], axis=1)
+    sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
+    names, first, place = np.unique(
+        np.array(residuals.photo, dtype=object)[rows].astype(np.str_), return_index=True, return_inverse=True
+    )
+    members = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place, minlength=len(names)))[:-1])
+    return {
+        name: PhotoVectors(name, residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine])
+        for name, mine in ((str(names[row]), members[row]) for row in np.argsort(first))
+    }
+
+
+def measured_reach(given: ReportInput, camera: str) -> float:
+    """Return the largest distance (mm) of a camera's photo points from the fiducial centre; 0 without any."""
+    found = [np.hypot(*photo.xy.T).max(initial=0.0) for photo in _of_camera(given, camera)]
+    return float(max(found, default=0.0))
+
+
+def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArray) -> CellMeans | None:
+    """Return the mean residuals in square cells between two corners of the frame; None where points are too few."""
+    from scipy.special import gammaincc
+
+    xy = np.concatenate([photo.xy[photo.sound] for photo in vectors]) if vectors else np.empty((0, 2))
+    if len(xy) <= _FEWEST:
+        return None
+    residual = np.concatenate([photo.residual[photo.sound] for photo in vectors])
+    shape = np.maximum(np.round((high - low) / (np.max(high - low) / CELLS)).astype(np.int64), 1)
+    cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
+    place = cell[:, 0] * shape[1] + cell[:, 1]
+    count = np.bincount(place, minlength=int(shape.prod()))
+    total = np.stack([np.bincount(place, residual[:, axis], len(count)) for axis in (0, 1)], axis=1)
+    full = np.flatnonzero(count >= _FEWEST)
+    variance = float(np.mean(residual**2))
+    if not full.size or variance <= 0.0:
+        return None
+    mean = total[full] / count[full, None]
+    statistic = float(np.sum(count[full, None] * mean**2) / variance)
+    corner = np.stack(np.divmod(full, shape[1]), axis=1)
+    centre = low + (corner + 0.5) / shape * (high - low)
+    return CellMeans(centre, mean, count[full], float(gammaincc(full.size, statistic / 2.0)))
+
+
+def vector_sheets(given: ReportInput) -> tuple[VectorSheet, ...]:
+    """Return the drawings of each camera that has photo points."""
+    sheets = (_sheet(given, name) for name in given.solution.cameras.names)
+    return tuple(sheet for sheet in sheets if sheet is not None)
+
+
+def _sheet(given: ReportInput, camera: str) -> VectorSheet | None:
+    vectors = _of_camera(given, camera)
+    if not vectors:
+        return None
+    low, high = _extent(given, camera, vectors)
+    large = _large(vectors)
+    worst = sorted(vectors, key=lambda photo: -photo.rms)[:MOST_PHOTOS]
+    shown = [photo for photo in vectors if any(photo is other for other in worst)]
+    frame = _Frame(low, high, _PIXELS, large)
+    means = cell_means(vectors, low, high)
+    notes = []
+    if len(shown) < len(vectors):
+        notes.append(f"The {len(shown)} photos with the largest residuals of {len(vectors)} are drawn.")
+    if any(len(photo.xy) > MOST_VECTORS for photo in shown):
+        notes.append(
+            f"At most {MOST_VECTORS} vectors a photo are drawn: every so many, and all that are down-weighted."
+        )
+    drawn = tuple(_photo_drawing(photo, frame) for photo in shown)
+    if means is None:
+        return VectorSheet(camera, Markup(""), "", drawn, " ".join(notes))
+    return VectorSheet(camera, _mean_drawing(camera, means, low, high), _finding(means), drawn, " ".join(notes))
+
+
+def _finding(means: CellMeans) -> str:
+    what = f"The means of {counted(int(means.count.sum()), 'photo point')} in {counted(len(means.count), 'cell')}"
+    p = probability(means.p)
+    if means.p < _ALPHA:
+        pattern = "there is a systematic pattern that the camera model does not describe"
+        return f"{what} are larger than expected by chance (p {p}): {pattern}."
+    return f"{what} are as expected by chance (p {p}): no systematic pattern."
+
+
+def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
+    found = photo_vectors(given.solution.residuals)
+    mine = {key for key, photo in given.photos.items() if record_key(photo.camera) == record_key(camera)}
+    return [found[name] for name in given.solution.photos.names if record_key(name) in mine and name in found]
+
+
+def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of what is drawn: the frame, and all that was measured."""
+    xy = np.concatenate([photo.xy for photo in vectors])
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    record = given.cameras.get(record_key(camera))
+    corners = frame_corners(record) if record is not None else None
+    if corners is not None:
+        low, high = np.minimum(low, corners[0]), np.maximum(high, corners[1])
+    flat = np.maximum(1e-9, 0.05 * np.max(high - low)) * (high - low <= 0.0)
+    return low - flat, high + flat
+
+
+def _large(vectors: Sequence[PhotoVectors]) -> float:
+    """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
+    lengths = np.concatenate([np.hypot(*photo.residual[photo.sound].T) for photo in vectors])
+    return float(np.quantile(lengths, 0.95)) if lengths.size else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """A photo's frame in a drawing: corners (mm), pixels of its longer side, the residual drawn at `_LENGTH`."""
+
+    low: FloatArray
+    high: FloatArray
+    pixels: float
+    large: float
+
+    @property
+    def scale(self) -> float:
+        return self.pixels / float(np.max(self.high - self.low))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        width, height = ((self.high - self.low) * self.scale).tolist()
+        return width, height
+
+    @property
+    def enlargement(self) -> float:
+        """Return how many times larger residuals are drawn than the frame, a round number."""
+        if self.large <= 0.0:
+            return 1.0
+        return round_step(_LENGTH * self.pixels / self.scale / self.large, 1) / 2.0
+
+    def place(self, xy: FloatArray) -> FloatArray:
+        """Return pixels (n, 2); y points up in a photo."""
+        x = _MARGIN + (xy[:, 0] - self.low[0]) * self.scale
+        y = _MARGIN + (self.high[1] - xy[:, 1]) * self.scale
+        return np.stack([x, y], axis=1)
+
+    def vectors(self, xy: FloatArray, residual: FloatArray) -> str:
+        """Return the path of residual vectors."""
+        start = self.place(xy)
+        shift = residual * self.scale * self.enlargement * (1.0, -1.0)
+        length = np.hypot(*shift.T)[:, None]
+        most = 0.5 * self.pixels
+        shift = np.where(length > most, shift * most / np.maximum(length, 1e-12), shift)
+        rows = zip(start.tolist(), shift.tolist(), strict=True)
+        return "".join(f"M{number(x)} {number(y)}l{number(dx)} {number(dy)}" for (x, y), (dx, dy) in rows)
+
+    def border(self) -> str:
+        width, height = self.size
+        return element("rect", x=_MARGIN, y=_MARGIN, width=width, height=height, class_="frame")
+
+    def scale_bar(self, y: float) -> Iterator[str]:
+        """Return a scale bar for residuals, of a round number of micrometres."""
+        micrometres = round_step(0.25 * self.pixels / self.scale / self.enlargement * 1e3, 1) / 2.0
+        length = micrometres * 1e-3 * self.scale * self.enlargement
+        yield element("path", d=f"M{number(_MARGIN)} {number(y)}h{number(length)}", class_="bar")
+        yield text(_MARGIN + length + 5.0, y + 4.0, f"{micrometres:g} µm")
+
+
+def _photo_drawing(vectors: PhotoVectors, frame: _Frame) -> Markup:
+    width, height = frame.size
+    chosen = _thinned(vectors)
+    sound, doubtful = chosen & vectors.sound, chosen & ~vectors.sound
+    base = height + 2 * _MARGIN + 10.0
+    rms = f"RMS {1e3 * vectors.rms:.1f} µm"
+    parts = [
+        frame.border(),
+        element("path", d=_dots(frame.place(vectors.xy[chosen])), class_="feet"),
+        *(
+            element("path", d=frame.vectors(vectors.xy[part], vectors.residual[part]), class_=style)
+            for part, style in ((sound, "vector"), (doubtful, "vector bad"))
+            if part.any()
+        ),
+        *frame.scale_bar(base),
+        text(width + _MARGIN, base + 4.0, rms, text_anchor="end"),
+        text(_MARGIN, base + 20.0, f"photo {vectors.photo}, {counted(len(vectors.xy), 'point')}", class_="label"),
+    ]
+    label = f"Residual vectors of photo {vectors.photo}, {rms}"
+    return drawing(width + 2 * _MARGIN, base + 28.0, label, parts, "vectors")
+
+
+def _mean_drawing(camera: str, means: CellMeans, low: FloatArray, high: FloatArray) -> Markup:
+    large = float(np.hypot(*means.mean.T).max(initial=0.0))
+    frame = _Frame(low, high, _MEAN_PIXELS, large)
+    width, height = frame.size
+    places = frame.place(means.centre).tolist()
+    parts: list[str] = [
+        frame.border(),
+        element("path", d=_dots(frame.place(means.centre)), class_="feet"),
+        element("path", d=frame.vectors(means.centre, means.mean), class_="vector mean"),
+        # the number is on the side opposite to the vector
+        *(text(x, y + (14.0 if up >= 0.0 else -6.0), str(count), text_anchor="middle", class_="faint")
+          for (x, y), up, count in zip(places, means.mean[:, 1].tolist(), means.count.tolist(), strict=True)),
+        *frame.scale_bar(height + 2 * _MARGIN + 8.0),
+    ]  # fmt: skip
+    label = f"Mean residuals of camera {camera} in parts of its frame, with the number of photo points"
+    return drawing(width + 2 * _MARGIN, height + 2 * _MARGIN + 22.0, label, parts, "vectors")
+
+
+def _thinned(vectors: PhotoVectors) -> NDArray[np.bool_]:
+    count = len(vectors.xy)
+    every = -(-count // MOST_VECTORS)
+    return np.asarray((np.arange(count) % every == 0) | ~vectors.sound)
+
+
+def _dots(places: FloatArray) -> str:
+    return "".join(f"M{number(x)} {number(y)}h0" for x, y in _rows(places))
+
+
+def _rows(places: FloatArray) -> Iterable[Sequence[float]]:
+    rows: list[list[float]] = places.tolist()
+    return rows

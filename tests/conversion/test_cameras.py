@@ -1,0 +1,182 @@
+"""Cameras of other programs in orip's form: the two formulas show the same directions at the same pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conversion.exchanged_blocks import PINHOLE
+
+from orip.conversion.cameras import UnsuitableCameraError, convert_camera, lens_pixels, pixels_of_directions
+from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
+from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
+from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
+from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
+from orip.records.project.camera import CAMERA_PARAMETERS
+
+CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (
+    ImageAxes(),
+    ImageAxes(origin="first_pixel"),
+    ImageAxes(origin="frame_centre", y="up"),
+)
+MM_UP = ImageAxes("mm", "frame_centre", "up")
+
+EXACT = {
+    "SIMPLE_RADIAL": ("opencv", {"fx": 3000, "fy": 3000, "cx": 2010, "cy": 1490, "k1": -0.16}, CORNER),
+    "OPENCV": (
+        "opencv",
+        {"fx": 3000, "fy": 3000, "cx": 2010, "cy": 1490, "k1": -0.1, "k2": 0.03, "k3": -0.01, "p1": 1e-3, "p2": -7e-4},
+        CENTRE_OF_PIXEL,
+    ),
+    "unequal without distortion": ("opencv", {"fx": 3009, "fy": 3000, "cx": 2010, "cy": 1490}, CORNER),
+    "Metashape": (
+        "agisoft",
+        {"f": 3000, "cx": 2012, "cy": 1488, "k1": -0.1, "k2": 0.03, "k3": -0.01, "p1": 1e-3, "p2": -7e-4},
+        CORNER,
+    ),
+    "Metashape, affinity alone": ("agisoft", {"f": 3000, "cx": 2012, "cy": 1488, "b1": 2.0, "b2": -3.0}, CORNER),
+    "MicMac Fraser": (
+        "fraser",
+        {"f": 3000, "cx": 2012, "cy": 1488, "c1": -1e-8, "c2": 3e-16, "c3": -2e-23, "p1": 3e-7, "p2": -2e-7,
+         "b1": 1e-3, "b2": -2e-3},
+        CORNER,
+    ),
+    "Bundler": ("opencv", {"fx": 3000, "fy": 3000, "k1": -0.1, "k2": 0.03}, MIDDLE_UP),
+    "VisualSFM": ("measured", {"f": 3000, "cx": 2012, "cy": 1488, "k1": 8e-9, "p1": 3e-7, "p2": -2e-7}, CORNER),
+    "PhotoModeler": (
+        "measured",
+        {"f": 7.5, "cx": 0.05, "cy": -0.04, "k1": 1.2e-3, "k2": -2e-6, "p1": 1e-4, "p2": -2e-4, "b1": 1e-3},
+        MM_UP,
+    ),
+    "AICON": (
+        "isp",
+        {"f": 7.5, "cx": 0.05, "cy": -0.04, "r0": 4.0, "a1": -1e-3, "a2": 2e-6, "a3": 1e-8, "p1": 1e-4, "p2": -2e-4,
+         "b1": 1e-3, "b2": -3e-4},
+        MM_UP,
+    ),
+}  # fmt: skip
+
+
+def camera(lens: Lens, parameters: dict[str, float], axes: ImageAxes = CORNER) -> ExchangedCamera:
+    return ExchangedCamera("1", 4000, 3000, lens, parameters, lens_axes=axes, ray_axes=axes, sensor_mm=(10.0, 7.5))
+
+
+def directions() -> np.ndarray:
+    """Over the frame of a camera of 3000 px and 4000 by 3000 pixels."""
+    x, y = np.meshgrid(np.linspace(-0.66, 0.66, 9), np.linspace(-0.5, 0.5, 9))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_an_exact_camera_images_as_the_formula_it_comes_from(name: str) -> None:
+    source = camera(*EXACT[name])
+    converted = convert_camera(source, "K1")
+    assert converted.is_exact
+    of_orip = pixels_of_directions(converted.camera, directions())
+    of_source = lens_pixels(source, (10.0, 7.5), directions())
+    assert np.isfinite(of_orip).all()
+    # 1e-9 px: Newton's method ends at 1e-13 of the largest coordinate
+    assert np.abs(of_orip - of_source).max() < 1e-9
+
+
+def test_signs_of_the_decentring_terms() -> None:
+    """From y down to y up: P1 = p2 / C, P2 = -p1 / C for OpenCV's order; P1 = p1 / C, P2 = -p2 / C for Agisoft's."""
+    for lens, by_name in (
+        ("opencv", {"P1": 2e-4 / 7.5, "P2": -1e-3 / 7.5}),
+        ("agisoft", {"P1": 1e-3 / 7.5, "P2": -2e-4 / 7.5}),
+    ):
+        focal = {"fx": 3000.0, "fy": 3000.0} if lens == "opencv" else {"f": 3000.0}
+        source = camera(lens, {**focal, "cx": 2010.0, "cy": 1490.0, "p1": 1e-3, "p2": 2e-4})
+        found = dict(zip(CAMERA_PARAMETERS, convert_camera(source, "K1").camera.parameters, strict=True))
+        assert {name: found[name] for name in by_name} == pytest.approx(by_name)
+        assert (found["C"], found["DX"], found["DY"]) == pytest.approx((7.5, 0.025, 0.025))
+
+
+@pytest.mark.parametrize(
+    ("source", "worst", "rms"),
+    [
+        # worst and root mean square misfit over the frame, pixels: computed independently, by numerical least squares
+        (camera("opencv", {"fx": 3003.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.1}), 0.06, 0.014),
+        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.2}), 0.26, None),
+        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.05}), 0.001, None),
+    ],
+)
+def test_a_fit_is_as_near_as_was_found_independently(source: ExchangedCamera, worst: float, rms: float | None) -> None:
+    converted = convert_camera(source, "K1")
+    # figures printed with one or two digits, and on another grid
+    assert converted.worst_px == pytest.approx(worst, rel=0.35)
+    assert rms is None or converted.rms_px == pytest.approx(rms, rel=0.15)
+
+
+def test_what_a_fit_leaves_is_taken_by_the_measurements() -> None:
+    source = camera(
+        "agisoft",
+        {
+            "f": 3000.0,
+            "cx": 2010.0,
+            "cy": 1490.0,
+            "k1": 0.02,
+            "k2": -0.03,
+            "k3": 0.01,
+            "p3": 0.5,
+            "p1": 2e-3,
+            "b1": 5.0,
+        },
+    )
+    converted = convert_camera(source, "K1", accepts_any_fit=True)
+    assert not converted.is_exact
+    seen = lens_pixels(source, (10.0, 7.5), directions())
+    assert np.abs(pixels_of_directions(converted.camera, directions()) - seen).max() > 1e-3
+    corrected = converted.corrected_pixels(seen)
+    assert np.abs(pixels_of_directions(converted.camera, directions()) - corrected).max() < 1e-7
+
+
+def test_a_camera_too_far_from_the_polynomial_is_refused_by_name() -> None:
+    source = camera("division", {"fx": 2000.0, "fy": 2000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.4})
+    with pytest.raises(UnsuitableCameraError, match=r"camera '1' \(division\).*px.*--exact-distortion"):
+        convert_camera(source, "K1")
+    with pytest.raises(UnsuitableCameraError, match=r"camera '7' \(FOV\): orip has no such camera model"):
+        convert_camera(ExchangedCamera("7", 100, 100, "unsupported", {}, "FOV"), "K1")
+    with pytest.raises(UnsuitableCameraError, match="--frame"):
+        convert_camera(ExchangedCamera("7", 0, 0, "opencv", {"fx": 1.0, "fy": 1.0}), "K1")
+    with pytest.raises(UnsuitableCameraError, match="focal length"):
+        convert_camera(ExchangedCamera("7", 10, 10, "opencv", {"fx": 0.0, "fy": 1.0}), "K1")
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_every_formula_is_undone_by_its_inverse(lens: Lens) -> None:
+    focal = {"f": 3000.0} if "f" in LENSES[lens].names else {"fx": 3000.0, "fy": 3010.0}
+    small = {"k1": 1e-10 if lens == "measured" else -0.05, "p1": 1e-9, "c1": 1e-9, "c5": 1e-36, "ex": 10.0, "k2": 1e-20}
+    given = {name: value for name, value in small.items() if name in LENSES[lens].names}
+    source = camera(lens, {**focal, "cx": 2010.0, "cy": 1490.0, **given})
+    there = image_of_directions(source, directions())
+    assert np.allclose(directions_of_image(source, there), directions(), atol=1e-12)
+
+
+def test_a_parameter_that_the_lens_has_not_is_a_fault_of_its_reader() -> None:
+    with pytest.raises(KeyError, match="k9"):
+        convert_camera(camera("opencv", {"fx": 1.0, "fy": 1.0, "k9": 1.0}), "K1")
+
+
+@pytest.mark.parametrize("axes", [CORNER, CENTRE_OF_PIXEL, MIDDLE_UP, MM_UP])
+def test_axes_and_polynomials_are_undone(axes: ImageAxes) -> None:
+    pixels = np.array([[0.0, 0.0], [0.5, 0.5], [4000.0, 3000.0], [17.25, 2900.5]])
+    there = axes_from_pixels(pixels, axes, (4000, 3000), (10.0, 7.5))
+    assert np.allclose(pixels_from_axes(there, axes, (4000, 3000), (10.0, 7.5)), pixels, atol=1e-12)
+    given = tuple(0.1 * (n + 1) * 10.0**-n for n in range(len(CAMERA_PARAMETERS)))
+    polynomial = polynomial_from_parameters(given, axes, (4000, 3000), 0.0025, at_measured=False)
+    again = parameters_from_polynomial(polynomial, axes, (4000, 3000), 0.0025)
+    assert again == pytest.approx(given, rel=1e-12, abs=1e-12)
+
+
+def test_the_centre_of_the_first_pixel() -> None:
+    assert pixels_from_axes(np.zeros((1, 2)), CENTRE_OF_PIXEL, (4000, 3000), None).tolist() == [[0.5, 0.5]]
+    assert pixels_from_axes(np.zeros((1, 2)), MIDDLE_UP, (4000, 3000), None).tolist() == [[2000.0, 1500.0]]
+    assert pixels_from_axes(np.array([[5.0, 3.75]]), MM_UP, (4000, 3000), (10.0, 7.5)).tolist() == [[4000.0, 0.0]]
+
+
+def test_a_sensor_of_unknown_size_is_said_to_be_assumed() -> None:
+    converted = convert_camera(PINHOLE, "K1")
+    assert converted.size_is_assumed
+    assert converted.camera.sensor is not None
+    assert (converted.camera.sensor.width, converted.camera.sensor.height) == (36.0, 27.0)
+    assert not convert_camera(camera("opencv", {"fx": 1.0, "fy": 1.0}), "K1").size_is_assumed

@@ -1,0 +1,188 @@
+"""OpenSfM and OpenDroneMap: reconstruction, tracks of all versions, ground control, places of photos."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conversion.exchanged_blocks import PINHOLE, block
+from exchange.imported import read_well, reprojected, sample, written
+
+from orip.exchange.opensfm.point_lists import crs_of_heading, read_control_list
+from orip.exchange.opensfm.reconstruction import READING
+from orip.exchange.opensfm.source import read_opensfm
+from orip.exchange.sources.faults import Faults
+from orip.geometry.rotation import angles_from_rotation
+from orip.records.exchanged import ExchangedProject
+
+HEADS = {0: [], 1: ["OPENSFM_TRACKS_VERSION_v1"], 2: ["OPENSFM_TRACKS_VERSION_v2"]}
+
+
+def reconstruction_of(project: ExchangedProject) -> list[dict[str, object]]:
+    camera = project.cameras[0]
+    longer = max(camera.columns, camera.rows)
+    brown = {
+        "projection_type": "brown", "width": camera.columns, "height": camera.rows,
+        "focal_x": camera.parameters["fx"] / longer, "focal_y": camera.parameters["fy"] / longer,
+        "c_x": (camera.parameters["cx"] - camera.columns / 2) / longer,
+        "c_y": (camera.parameters["cy"] - camera.rows / 2) / longer,
+    }  # fmt: skip
+    shots = {
+        photo.name: {
+            "rotation": list(photo.rotation), "translation": list(photo.position), "camera": "cam",
+            "gps_position": [1.0, 2.0, 3.0], "gps_dop": 4.0,
+        }
+        for photo in project.photos
+    }  # fmt: skip
+    points = {
+        name: {"coordinates": list(xyz), "color": [1.0, 2.0, 3.0]}
+        for name, xyz in zip(project.points.names, project.points.coordinates.tolist(), strict=True)
+    }
+    smaller = {"cameras": {}, "shots": {}, "points": {}}
+    largest = {"cameras": {"cam": brown}, "shots": shots, "points": points}
+    return [smaller, largest]
+
+
+def tracks_of(project: ExchangedProject, version: int) -> str:
+    rows = list(HEADS[version])
+    for feature, (photo, point, (x, y)) in enumerate(
+        zip(project.rays.photo, project.rays.point, project.rays.image.tolist(), strict=True)
+    ):
+        place = [repr((x - 2000.0) / 4000.0), repr((y - 1500.0) / 4000.0)]
+        fields = [project.photos[photo].name, project.points.names[point], str(feature), *place]
+        colour = ["1", "2", "3"]
+        rows.append("\t".join(fields + {0: colour, 1: ["0.001", *colour], 2: ["0.001", *colour, "-1", "-1"]}[version]))
+    return "\n".join([*rows, rows[-1].replace(rows[-1].split("\t")[1], "90000", 1)]) + "\n"
+
+
+def project_folder(folder: Path, version: int = 2) -> Path:
+    project = block(READING)
+    written(folder / "reconstruction.json", json.dumps(reconstruction_of(project)))
+    written(folder / "tracks.csv", tracks_of(project, version))
+    return folder
+
+
+@pytest.mark.parametrize("version", [0, 1, 2])
+def test_a_block_is_read_as_it_was_written(tmp_path: Path, version: int) -> None:
+    given = block(READING)
+    project = read_well(read_opensfm, project_folder(tmp_path, version))
+    assert [photo.name for photo in project.photos] == [photo.name for photo in given.photos]
+    assert np.allclose(project.rays.image, given.rays.image, rtol=0.0, atol=1e-9)
+    assert project.cameras[0].parameters["cx"] == pytest.approx(PINHOLE.parameters["cx"], abs=1e-9)
+    found, is_declared = reprojected(project)
+    assert is_declared
+    assert found.rms < 1e-6
+    assert project.stations[0].position_error == (4.0, 4.0, 4.0)
+    assert any("1 features" in note for note in project.notes)
+    assert any("of 2 reconstructions" in note for note in project.notes)
+
+
+def test_the_sample_of_opensfm_has_the_published_figures(tmp_path: Path) -> None:
+    folder = sample("opensfm", "berlin")
+    shutil.copy(folder / "reconstruction_example.json", tmp_path / "reconstruction.json")
+    shutil.copy(folder / "tracks_example.csv", tmp_path / "tracks.csv")
+    shutil.copy(folder / "ground_control_points.json", tmp_path)
+    project = read_well(read_opensfm, tmp_path)
+    found, _ = reprojected(project)
+    of_tracks = project.points.is_track[project.rays.point]
+    lengths = np.hypot(*found.residuals[of_tracks].T)
+    assert len(lengths) == 3082
+    assert np.sqrt(np.mean(lengths**2)) == pytest.approx(2.46476, abs=5e-6)
+    assert lengths.mean() == pytest.approx(1.32011, abs=5e-6)
+    assert lengths.max() == pytest.approx(37.12, abs=5e-3)
+    rays = np.bincount(project.rays.point[of_tracks])
+    assert (np.count_nonzero(rays == 2), np.count_nonzero(rays == 3)) == (1208, 222)
+    first = next(n for n, photo in enumerate(project.photos) if photo.name == "01.jpg")
+    assert found.centres[first] == pytest.approx([-2.93985, -4.57762, 31.04024], abs=5e-6)
+    angles = np.degrees(angles_from_rotation(found.rotations[first]))
+    assert angles == pytest.approx([117.45776, -31.28350, 15.98081], abs=5e-6)
+    assert [point.name for point in project.control] == ["0", "3"]
+    assert (~of_tracks).sum() == 5
+    assert project.frame.kind == "topocentric"
+
+
+def test_marks_of_equal_coordinates_are_those_of_one_point() -> None:
+    faults = Faults("gcp_list.txt")
+    control = read_control_list(sample("odm", "copr", "gcp_list.txt"), faults)
+    assert not faults.complaints
+    assert control.crs.startswith("+proj=utm +zone=11")
+    assert len(control.marks) == 27
+    assert control.marks[0].label == "gcp02"
+
+
+def test_control_of_a_list_and_places_of_photos(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path)
+    written(
+        folder / "gcp_list.txt",
+        "WGS84 UTM 33N\n10 20 30 99.5 199.5 0.jpg A\n10 20 30 5 6 1.jpg A\n11 20 NaN 7 8 0.jpg A\n"
+        "11 21 3 7 8 absent.jpg\n",
+    )
+    written(folder / "geo.txt", "EPSG:25833\n0.jpg 1 2 3\n1.jpg 1 2 3 nan nan nan 0.02 0.05\nother.jpg 1 2 3\n")
+    project = read_well(read_opensfm, folder)
+    assert project.control_crs == "EPSG:32633"
+    assert {(point.name, point.coordinates) for point in project.control} == {
+        ("GCP1", (10.0, 20.0, 30.0)),
+        ("GCP2", (11.0, 20.0, None)),
+        ("GCP3", (11.0, 21.0, 3.0)),
+    }
+    own = ~project.points.is_track[project.rays.point]
+    # the list counts from the centre of the first pixel
+    assert project.rays.image[own].tolist() == [[100.0, 200.0], [5.5, 6.5], [7.5, 8.5]]
+    assert project.station_reference.crs == "EPSG:25833"
+    assert [station.position_error for station in project.stations] == [(10.0, 10.0, 10.0), (0.02, 0.02, 0.05)]
+
+
+def test_opendronemap_keeps_the_adjusted_reconstruction_apart(tmp_path: Path) -> None:
+    project_folder(tmp_path / "opensfm")
+    text = (tmp_path / "opensfm" / "reconstruction.json").read_text()
+    written(tmp_path / "opensfm" / "reconstruction.json", "[]")
+    written(tmp_path / "opensfm" / "reconstruction.topocentric.json", text)
+    assert len(read_well(read_opensfm, tmp_path).photos) == len(block(READING).photos)
+
+
+@pytest.mark.parametrize(
+    ("heading", "crs"),
+    [
+        ("EPSG:25833", "EPSG:25833"),
+        ("WGS84 UTM 16S", "EPSG:32716"),
+        ("WGS84", "EPSG:4326"),
+        ("+proj=utm +zone=11 +ellps=WGS84\t", "+proj=utm +zone=11 +ellps=WGS84"),
+        ("WGS84 UTM 61N", None),
+        ("x y z", None),
+    ],
+)
+def test_the_first_line_of_a_list_names_the_system(heading: str, crs: str | None) -> None:
+    assert crs_of_heading(heading) == crs
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "said"),
+    [
+        ('"focal_x": 0.75', '"focal_x": NaN', 1, "not a finite number"),
+        ('"camera": "cam"', '"camera": "dog"', 1, "there is no camera 'dog'"),
+        ('"rotation": [', '"rotation": [1, ', 1, "3 finite numbers should be here"),
+        ('[{"cameras"', '[{"cameras\n"', 1, "this is no JSON"),
+    ],
+)
+def test_faults_of_a_reconstruction_name_their_place(tmp_path: Path, old: str, new: str, line: int, said: str) -> None:
+    path = project_folder(tmp_path) / "reconstruction.json"
+    assert old in path.read_text()
+    written(path, path.read_text().replace(old, new, 1))
+    parsed = read_opensfm(tmp_path, "berlin")
+    assert parsed.value is None
+    assert said in parsed.complaints[0].message
+    assert (parsed.complaints[0].path, parsed.complaints[0].line) == ("berlin/reconstruction.json", line)
+
+
+def test_all_faulty_lines_of_tracks_are_told(tmp_path: Path) -> None:
+    path = project_folder(tmp_path) / "tracks.csv"
+    lines = path.read_text().splitlines()
+    lines[3] = lines[3].replace("\t", " ")
+    lines[5] = lines[5].replace("0.001", "0.001\t7")
+    lines[7] = "\t".join([*lines[7].split("\t")[:3], "1e99", *lines[7].split("\t")[4:]])
+    written(path, "\n".join(lines))
+    parsed = read_opensfm(tmp_path, str(tmp_path))
+    assert [complaint.line for complaint in parsed.complaints] == [4, 6, 8]
