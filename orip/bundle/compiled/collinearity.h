@@ -214,8 +214,10 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
     for (int row = 0; row < 2; row++)
         for (int axis = 0; axis < 3; axis++) {
             const Lanes *by_u = image.by_u[row], *turn = rotation + 3 * axis;
-            const Lanes of_u = by_u[row] * turn[row] + by_u[2] * turn[2];
-            of_ideal[row][axis] = camera[0] * (is_equidistant ? of_u + by_u[1 - row] * turn[1 - row] : of_u);
+            of_ideal[row][axis] = by_u[row] * turn[row] + by_u[2] * turn[2];
+            if (is_equidistant)
+                of_ideal[row][axis] += by_u[1 - row] * turn[1 - row];
+            of_ideal[row][axis] *= camera[0];
         }
     for (int row = 0; row < 2; row++) {
         Lanes *p = found->partials[row], by_ideal[2];
