@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli import adjust, control, digitise, drive, observations, project, records, stations
+from orip.cli import adjust, control, digitise, drive, exchange, observations, project, records, stations
 from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
@@ -48,6 +48,7 @@ for group in (
     control,
     stations,
     project.export_toml,
+    exchange.import_project,
 ):
     group.register(app)
 

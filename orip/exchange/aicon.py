@@ -17,6 +17,7 @@ from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.records.observations.control import ControlDistance
+from orip.wording import counted
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "radian", "centre")
 
@@ -62,7 +63,11 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     datum = _add_points(files[".obc"], points, faults_of(".obc"))
     _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
     distances = _distances(files[".scale"], faults_of(".scale")) if ".scale" in files else ()
-    notes = (f"the datum of the file is that of {len(datum)} points; set datum_points in orip.toml",) if datum else ()
+    notes = (
+        (f"The datum of the file is that of {counted(len(datum), 'point')}; set datum_points in orip.toml.",)
+        if datum
+        else ()
+    )
     if not photos and not complaints:
         complaints.append(Complaint("there is no oriented photo", shown))
     if complaints:

@@ -16,6 +16,7 @@ from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
+from orip.wording import counted
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree", "centre")
 
@@ -62,7 +63,7 @@ def read_ign(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     for file in _with_suffix(path.parent, ".mes"):
         unmeasured = _add_measurements(file, photos, points, rays, faults_of(file))
         if unmeasured:
-            notes.append(f"{file.name}: {unmeasured} measurements at 0, 0 are left out")
+            notes.append(f"{file.name}: {counted(unmeasured, 'measurement')} at 0, 0 left out.")
     control: list[ControlPoint] = []
     for file in _with_suffix(path.parent, ".app"):
         control += _control(file, notes, faults_of(file))
@@ -162,6 +163,6 @@ def _control(path: Path, notes: list[str], faults: Faults) -> list[ControlPoint]
     if other:
         notes.append(
             f"{path.name}: points with a code other than {_KNOWN_CODE} (full control): {', '.join(other[:10])}; "
-            "write - for a coordinate that is not known"
+            "write - for a coordinate that is not known."
         )
     return found

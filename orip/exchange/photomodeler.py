@@ -15,6 +15,7 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import text_lines
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import beginning
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.records.observations.control import ControlPoint
 
@@ -23,11 +24,15 @@ READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree", "centre"
 _LENS_AXES = ImageAxes("mm", "frame_centre", "up")
 _CAMERA = ("f", "cx", "cy", "width", "height", "k1", "k2", "k3", "p1", "p2")
 _HEAD_LINES, _PHOTO_LINES = 5, 6
+_BEGINNING = 2000
 
 
-def is_photomodeler(beginning: str) -> bool:
+def is_photomodeler(source: Path) -> bool:
     """Return whether a file begins as such an export does."""
-    lines = beginning.splitlines()[:_HEAD_LINES]
+    return _has_head(beginning(source, _BEGINNING).splitlines()[:_HEAD_LINES])
+
+
+def _has_head(lines: list[str]) -> bool:
     if len(lines) < _HEAD_LINES:
         return False
     counts = [len(line.split()) for line in lines[1:]]
@@ -38,7 +43,7 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     """Read an export."""
     faults = Faults(shown)
     lines = text_lines(source, faults)
-    if not is_photomodeler("\n".join(lines[:_HEAD_LINES])):
+    if not _has_head(lines[:_HEAD_LINES]):
         faults.complain("this is no text export of PhotoModeler: the five lines of its head are not there", 1)
         return Parsed(None, tuple(faults.complaints))
     size = faults.decimals(lines[1], len(lines[1].split()), "tolerance, iterations, columns and rows", 2)

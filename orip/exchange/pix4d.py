@@ -63,7 +63,7 @@ def read_pix4d(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         return Parsed(None, tuple(complaints))
     prj = path.with_name(f"{stem}_wkt.prj")
     crs = "\n".join(text_lines(prj, Faults(""))).strip() if prj.is_file() else ""
-    notes = ("the folder has no measurements: only cameras and orientations are imported",)
+    notes = ("The folder has no measurements: only cameras and orientations are imported.",)
     return Parsed(
         ExchangedProject(
             stem, tuple(cameras), tuple(photos), CollectedPoints().points(), CollectedRays().rays(), (READING,),

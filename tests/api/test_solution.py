@@ -45,8 +45,8 @@ def test_records_are_found_by_name() -> None:
         (lambda found: found.covariance("105", ["photo P1", "P2"]), "there is no point 'P2'"),
         (lambda found: found.covariance("station P1"), "there is no kind of record 'station'"),
         (
-            lambda found: found.cameras["CAM"]["A11"],
-            "there is no parameter 'A11'; there are: C, DX, DY, A1, A3 and 7 more",
+            lambda found: found.cameras["CAM"]["Q9"],
+            "there is no parameter 'Q9'; there are: C, DX, DY, A1, A3 and 7 more",
         ),
         (lambda found: found.figure("sigma1"), "there is no figure 'sigma1'; did you mean 'sigma0'?"),
         (lambda found: found.to_dataframe("photo"), "there is no table 'photo'; did you mean 'photos'?"),

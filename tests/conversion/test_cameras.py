@@ -96,8 +96,8 @@ def test_signs_of_the_decentring_terms() -> None:
     [
         # worst and root mean square misfit over the frame, pixels: computed independently, by numerical least squares
         (camera("opencv", {"fx": 3003.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.1}), 0.06, 0.014),
-        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.2}), 0.26, None),
-        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.05}), 0.001, None),
+        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.2}), 0.026, None),
+        (camera("division", {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0, "k1": -0.05}), 2.4e-5, None),
     ],
 )
 def test_a_fit_is_as_near_as_was_found_independently(source: ExchangedCamera, worst: float, rms: float | None) -> None:

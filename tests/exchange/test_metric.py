@@ -47,9 +47,9 @@ def photomodeler_text(project: ExchangedProject) -> str:
 
 
 def test_photomodeler_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
-    text = photomodeler_text(block(photomodeler.READING))
-    assert photomodeler.is_photomodeler(text)
-    project = read_well(photomodeler.read_photomodeler, written(tmp_path / "a.txt", text))
+    source = written(tmp_path / "a.txt", photomodeler_text(block(photomodeler.READING)))
+    assert photomodeler.is_photomodeler(source)
+    project = read_well(photomodeler.read_photomodeler, source)
     found, is_declared = reprojected(project)
     assert is_declared
     assert found.rms < 1e-6
@@ -112,7 +112,7 @@ def test_aicon_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
     assert [(bar.name, bar.start, bar.end, bar.distance, bar.error) for bar in project.distances] == [
         ("bar_one", "3", "5", 100.25, 0.02)
     ]
-    assert "1 points" in project.notes[0]
+    assert "1 point;" in project.notes[0]
 
 
 def pix4d_files(folder: Path, project: ExchangedProject) -> Path:
@@ -175,7 +175,7 @@ def test_ign_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
     assert found.rms < 1e-6
     assert project.control[0].coordinates == (1.5, 2.5, 3.5)
     assert any("2 (3)" in note for note in project.notes)
-    assert any("1 measurements at 0, 0" in note for note in project.notes)
+    assert any("1 measurement at 0, 0" in note for note in project.notes)
 
 
 def test_the_sample_of_ign_is_read_whole() -> None:

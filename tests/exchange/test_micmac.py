@@ -89,7 +89,7 @@ def test_a_track_that_meets_a_photo_twice_is_left_out(tmp_path: Path) -> None:
     written(path, path.read_text() + " ".join([*first[:2], *second[2:]]) + "\n")
     project = read_well(read_micmac, tmp_path)
     assert project.points.is_track.sum() == len(block(READING).points.names) - 2
-    assert "1 tracks that meet a photo twice are left out" in project.notes
+    assert "1 track meeting a photo twice, left out." in project.notes
 
 
 @pytest.mark.parametrize(

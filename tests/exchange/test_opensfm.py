@@ -76,8 +76,8 @@ def test_a_block_is_read_as_it_was_written(tmp_path: Path, version: int) -> None
     assert is_declared
     assert found.rms < 1e-6
     assert project.stations[0].position_error == (4.0, 4.0, 4.0)
-    assert any("1 features" in note for note in project.notes)
-    assert any("of 2 reconstructions" in note for note in project.notes)
+    assert any("1 feature " in note for note in project.notes)
+    assert any("Of 2 reconstructions" in note for note in project.notes)
 
 
 def test_the_sample_of_opensfm_has_the_published_figures(tmp_path: Path) -> None:

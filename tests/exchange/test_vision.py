@@ -104,18 +104,20 @@ def test_a_corrupt_count_is_told_before_anything_is_read(tmp_path: Path) -> None
     assert "lines follow" in parsed.complaints[0].message
 
 
-def test_beginnings_tell_the_formats_apart() -> None:
-    assert is_bundler(bundler(block(BUNDLER)))
-    assert is_bal(bal(block(BAL)))
-    assert is_nvm(nvm(block(READING)))
-    assert not is_bal("1 2 3\n")
+def test_beginnings_tell_the_formats_apart(tmp_path: Path) -> None:
+    texts = {is_bundler: bundler(block(BUNDLER)), is_bal: bal(block(BAL)), is_nvm: nvm(block(READING))}
+    for recognises, content in texts.items():
+        path = written(tmp_path / "a", content)
+        assert [other(path) for other in texts] == [other is recognises for other in texts]
+    assert not is_bal(written(tmp_path / "a", "1 2 3\n"))
+    assert not is_bal(tmp_path)
 
 
 def test_names_of_photos_are_those_of_the_list(tmp_path: Path) -> None:
     written(tmp_path / "list.txt", "zero.jpg\none.jpg 0 300.0\n")
     project = read_well(read_bundler, written(tmp_path / "bundle.out", bundler(block(BUNDLER))))
     assert [photo.name for photo in project.photos[:2]] == ["one.jpg", "photo2"]
-    assert project.notes == ("1 photos were not oriented and are left out",)
+    assert project.notes == ("1 photo not oriented, left out.",)
 
 
 def test_the_sample_of_visualsfm_has_the_published_figures() -> None:

@@ -46,7 +46,7 @@ stages = some(st.sampled_from(["UPPER", "LOWER"]))
 def cameras(draw: Any, name: str) -> Camera:
     form = draw(st.sampled_from(["polynomial", "isp", "curve"]))
     coefficients = st.just(0.0) | numbers
-    radial = draw(st.tuples(*[coefficients] * 4)) if form == "polynomial" else (0.0,) * 4
+    radial = draw(st.tuples(*[coefficients] * 5)) if form == "polynomial" else (0.0,) * 5
     polynomial = (*radial, *draw(st.tuples(*[coefficients] * 4)))
     radii = (
         draw(st.lists(st.integers(1, 150).map(float), unique=True, min_size=4, max_size=6)) if form == "curve" else []

@@ -24,7 +24,7 @@ C, BASE, WIDTH, HEIGHT = 50.0, 20.0, 48.0, 100.0
 PLAIN_CAMERA = DriveCamera("CAM", (C, *(0.0,) * 11), (20.0, 24.0), "ideal")
 """Its frame is two photo bases wide, so that models of flat ground border on each other in the middle of overlaps."""
 
-LENS = (C, 0.12, -0.07, 1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3e-4)
+LENS = (C, 0.12, -0.07, 1e-3, -8e-5, 6e-8, -2e-11, 5e-15, 3e-5, -2e-5, 4e-4, -3e-4)
 """All parameters of a camera at once: 0.1 mm and more at the corners of the frame."""
 
 LIMITS = StageLimits(0.0, 240.0, 0.0, 240.0, 0.001)

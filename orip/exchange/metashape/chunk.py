@@ -17,7 +17,7 @@ from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedPhoto, GroundFrame
 from orip.records.observations.control import ControlDistance, ControlPoint
-from orip.records.observations.station import Station
+from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
 _NEAR_THE_GROUND = (6.2e6, 6.5e6)
 """Metres from the centre of the earth."""
@@ -142,6 +142,10 @@ class ChunkReader:
         x, y, z = (float(value or 0.0) for value in place)
         sx, sy, sz = (float(value or 0.0) for value in errors)
         return Station(label, (x, y, z), (sx, sy, sz), line=camera.line)
+
+    def station_reference(self) -> StationReference:
+        """Return what the observed positions refer to: the chunk's system, unless that is the frame of the poses."""
+        return StationReference(self.crs) if self.frame.kind == "geocentric" else IN_PROJECT
 
     def markers(self) -> list[Marker]:
         """Return the markers; labels that repeat are made different by the marker's id."""
@@ -278,13 +282,9 @@ def chunk_of(root: XmlElement, fields: XmlFields) -> XmlElement | None:
 
 def _end_ids(element: XmlElement) -> list[str]:
     """Return the ids of markers that a scale bar refers to, in attributes or in elements of its own."""
-    owners = [element, *element.within("marker"), *element.within("endpoint"), *element.within("point")]
-    return [
-        value
-        for owner in owners
-        for name, value in owner.attributes.items()
-        if name.startswith(("marker", "point")) and "id" in name
-    ]
+    own = [value for name, value in element.attributes.items() if name.startswith(("marker", "point")) and "id" in name]
+    ends = [*element.within("marker"), *element.within("endpoint"), *element.within("point")]
+    return own + [end.attributes.get("marker_id", end.attributes.get("id", "")) for end in ends]
 
 
 def _text(parent: XmlElement, tag: str) -> str:

@@ -16,6 +16,7 @@ from orip.exchange.sources.xml_tree import read_xml
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
+from orip.wording import counted
 
 READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")
 
@@ -45,6 +46,11 @@ def find_orientations(source: Path) -> list[Path]:
         return [source]
     below = [*source.glob("Ori-*"), *source.glob("Ori/*"), *source.glob(f"{_PROJECT}/Ori/*")]
     return sorted(path for path in below if any(path.glob(_ORIENTATION)) or any(path.glob(_POSE)))
+
+
+def is_micmac(source: Path) -> bool:
+    """Return whether a folder has orientations of MicMac or MMVII."""
+    return source.is_dir() and bool(find_orientations(source))
 
 
 def read_micmac(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
@@ -82,7 +88,7 @@ def _read_first(folder: Path, reading: _Reading) -> ExchangedProject:
         faults = Faults(reading.of(path).shown)
         document = read_xml(path, faults)
         if document is None:
-            reading.notes.append(f"{path.name} is no XML and was not read")
+            reading.notes.append(f"{path.name} is no XML and was not read.")
         elif document.tag in ("DicoAppuisFlottant", "SetOfMesureAppuisFlottants"):
             ground += version1.ground_points(document, reading.of(path))
             marks += version1.photo_marks(document, reading.of(path))
@@ -219,7 +225,7 @@ def _add_ties(
         if first in photos and second in photos:
             read_pairs(path, (photos[first], photos[second]), joiner, reading.of(path))
     if not joiner and any(homol.glob("Pastis*/*.dat")):
-        reading.notes.append("tie points in binary files (.dat) are not read; let Tapioca write texts (ExpTxt=1)")
+        reading.notes.append("Tie points in binary files (.dat) are not read; let Tapioca write texts (ExpTxt=1).")
     left_out = 0
     for number, track in enumerate(joiner.tracks(), start=1):
         if len({photo for photo, _, _ in track}) < len(track):
@@ -229,4 +235,4 @@ def _add_ties(
         for photo, column, row in track:
             rays.add(photo, point, pixel_of_camera((column, row), orientations[photo].to_camera))
     if left_out:
-        reading.notes.append(f"{left_out} tracks that meet a photo twice are left out")
+        reading.notes.append(f"{counted(left_out, 'track')} meeting a photo twice, left out.")

@@ -80,12 +80,12 @@ def _notes(largest: JsonValue, parts: list[JsonValue]) -> tuple[str, ...]:
     others = [len(part.value["shots"]) for part in parts if part is not largest]
     if others:
         sizes = ", ".join(map(str, sorted(others, reverse=True)[:10]))
-        notes.append(f"of {len(parts)} reconstructions the largest was taken; the others have {sizes} photos")
+        notes.append(f"Of {len(parts)} reconstructions the largest was taken; the others have {sizes} photos.")
     instances = largest.value.get("rig_instances")
     if isinstance(instances, dict) and any(
         isinstance(rig, dict) and len(rig.get("rig_camera_ids") or ()) > 1 for rig in instances.values()
     ):
-        notes.append("the photos of a rig are independent of one another here: orip has no rigs")
+        notes.append("The photos of a rig are independent of one another here: orip has no rigs.")
     return tuple(notes)
 
 

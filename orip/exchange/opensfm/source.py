@@ -20,6 +20,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.wording import counted
 
 _RECONSTRUCTIONS = (
     "opensfm/reconstruction.topocentric.json",
@@ -49,6 +50,13 @@ def reconstruction_file(source: Path) -> Path | None:
     if source.is_file():
         return source
     return next((source / name for name in _RECONSTRUCTIONS if (source / name).is_file()), None)
+
+
+def is_opensfm(source: Path) -> bool:
+    """Return whether a folder has a reconstruction, or a file is one by its name."""
+    return (source.is_dir() and reconstruction_file(source) is not None) or (
+        source.suffix == ".json" and source.name.startswith("reconstruction")
+    )
 
 
 def read_opensfm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
@@ -118,7 +126,7 @@ def _project(
         points.add(name, coordinates, is_track=True)
     photos = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
     if files.tracks is None:
-        notes.append("there is no tracks.csv beside the reconstruction: no measurements of tie points")
+        notes.append("There is no tracks.csv beside the reconstruction: tie points have no measurements.")
     else:
         faults = faults_of(files.tracks)
         notes += _add_tracks(read_tracks(files.tracks, faults), reconstruction, points, rays)
@@ -170,7 +178,7 @@ def _add_tracks(
         rays.add(at, to, _pixel(cameras[at], x, y))
     lost = len(used) - int(used.sum())
     return (
-        [f"{lost} features of tracks without a point, or in photos that are not oriented, are left out"] if lost else []
+        [f"{counted(lost, 'feature')} of tracks without a point, or in photos not oriented, left out."] if lost else []
     )
 
 

@@ -14,7 +14,9 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import text_lines
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import beginning
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
+from orip.wording import counted
 
 BUNDLER = PoseReading("y_up", "to_camera", "matrix", "radian", "translation")
 BAL = PoseReading("y_up", "to_camera", "rotation_vector", "radian", "translation")
@@ -22,18 +24,19 @@ BAL = PoseReading("y_up", "to_camera", "rotation_vector", "radian", "translation
 AXES = ImageAxes("pixel", "frame_centre", "up")
 
 _HEAD = "# Bundle file"
+_BEGINNING = 200
 _NUMBERS_OF_CAMERA, _NUMBERS_OF_POINT, _NUMBERS_OF_RAY = 9, 3, 4
 _LINES_OF_CAMERA, _LINES_OF_POINT = 5, 3
 
 
-def is_bundler(beginning: str) -> bool:
+def is_bundler(source: Path) -> bool:
     """Return whether a file begins as a bundle.out does."""
-    return beginning.startswith(_HEAD)
+    return beginning(source, _BEGINNING).startswith(_HEAD)
 
 
-def is_bal(beginning: str) -> bool:
+def is_bal(source: Path) -> bool:
     """Return whether a file begins as a BAL problem does: three counts, then a measurement of camera 0."""
-    lines = [line.split() for line in beginning.splitlines()[:2]]
+    lines = [line.split() for line in beginning(source, _BEGINNING).splitlines()[:2]]
     return len(lines) == 2 and len(lines[0]) == 3 and len(lines[1]) == 4 and all(map(str.isdigit, lines[0]))
 
 
@@ -102,7 +105,7 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     """Read a bundle.out; names of photos are those of ``list.txt`` beside it."""
     faults = Faults(shown)
     lines = text_lines(source, faults)
-    if not lines or not is_bundler(lines[0]):
+    if not lines or not lines[0].startswith(_HEAD):
         faults.complain(f"the file does not begin with '{_HEAD} v0.3'; name the bundle.out", 1)
         return Parsed(None, tuple(faults.complaints))
     counts = faults.decimals(lines[1], 2, "numbers of cameras and points", 2) if len(lines) > 1 else None
@@ -135,7 +138,7 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
             lines, 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * point, point, place, collected, rays, faults
         )
     lost = cameras - len(photos)
-    notes = (f"{lost} photos were not oriented and are left out",) if lost else ()
+    notes = (f"{counted(lost, 'photo')} not oriented, left out.",) if lost else ()
     return _parsed(lenses, photos, collected, rays, BUNDLER, notes, faults)
 
 

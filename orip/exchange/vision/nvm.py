@@ -15,6 +15,7 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import quoted_words, text_lines
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import beginning
 from orip.records.exchanged import (
     PIXELS,
     ExchangedCamera,
@@ -32,9 +33,9 @@ _CENTRE = ImageAxes("pixel", "frame_centre", "down")
 _FIELDS_OF_CAMERA, _FIELDS_OF_RAY, _FIXED_OF_POINT = 11, 4, 7
 
 
-def is_nvm(beginning: str) -> bool:
+def is_nvm(source: Path) -> bool:
     """Return whether a file begins as an .nvm does."""
-    return beginning.startswith(_HEAD)
+    return beginning(source, len(_HEAD)) == _HEAD
 
 
 class _Lines:
@@ -67,7 +68,7 @@ def read_nvm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     faults = Faults(shown)
     lines = _Lines(text_lines(source, faults), faults)
     head = lines.take()
-    if head is None or not is_nvm(head[1].lstrip()):
+    if head is None or not head[1].startswith(_HEAD):
         faults.complain(f"the file does not begin with {_HEAD}; name the .nvm", 1)
         return Parsed(None, tuple(faults.complaints))
     values = [_camera_values(lines, faults) for _ in range(lines.count("photos"))]

@@ -1,0 +1,156 @@
+"""`orip import`."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.cli.terminal import Terminal
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.workflow.exchange.block import ExchangeSettings
+    from orip.workflow.exchange.imported import ImportedProject
+
+WORDS = typer.Argument(
+    metavar="[FORMAT] SOURCE [DIR]", help="Format, its file or folder, and the new project's folder."
+)
+
+
+class SourceOptions(NamedTuple):
+    """Options of how a project of another program is read."""
+
+    frame: Annotated[
+        str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Size of images, where no file says it.")
+    ] = None
+    exact_distortion: Annotated[
+        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera does not hold.")
+    ] = False
+    hold_cameras: Annotated[bool, typer.Option("--hold-cameras", help="Do not adjust cameras.")] = False
+    precision: Annotated[
+        float | None, typer.Option("--precision", metavar="PIXELS", help="A-priori error of the measurements.")
+    ] = None
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "import")
+    def import_command(
+        invocation: Invocation,
+        source: SourceOptions,
+        words: Annotated[list[str] | None, WORDS] = None,
+        list_formats: Annotated[bool, typer.Option("--list", help="List the formats that are read.")] = False,
+    ) -> None:
+        """Make a project folder of a project of another program.
+
+        Before anything is written, points are projected with the imported photos: what does not fit is refused.
+
+        Example: orip import colmap sparse/0 castle
+        """
+        from orip.workflow.exchange.imported import read_source, write_project
+
+        if list_formats:
+            tell_formats(invocation.terminal, is_read=True)
+            return
+        name, given, folder = split_words(words or [], "import")
+        imported = read_source(name, invocation.folder / given, settings_of(source))
+        target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
+        write_project(imported, target)
+        tell_import(invocation.terminal, imported, target)
+
+
+def split_words(words: list[str], verb: str) -> tuple[str | None, Path, Path | None]:
+    """Return the format (None: to be guessed), the source and the folder of a command line.
+
+    Raises
+    ------
+    UsageError
+        If there are too few or too many words.
+    """
+    from orip.exchange.formats import FORMATS
+
+    names = {one.name for one in FORMATS}
+    is_named = len(words) > 1 and words[0].lower() in names
+    name, rest = (words[0], words[1:]) if is_named else (None, words)
+    if not 1 <= len(rest) <= 2:
+        message = f"write 'orip {verb} SOURCE', or 'orip {verb} FORMAT SOURCE DIR'; 'orip import --list' shows formats"
+        raise UsageError(message)
+    return name, Path(rest[0]), Path(rest[1]) if len(rest) == 2 else None
+
+
+def settings_of(options: SourceOptions) -> ExchangeSettings:
+    """Return the settings that options stand for.
+
+    Raises
+    ------
+    UsageError
+        If a value is impossible.
+    """
+    from orip.workflow.exchange.block import ExchangeSettings
+
+    if options.precision is not None and not 1e-4 <= options.precision <= 1e5:
+        message = f"--precision {options.precision}: write pixels, 0.0001 to 100000"
+        raise UsageError(message)
+    frame = None if options.frame is None else _frame(options.frame)
+    return ExchangeSettings(frame, options.exact_distortion, options.hold_cameras, options.precision)
+
+
+def _frame(text: str) -> tuple[int, int]:
+    columns, _, rows = text.lower().partition("x")
+    if not (columns.isascii() and columns.isdigit() and rows.isascii() and rows.isdigit()) or len(text) > 15:
+        message = f"--frame {text}: write columns and rows, such as 4000x3000"
+        raise UsageError(message)
+    return int(columns), int(rows)
+
+
+def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
+    """Print the formats that are read, or those that are written, one a line."""
+    from orip.exchange.formats import FORMATS
+
+    shown = [one for one in FORMATS if (one.read if is_read else one.write) is not None]
+    if terminal.json:
+        rows = [{"name": one.name, "title": one.title} for one in shown]
+        terminal.document({"command": "import" if is_read else "export", "formats": rows})
+        return
+    width = max(len(one.name) for one in shown)
+    for one in shown:
+        terminal.data(f"{one.name:{width}}  {one.title}")
+
+
+def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path) -> None:
+    """Print what was imported, how it fits and what is lost."""
+    from orip.workflow.exchange.texts import summary_lines
+
+    block = imported.block
+    lines = summary_lines(block)
+    terminal.point("import", f"{imported.format.name}: {lines[0]}")
+    for line in lines[1:]:
+        terminal.point("", line)
+    for note in imported.content.notes:
+        terminal.point("note", note)
+    terminal.point("wrote", f"{folder}: {', '.join(imported.content.texts)}")
+    quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
+    terminal.point("next", f"orip -C {quoted} run", "bold")
+    if terminal.json:
+        has_residuals = block.found.lengths.size > 0
+        stated = block.project.stated
+        terminal.document(
+            {
+                "command": "import",
+                "format": imported.format.name,
+                "folder": str(folder),
+                "photos": len(block.photos),
+                "points": len(block.points),
+                "rays": len(block.pixels),
+                "reprojection_rms": block.found.rms if has_residuals else None,
+                "stated_error": None if stated is None else {"of": stated.of, "value": stated.value},
+                "notes": list(imported.content.notes),
+                "files": list(imported.content.texts),
+            }
+        )

@@ -1,0 +1,170 @@
+"""A project of Metashape as cameras XML, with markers in the same document or in one beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.exchange.metashape.chunk import ChunkReader, Marker, chunk_of
+from orip.exchange.metashape.sensors import read_sensor
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
+from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import beginning
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
+from orip.wording import counted
+
+READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")
+
+_MARKERS = "markers.xml"
+_BEGINNING = 2000
+
+
+def is_metashape(source: Path) -> bool:
+    """Return whether a file begins as a document of Metashape does, or a folder has cameras.xml."""
+    path = source / "cameras.xml" if source.is_dir() else source
+    text = beginning(path, _BEGINNING) if path.suffix.lower() == ".xml" else ""
+    return "<document" in text and "<chunk" in text
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """The chunk of a document, read."""
+
+    chunk: ChunkReader
+    element: XmlElement
+    fields: XmlFields
+
+
+def read_document(path: Path, faults: Faults) -> Document | None:
+    """Return the chunk of a document; None, and complaints kept, if it has none."""
+    root = read_xml(path, faults)
+    fields = XmlFields(faults)
+    element = None if root is None else chunk_of(root, fields)
+    return None if element is None else Document(ChunkReader(element, fields), element, fields)
+
+
+def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read cameras (``Export Cameras``, Agisoft XML), and markers from it or from ``markers.xml`` beside it."""
+    path = source / "cameras.xml" if source.is_dir() else source
+    named = f"{shown}/cameras.xml" if source.is_dir() else shown
+    complaints: list[Complaint] = []
+    document = read_document(path, Faults(named, complaints))
+    if document is None:
+        return Parsed(None, tuple(complaints))
+    beside = path.with_name(_MARKERS)
+    other = None
+    if not any(document.element.within("marker")) and beside.is_file() and beside != path:
+        other = read_document(beside, Faults(str(Path(named).with_name(_MARKERS)), complaints))
+    project = project_of(document, other or document)
+    if project is None and not complaints:
+        complaints.append(Complaint("no camera of the chunk is aligned and calibrated; align the photos first", named))
+    return Parsed(None if complaints else project, tuple(complaints))
+
+
+def project_of(document: Document, markers: Document) -> ExchangedProject | None:
+    """Return the project of a document and of one with its markers; None if no photo of it is oriented."""
+    chunk = document.chunk
+    notes: list[str] = []
+    cameras, places = _cameras(document)
+    photos, keys = _photos(document, places, notes)
+    if not photos:
+        return None
+    points, rays = CollectedPoints(), CollectedRays()
+    found = markers.chunk.markers()
+    _add_markers(markers, found, keys, points, rays, notes)
+    distances, lost = markers.chunk.distances({str(marker.key): marker.name for marker in found})
+    if lost:
+        notes.append(f"{counted(lost, 'scale bar')} between other things than two markers, left out.")
+    used = {photo.name for photo in photos}
+    stations = [station for camera in chunk.cameras() if (station := chunk.station(camera)) is not None]
+    control = tuple(marker.control for marker in found if marker.control is not None)
+    frame = chunk.frame
+    is_referenced = frame.kind == "geocentric" or (chunk.is_on_the_ground and bool(chunk.crs))
+    if not is_referenced and (control or stations):
+        notes.append(
+            "The chunk has no transform to the ground: positions of cameras and markers are in another system."
+        )
+    return ExchangedProject(
+        name=document.element.attributes.get("label", ""),
+        cameras=cameras,
+        photos=photos,
+        points=points.points(),
+        rays=rays.rays(),
+        readings=(READING,),
+        control=control,
+        control_crs=markers.chunk.crs if frame.kind == "geocentric" else "",
+        stations=tuple(station for station in stations if station.photo in used) if is_referenced else (),
+        station_reference=chunk.station_reference(),
+        distances=tuple(distances),
+        ground_unit="m" if chunk.is_on_the_ground else "unit",
+        frame=frame,
+        precision=chunk.accuracies.ties or 1.0,
+        notes=tuple(notes),
+    )
+
+
+def _cameras(document: Document) -> tuple[tuple[ExchangedCamera, ...], dict[str, int]]:
+    cameras: list[ExchangedCamera] = []
+    places: dict[str, int] = {}
+    for key, element in document.chunk.sensors():
+        camera = read_sensor(element, document.fields)
+        if camera is not None:
+            places[key] = len(cameras)
+            cameras.append(camera)
+    return tuple(cameras), places
+
+
+def _photos(
+    document: Document, places: dict[str, int], notes: list[str]
+) -> tuple[tuple[ExchangedPhoto, ...], dict[int, int]]:
+    """Return the oriented photos, and their places by id."""
+    photos: list[ExchangedPhoto] = []
+    keys: dict[int, int] = {}
+    left_out = 0
+    for element in document.chunk.cameras():
+        photo = document.chunk.photo(element, places)
+        if photo is None or not photo.rotation or not is_true(element.attributes.get("enabled"), missing=True):
+            left_out += 1
+            continue
+        keys[photo.key] = len(photos)
+        photos.append(photo)
+    if left_out:
+        notes.append(f"{counted(left_out, 'camera')} not aligned, not enabled or not calibrated, left out.")
+    return tuple(photos), keys
+
+
+def _add_markers(
+    document: Document,
+    markers: Sequence[Marker],
+    keys: dict[int, int],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    notes: list[str],
+) -> None:
+    """Add the projections of markers that were placed or confirmed by hand."""
+    names = {marker.key: marker.name for marker in markers}
+    fields = document.fields
+    deviation = document.chunk.accuracies.projections or float("nan")
+    left_out = 0
+    for frame in document.element.within("frame"):
+        for element in frame.within("marker"):
+            key = fields.attribute_whole(element, "marker_id") if "marker_id" in element.attributes else None
+            if key is None or key not in names:
+                continue
+            for location in element.all("location"):
+                photo = fields.attribute_whole(location, "camera_id")
+                is_valid = is_true(location.attributes.get("valid"), missing=True)
+                if not is_valid or photo not in keys:
+                    continue
+                if not is_true(location.attributes.get("pinned"), missing=True):
+                    left_out += 1
+                    continue
+                x, y = fields.attribute_decimal(location, "x"), fields.attribute_decimal(location, "y")
+                if x is not None and y is not None and photo is not None:
+                    rays.add(keys[photo], points.add(names[key]), (x, y), deviation)
+    if left_out:
+        notes.append(f"{counted(left_out, 'projection')} of markers not confirmed by hand (not pinned), left out.")

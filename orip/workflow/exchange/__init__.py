@@ -1,0 +1,1 @@
+"""Projects of other programs: imported as a project folder, results written back."""

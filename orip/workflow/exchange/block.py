@@ -1,0 +1,185 @@
+"""A project of another program in orip's conventions: names, cameras, pixels, and the reading of its poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.lenses.free_parameters import unknown_parameters
+from orip.conversion.names import photo_names, point_names, unique_names
+from orip.conversion.reprojection import MOST_TYPICAL_PX, Reprojection, fitting_reading, said_of_reading
+from orip.errors import Complaint, InputError
+from orip.records.exchanged import ExchangedProject
+from orip.wording import counted
+
+_CAMERA = "CAMERA"
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeSettings:
+    """How a project is imported.
+
+    Parameters
+    ----------
+    frame : tuple of 2 int, or None
+        Columns and rows of cameras whose size no file says.
+    corrects_distortion : bool
+        Measurements are corrected for what orip's camera does not hold.
+    holds_cameras : bool
+        Cameras are not adjusted.
+    precision : float or None
+        A-priori error of the measurements, pixels; None: as the format says.
+    """
+
+    frame: tuple[int, int] | None = None
+    corrects_distortion: bool = False
+    holds_cameras: bool = False
+    precision: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedBlock:
+    """What is imported, in orip's conventions; arrays in the order of `project`.
+
+    Parameters
+    ----------
+    project : ExchangedProject
+    cameras : tuple of ConvertedCamera
+    photos, points : tuple of str
+        Names that orip gives them.
+    pixels : array (k, 2)
+        Of the rays, as orip counts them.
+    found : Reprojection
+    notes : tuple of str
+        What was lost or taken for granted, a sentence each.
+    """
+
+    project: ExchangedProject
+    cameras: tuple[ConvertedCamera, ...]
+    photos: tuple[str, ...]
+    points: tuple[str, ...]
+    pixels: FloatArray
+    found: Reprojection
+    notes: tuple[str, ...]
+
+    @property
+    def camera_of_ray(self) -> IntArray:
+        """Return the place among the cameras of each ray, array (k,)."""
+        return camera_of_ray(self.project)
+
+
+def camera_of_ray(project: ExchangedProject) -> IntArray:
+    """Return the place among the cameras of each ray, array (k,)."""
+    of_photo = np.array([photo.camera for photo in project.photos], dtype=np.int64)
+    return of_photo[project.rays.photo]
+
+
+def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSettings) -> ImportedBlock:
+    """Return a project in orip's conventions.
+
+    Parameters
+    ----------
+    project : ExchangedProject
+    shown : str
+        Its source, for messages.
+    settings : ExchangeSettings
+
+    Raises
+    ------
+    InputError
+        If a camera is not one that orip has, or no reading of the poses fits the measurements.
+    """
+    if not project.photos:
+        message = "there are no photos in it"
+        raise InputError.single(message, shown)
+    cameras = _cameras(project, shown, settings)
+    pixels = _pixels(project, cameras, shown, corrects_distortion=settings.corrects_distortion)
+    found, is_declared = fitting_reading(project, cameras, pixels)
+    if not found.fits:
+        raise InputError.single(_misfit(found), shown)
+    said = said_of_reading(found, is_declared=is_declared)
+    notes = [*project.notes, *([] if said is None else [f"{said[0].upper()}{said[1:]}."]), *_said_of_cameras(cameras)]
+    return ImportedBlock(
+        project,
+        cameras,
+        photo_names([photo.name for photo in project.photos]),
+        point_names(project.points.names, project.points.is_track.tolist()),
+        pixels,
+        found,
+        tuple(notes),
+    )
+
+
+def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) -> tuple[ConvertedCamera, ...]:
+    given = [f"{_CAMERA}{camera.name}" if camera.name.isdigit() else camera.name for camera in project.cameras]
+    names = unique_names(given, _CAMERA, ignoring_case=True)
+    used = set(camera_of_ray(project).tolist())
+    cameras, complaints = [], []
+    for number, (camera, name) in enumerate(zip(project.cameras, names, strict=True)):
+        source = camera
+        if settings.frame is not None and not (camera.columns and camera.rows):
+            source = replace(camera, columns=settings.frame[0], rows=settings.frame[1])
+        try:
+            converted = convert_camera(source, name, accepts_any_fit=settings.corrects_distortion)
+        except UnsuitableCameraError as fault:
+            complaints.append(Complaint(str(fault), shown))
+            continue
+        unknown = unknown_parameters(source, is_exact=converted.is_exact)
+        if settings.holds_cameras or number not in used:
+            unknown = ()
+        cameras.append(replace(converted, camera=replace(converted.camera, unknown=unknown)))
+    if complaints:
+        raise InputError(complaints)
+    return tuple(cameras)
+
+
+def _pixels(
+    project: ExchangedProject, cameras: tuple[ConvertedCamera, ...], shown: str, *, corrects_distortion: bool
+) -> FloatArray:
+    """Return the measurements as orip counts them, corrected for what fitted cameras do not hold if that is wanted."""
+    pixels = np.array(project.rays.image, dtype=np.float64)
+    of_ray = camera_of_ray(project)
+    for number, converted in enumerate(cameras):
+        rows = np.flatnonzero(of_ray == number)
+        pixels[rows] = converted.pixels(pixels[rows])
+        if corrects_distortion:
+            pixels[rows] = converted.corrected_pixels(pixels[rows])
+    lost = int((~np.isfinite(pixels).all(axis=1)).sum())
+    if lost:
+        message = (
+            f"{counted(lost, 'measurement')} cannot be corrected for the distortion: the formula of the camera has no "
+            "inverse there; leave these measurements out in the other program"
+        )
+        raise InputError.single(message, shown)
+    return pixels
+
+
+def _misfit(found: Reprojection) -> str:
+    known = found.lengths
+    typical = f"{found.typical:.0f} px" if known.size else "nothing, as all points are behind the photos"
+    return (
+        f"photos and points do not fit the measurements in any reading of the rotations: half of the residuals exceed "
+        f"{typical}, where {MOST_TYPICAL_PX:.0f} px are allowed, and {int(found.is_behind.sum())} of "
+        f"{len(found.is_behind)} rays have their point behind the camera; check whether all files are of one state of "
+        "the project, and of the same images"
+    )
+
+
+def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
+    for converted in cameras:
+        if not converted.is_exact:
+            yield (
+                f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
+                f"the frame it differs by up to {converted.worst_px:.3f} px, in the mean by "
+                f"{converted.rms_px:.3f} px."
+            )
+    assumed = [converted.camera.name for converted in cameras if converted.size_is_assumed]
+    if assumed:
+        yield (
+            f"The size of the sensor is not known ({counted(len(assumed), 'camera')}): its larger side counts as "
+            "36 mm, and millimetres of the camera are relative to that."
+        )

@@ -1,0 +1,102 @@
+"""`orip import`: a project of another program as a new project folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import InputError, UsageError
+from orip.exchange.format import Format
+from orip.exchange.formats import format_named, guessed_format
+from orip.files.text.atomic import reporting_failure
+from orip.files.text.new_folder import write_new_folder
+from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
+from orip.workflow.exchange.texts import ImportedTexts, ImportSource, imported_texts
+
+_NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "binary", ""}
+"""Names of folders that projects of other programs have in common."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedProject:
+    """A project that was imported, or can be.
+
+    Parameters
+    ----------
+    format : Format
+    source : Path
+    block : ImportedBlock
+    content : ImportedTexts
+    title : str
+        Of the project.
+    """
+
+    format: Format
+    source: Path
+    block: ImportedBlock
+    content: ImportedTexts
+    title: str
+
+
+def read_source(format_name: str | None, source: Path, settings: ExchangeSettings) -> ImportedProject:
+    """Read a project of another program; nothing is written.
+
+    Parameters
+    ----------
+    format_name : str or None
+        None: it is guessed.
+    source : Path
+        File or folder.
+    settings : ExchangeSettings
+
+    Raises
+    ------
+    UsageError
+        If the format is not known, cannot be guessed or is written only.
+    InputError
+        With everything that is wrong in the files, or if poses, points and measurements do not fit one another.
+    """
+    found = guessed_format(source) if format_name is None else format_named(format_name)
+    if found.read is None:
+        message = f"the format '{found.name}' is written, not read; 'orip import --list' shows those that are read"
+        raise UsageError(message)
+    if not source.exists():
+        message = f"there is no {source}; name the file or folder of the other program"
+        raise UsageError(message)
+    parsed = found.read(source, str(source))
+    if parsed.complaints or parsed.value is None:
+        raise InputError(parsed.complaints)
+    block = imported_block(parsed.value, str(source), settings)
+    title = parsed.value.name or _title(source)
+    origin = ImportSource(found.name, str(source.absolute()), title)
+    return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
+
+
+def write_project(imported: ImportedProject, folder: Path) -> None:
+    """Write the folder of a project, as a whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If the folder has something in it.
+    OripError
+        If it cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        message = (
+            f"{folder} has something in it already; a project is imported into a new or empty folder: name another"
+        )
+        raise UsageError(message)
+    with reporting_failure(str(folder), "name another folder"):
+        write_new_folder(folder, imported.content.texts)
+
+
+def _title(source: Path) -> str:
+    """Return the name of a project after its folder."""
+    path = source.absolute()
+    if path.is_file():
+        path = path.parent
+    return next(
+        (one.name for one in (path, *path.parents) if not one.name.isdigit() and one.name.lower() not in _NO_TITLES),
+        "imported",
+    )

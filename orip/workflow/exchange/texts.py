@@ -1,0 +1,306 @@
+"""The texts of a project folder that holds what was imported."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import BoolArray
+from orip.conversion.names import TRACK_MARK
+from orip.conversion.poses import described_reading
+from orip.files.control.control_text import distances_text, points_text
+from orip.files.control.preliminary_text import preliminary_text
+from orip.files.control.stations_text import stations_text
+from orip.files.log.points_text import points_blocks
+from orip.files.project.text import project_document, project_text
+from orip.files.project.toml_text import toml_table
+from orip.geometry.rotation import angles_from_rotation
+from orip.records.observations.control import ControlDistance, ControlPoint, PreliminaryPoint
+from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
+from orip.records.project.photo import Photo
+from orip.wording import counted
+from orip.workflow.exchange.block import ImportedBlock
+
+BUNDLE = "MAIN"
+NAMES_FILE = "names.csv"
+SOURCE_FILE = "exchange.toml"
+README_FILE = "README.md"
+
+_LONGEST_TITLE = 20
+_CONTROL_ERROR = 0.02
+"""A-priori error of control where no file has one, ground units."""
+
+_HEADING = "kind", "orip", "original"
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSource:
+    """Where a project was imported from: name of the format, path as given, title of the new project."""
+
+    format: str
+    path: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedTexts:
+    """Texts of a project folder by their names, orip.toml last, and sentences about what was left out."""
+
+    texts: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def imported_texts(block: ImportedBlock, source: ImportSource, precision: float | None) -> ImportedTexts:
+    """Return the texts of a new project.
+
+    Parameters
+    ----------
+    block : ImportedBlock
+    source : ImportSource
+    precision : float or None
+        A-priori error of the measurements, pixels; None: as the format says.
+    """
+    notes: list[str] = []
+    control = _control(block, notes)
+    kept = _rays_kept(block, control, notes)
+    definition = _definition(block, source, block.project.precision if precision is None else precision, control, kept)
+    texts = {f"{BUNDLE}.MEA": _measurements(block, source, kept)}
+    texts[f"{BUNDLE}.PRE"] = _preliminary(block, control, kept)
+    base = definition.control_files
+    if control:
+        texts[f"{base}.PNT"] = points_text(control)
+    if block.project.distances:
+        texts[f"{base}.LEN"] = distances_text(_renamed_distances(block))
+    texts |= _stations(block, base, notes)
+    texts[NAMES_FILE] = _names(block)
+    texts[SOURCE_FILE] = toml_table("[source]", {"format": source.format, "path": source.path})
+    all_notes = (*block.notes, *notes)
+    texts[README_FILE] = _readme(block, source, all_notes)
+    texts["orip.toml"] = project_text(project_document(definition))
+    return ImportedTexts(texts, all_notes)
+
+
+def _definition(
+    block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: BoolArray
+) -> ProjectDefinition:
+    title = _title(source.title)
+    is_free = not any(point.kind == "control" for point in control) and not _usable_stations(block)
+    repeated = _has_repetitions(block, kept)
+    bundle = BundleDefinition(
+        BUNDLE,
+        Precision(precision, "px"),
+        datum="free" if is_free else "control",
+        repeated_points="both" if repeated else "replace",
+    )
+    return ProjectDefinition(
+        name=title,
+        user="",
+        camera_file="CAMERAS.CAM",
+        temtick_file="TEMTICKS.TIK",
+        project_files=title,
+        control_files=title,
+        measurement_files=("*.MEA",),
+        ground_unit=block.project.ground_unit,
+        crs=block.project.crs,
+        cameras=tuple(converted.camera for converted in block.cameras),
+        photos=tuple(_photos(block)),
+        bundles=(bundle,),
+    )
+
+
+def _title(title: str) -> str:
+    fit = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "-_") else "_" for letter in title)
+    return fit.strip("_")[:_LONGEST_TITLE] or "imported"
+
+
+def _photos(block: ImportedBlock) -> Iterable[Photo]:
+    degrees = np.degrees(angles_from_rotation(block.found.rotations))
+    elements = np.column_stack([block.found.centres, degrees]).tolist()
+    for photo, name, values in zip(block.project.photos, block.photos, elements, strict=True):
+        camera = block.cameras[photo.camera].camera.name
+        yield Photo(name, camera, orientation=tuple(None if value != value else value for value in values))
+
+
+def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]:
+    """Return control by the names that orip gives the points, with errors where there are none."""
+    names = dict(zip(block.project.points.names, block.points, strict=True))
+    control, assumed = [], 0
+    for point in block.project.control:
+        if any(
+            value is not None and error is None for value, error in zip(point.coordinates, point.errors, strict=True)
+        ):
+            assumed += 1
+        first, second, third = (
+            None if value is None else _CONTROL_ERROR if error is None else error
+            for value, error in zip(point.coordinates, point.errors, strict=True)
+        )
+        control.append(replace(point, name=names.get(point.name, point.name), errors=(first, second, third)))
+    if assumed:
+        notes.append(
+            f"{counted(assumed, 'control point')} had no a-priori errors: {_CONTROL_ERROR} {block.project.ground_unit} "
+            "were assumed; write what is known into the .PNT file."
+        )
+    return tuple(control)
+
+
+def _rays_kept(block: ImportedBlock, control: Sequence[ControlPoint], notes: list[str]) -> BoolArray:
+    """Return which rays are written: those of a point that only one photo shows say nothing unless it is control."""
+    rays = block.project.rays
+    count = len(block.points)
+    pairs = np.unique(rays.point * max(1, len(block.photos)) + rays.photo)
+    photos_of_point = np.bincount(pairs // max(1, len(block.photos)), minlength=count)
+    is_control = np.isin(np.array(block.points, dtype=object), [point.name for point in control])
+    kept: BoolArray = (photos_of_point >= 2)[rays.point] | is_control[rays.point]
+    lost = int((~kept).sum())
+    if lost:
+        notes.append(f"{counted(lost, 'ray')} left out, as no other photo shows the point.")
+    return kept
+
+
+def _has_repetitions(block: ImportedBlock, kept: BoolArray) -> bool:
+    rays = block.project.rays
+    pairs = (rays.point * max(1, len(block.photos)) + rays.photo)[kept]
+    return len(np.unique(pairs)) < len(pairs)
+
+
+def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -> str:
+    rays = block.project.rays
+    names = np.array(block.points, dtype=object)
+    order = np.flatnonzero(kept)
+    order = order[np.argsort(rays.photo[order], kind="stable")]
+    bounds = np.searchsorted(rays.photo[order], np.arange(len(block.photos) + 1))
+    pieces = [f"! imported from {source.format}: {source.path}\n"]
+    if _is_corrected(block):
+        pieces.append(
+            "! The measurements are corrected for distortion that the camera of orip does not hold: these are not the "
+            "pixels that were measured.\n"
+        )
+    for number, photo in enumerate(block.photos):
+        rows = order[bounds[number] : bounds[number + 1]]
+        if rows.size:
+            pieces.append(
+                points_blocks(
+                    BUNDLE,
+                    photo,
+                    names[rays.point[rows]].tolist(),
+                    block.pixels[rows],
+                    rays.deviation[rows],
+                    rays.is_active[rows],
+                )
+            )
+    return "".join(pieces)
+
+
+def _is_corrected(block: ImportedBlock) -> bool:
+    of_ray = block.camera_of_ray
+    return any(
+        not converted.is_exact
+        and not np.array_equal(
+            converted.pixels(block.project.rays.image[of_ray == number]), block.pixels[of_ray == number]
+        )
+        for number, converted in enumerate(block.cameras)
+    )
+
+
+def _preliminary(block: ImportedBlock, control: Sequence[ControlPoint], kept: BoolArray) -> str:
+    coordinates = block.project.points.coordinates
+    measured = np.zeros(len(block.points), dtype=np.bool_)
+    measured[block.project.rays.point[kept]] = True
+    given = {point.name for point in control}
+    rows = np.flatnonzero(measured & np.isfinite(coordinates).all(axis=1)).tolist()
+    places = coordinates.tolist()
+    return preliminary_text(
+        [PreliminaryPoint(block.points[row], tuple(places[row])) for row in rows if block.points[row] not in given]
+    )
+
+
+def _usable_stations(block: ImportedBlock) -> bool:
+    """Tell whether stations can fix the ground system: they are in the project's coordinates, and some have weight."""
+    project = block.project
+    is_placed = not project.station_reference.crs or project.crs is not None
+    return is_placed and any(station.position_error[0] > 0.0 for station in project.stations)
+
+
+def _stations(block: ImportedBlock, base: str, notes: list[str]) -> dict[str, str]:
+    project = block.project
+    if not project.stations:
+        return {}
+    if project.station_reference.crs and project.crs is None:
+        notes.append(
+            f"{counted(len(project.stations), 'position')} of photos in {project.station_reference.crs} left out: the "
+            "project has no crs."
+        )
+        return {}
+    names = {photo.name: name for photo, name in zip(project.photos, block.photos, strict=True)}
+    stations = [replace(station, photo=names[station.photo]) for station in project.stations if station.photo in names]
+    head = f"CRS {project.station_reference.crs}\n" if project.station_reference.crs else ""
+    return {f"{base}.STA": head + stations_text(stations)} if stations else {}
+
+
+def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
+    names = dict(zip(block.project.points.names, block.points, strict=True))
+    return [
+        replace(one, start=names.get(one.start, one.start), end=names.get(one.end, one.end))
+        for one in block.project.distances
+    ]
+
+
+def _names(block: ImportedBlock) -> str:
+    """Return the table of names that are not the original ones; a track is T and its number unless it is listed."""
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(_HEADING)
+    rows.writerows(("camera", converted.camera.name, converted.source.name) for converted in block.cameras)
+    rows.writerows(("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True))
+    points = block.project.points
+    rows.writerows(
+        ("point", name, original)
+        for name, original, is_track in zip(block.points, points.names, points.is_track.tolist(), strict=True)
+        if name != (TRACK_MARK + original if is_track else original)
+    )
+    return stream.getvalue()
+
+
+def summary_lines(block: ImportedBlock) -> list[str]:
+    """Return what was imported and how it fits, a line each."""
+    project, found = block.project, block.found
+    counts = [(len(project.photos), "photo"), (len(project.points.names), "point"), (len(project.rays.photo), "ray")]
+    lines = [", ".join(counted(number, noun) for number, noun in counts)]
+    if found.lengths.size:
+        lines.append(f"reprojection RMS {found.rms:.4g} px{_stated(block)}")
+        lines.append(f"rotations read as: {described_reading(found.reading)}")
+    return lines
+
+
+def _stated(block: ImportedBlock) -> str:
+    stated = block.project.stated
+    if stated is None:
+        return ""
+    own, words = {
+        "rms": (block.found.rms, "RMS"),
+        "mean": (block.found.mean, "mean length"),
+        "mean_of_points": (block.found.mean_of_points(block.project.rays.point), "mean length over points"),
+    }[stated.of]
+    also = "" if stated.of == "rms" else f"; {words} {own:.4g} px"
+    return f"{also} (the file says: {words} {stated.value:.4g} px)"
+
+
+def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) -> str:
+    lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.path}`.", ""]
+    lines += [f"- {line}" for line in summary_lines(block)]
+    lines += ["", "Adjust it with `orip run`; write the result back with "]
+    lines[-1] += f"`orip export {source.format} DIR`."
+    lines += ["", "## Cameras", ""]
+    for converted in block.cameras:
+        sensor = converted.camera.sensor
+        size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
+        kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
+        lines.append(f"- {converted.camera.name}: {converted.source.model or converted.source.lens}, {size}; {kind}")
+    lines += ["", "## What was lost, and what was taken for granted", ""]
+    lines += [f"- {note}" for note in notes] or ["- Nothing."]
+    lines += ["", f"Names that are not the original ones are in `{NAMES_FILE}`; tie point {TRACK_MARK}17 is track 17."]
+    return "\n".join(lines) + "\n"
