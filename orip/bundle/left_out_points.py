@@ -134,7 +134,8 @@ def _in_front(block: Block, state: BlockState, points: FloatArray) -> IntArray:
     rays = block.photo_points
     u = np.einsum("ij,ijk->ki", points[rays.point] - state.centres[rays.photo], state.rotations[rays.photo])
     in_front = u[2] < 0.0
-    fisheye = np.array([camera.projection == "equidistant" for camera in block.cameras])
-    if fisheye.any():
-        in_front = np.where(fisheye[block.photo_camera[rays.photo]], PROJECTIONS["equidistant"].is_in_front(*u), in_front)
+    equidistant = np.array([camera.projection == "equidistant" for camera in block.cameras])
+    if equidistant.any():
+        rows = equidistant[block.photo_camera[rays.photo]]
+        in_front[rows] = PROJECTIONS["equidistant"].is_in_front(*u[:, rows])
     return np.bincount(rays.point[in_front], minlength=len(points))

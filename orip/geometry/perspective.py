@@ -108,7 +108,12 @@ def perspective_with_partials(
 
 
 def chained(
-    xy: FloatArray, direction: FloatArray, by_u: FloatArray, offset: FloatArray, rotation: FloatArray, in_front: BoolArray
+    xy: FloatArray,
+    direction: FloatArray,
+    by_u: FloatArray,
+    offset: FloatArray,
+    rotation: FloatArray,
+    in_front: BoolArray,
 ) -> Perspective:
     """Return images with the partials by ground point and rotation that follow from those by U, array (n, 2, 3)."""
     by_point = by_u @ np.swapaxes(rotation, -1, -2)

@@ -149,7 +149,7 @@ INLINE void perspective(const Lanes *u, Projected *p, int *in_front)
 /* theta (U1, U2) / rho with tan theta = rho / -U3. */
 INLINE void equidistant(const Lanes *u, Projected *p, int *in_front)
 {
-    Lanes scale, bend, by_depth;
+    Lanes scale = ALL(0.0), bend = ALL(0.0), by_depth = ALL(0.0);
     for (int lane = 0; lane < LANES; lane++) {
         const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
         const double across = a * a + b * b, square = across + depth * depth, distance = sqrt(across);

@@ -105,7 +105,11 @@ class TableLines:
         self._known("SET", "camera", sets, cameras)
         return tuple(
             DriveCamera(
-                name, (*first[:3], *distortions[name][1]), (first[3], first[4]), distortions[name][0], sets.get(name),
+                name,
+                (*first[:3], *distortions[name][1]),
+                (first[3], first[4]),
+                distortions[name][0],
+                sets.get(name),
                 projection,
             )
             for name, (projection, first) in cameras.items()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.interior.image_vectors import image_vectors
+from orip.interior.image_vectors import image_vectors, suit_plane_image
 from orip.records.block import Block
 from orip.records.observations.repeated import measured_before
 
@@ -78,9 +77,6 @@ class ImageRays:
 _CORRECTED = "C", "DX", "DY", "A3"
 """Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""
 
-_PLANE_UP_TO = math.radians(70.0)
-"""Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
-
 
 def image_rays(block: Block) -> ImageRays:
     """Return the rays of a block, point by point; indices of photos and points are the block's.
@@ -108,14 +104,15 @@ def image_rays(block: Block) -> ImageRays:
 def rays_of_plane_images(block: Block, rays: ImageRays) -> ImageRays:
     """Return the rays of a block by which its photos can be oriented like photos with a plane image.
 
-    Of equidistant cameras those are left out that are far from the axis. The others keep their vectors: each is compared
-    in a plane of its own, at its component along the axis, where errors across the axis are larger by 1 / cos theta.
+    Of equidistant cameras those are left out that are far from the axis. The others keep their vectors: each is
+    compared in a plane of its own, at its component along the axis, where errors are larger by up to 1 / cos theta.
     """
-    fisheye = np.array([camera.projection == "equidistant" for camera in block.cameras])[block.photo_camera[rays.photo]]
-    if not fisheye.any():
+    cameras = np.array([camera.projection == "equidistant" for camera in block.cameras], dtype=bool)
+    if not cameras.any():
         return rays
-    cosine = np.where(fisheye, -rays.vectors[:, 2] / np.linalg.norm(rays.vectors, axis=1), 1.0)
-    near = np.flatnonzero(cosine > math.cos(_PLANE_UP_TO))
+    is_equidistant = cameras[block.photo_camera[rays.photo]]
+    cosine = np.where(is_equidistant, -rays.vectors[:, 2] / np.linalg.norm(rays.vectors, axis=1), 1.0)
+    near = np.flatnonzero(suit_plane_image(rays.vectors, is_equidistant))
     return replace(rays.of(near), error=rays.error[near] / cosine[near])
 
 
