@@ -130,7 +130,7 @@ def test_geographic_stations_need_a_crs() -> None:
 def test_a_camera_that_orip_does_not_hold_is_corrected_when_asked_for(tmp_path: Path) -> None:
     project = block(READING)
     pinhole = project.rays.image
-    strong = replace(PINHOLE, lens="division", parameters={**PINHOLE.parameters, "k1": -0.3}, model="DIVISION")
+    strong = replace(PINHOLE, lens="division", parameters={**PINHOLE.parameters, "k1": -0.45}, model="DIVISION")
     project = replace(project, cameras=(strong,))
     with pytest.raises(InputError, match=r"camera '1' \(DIVISION\).*--exact-distortion"):
         texts(project)
