@@ -6,9 +6,11 @@ from pathlib import Path
 
 from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
+from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import write_model
 from orip.exchange.format import Format
+from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.metashape.source import is_metashape, read_metashape
 from orip.exchange.micmac.source import is_micmac, read_micmac
@@ -24,6 +26,7 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
     ),
+    Format("blocks", "Blocks Exchange XML: ContextCapture, iTwin Capture", read_blocks_exchange, is_blocks_exchange),
     Format("micmac", "MicMac, MMVII: folder Ori-NAME or Ori/NAME, or the project's folder", read_micmac, is_micmac),
     Format("bundler", "Bundler: bundle.out, with list.txt beside it", read_bundler, is_bundler),
     Format("bal", "Bundle Adjustment in the Large: problem file", read_bal, is_bal),
@@ -31,6 +34,7 @@ FORMATS: tuple[Format, ...] = (
     Format("photomodeler", "PhotoModeler: text export", read_photomodeler, is_photomodeler),
     Format("aicon", "AICON 3D Studio: folder with .ior, .eor, .obc, .phc", read_aicon, is_aicon),
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
+    Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
 )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.ground import in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.names import photo_names, point_names, unique_names
 from orip.conversion.reprojection import MOST_TYPICAL_PX, Reprojection, fitting_reading, said_of_reading
@@ -96,6 +97,9 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     if not project.photos:
         message = "there are no photos in it"
         raise InputError.single(message, shown)
+    ground = local_ground(project)
+    if ground is not None:
+        project = in_local_ground(project, ground)
     cameras = _cameras(project, shown, settings)
     pixels = _pixels(project, cameras, shown, corrects_distortion=settings.corrects_distortion)
     found, is_declared = fitting_reading(project, cameras, pixels)
