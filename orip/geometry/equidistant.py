@@ -47,14 +47,8 @@ def ideal_coordinates(principal_distance: float | Number, u1: Number, u2: Number
 def image_vector(principal_distance: float | Number, x: Number, y: Number) -> tuple[Number, Number, Number]:
     """Return the vector of length C towards what has the ideal coordinates x, y; NaN beyond `LARGEST_ANGLE`."""
     angle = (x * x + y * y) ** 0.5 / principal_distance
-    if isinstance(angle, float):
-        if not angle < LARGEST_ANGLE:
-            return math.nan, math.nan, math.nan
-        factor = math.sin(angle) / angle if angle > 0.0 else 1.0
-        return factor * x, factor * y, -principal_distance * math.cos(angle)
-    angle = np.where(angle < LARGEST_ANGLE, angle, np.nan)
-    factor = np.sinc(angle / np.pi)
-    return factor * x, factor * y, -principal_distance * np.cos(angle)
+    factor, cosine = _sine_over_angle_and_cosine(angle)
+    return factor * x, factor * y, -principal_distance * cosine
 
 
 def equidistant_with_partials(
@@ -81,6 +75,15 @@ def equidistant_with_partials(
     by_u *= principal_distance_mm[:, None, None]
     direction = np.stack([scale * u1, scale * u2], axis=1)
     return chained(principal_distance_mm[:, None] * direction, direction, by_u, offset, rotation, in_front)
+
+
+def _sine_over_angle_and_cosine(angle: Number) -> tuple[Number, Number]:
+    if isinstance(angle, float):
+        if not angle < LARGEST_ANGLE:
+            return math.nan, math.nan
+        return (math.sin(angle) / angle if angle > 0.0 else 1.0), math.cos(angle)
+    shown = np.where(angle < LARGEST_ANGLE, angle, np.nan)
+    return np.sinc(shown / np.pi), np.cos(shown)
 
 
 def _angle_over_distance(across: Number, u3: Number) -> Number:

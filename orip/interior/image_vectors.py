@@ -43,9 +43,9 @@ def image_vectors(block: Block) -> FloatArray:
 
 
 def suit_plane_image(vectors: FloatArray, is_equidistant: BoolArray) -> BoolArray:
-    """Return which image vectors (n, 3) can be compared in a plane image: all but those of fisheyes far from the axis."""
-    length = np.linalg.norm(vectors, axis=1)
-    return ~is_equidistant | (-vectors[:, 2] > math.cos(_PLANE_UP_TO) * length)
+    """Return which image vectors (n, 3) can be compared in a plane image: of fisheyes those near the axis."""
+    near: BoolArray = -vectors[:, 2] > math.cos(_PLANE_UP_TO) * np.linalg.norm(vectors, axis=1)
+    return ~is_equidistant | near
 
 
 def are_equidistant(block: Block) -> BoolArray:

@@ -196,6 +196,7 @@ def test_a_fisheye_photo_is_driven_to_what_is_beside_and_behind_it():
         many = photo.plate_places(point[None])
         assert many.plate[0] == pytest.approx(found.plate, abs=1e-12)
         assert many.inside.tolist() == [True]
-    behind = np.array(photo.centre) + [0.0, 0.0, 50.0]
+    x, y, z = photo.centre
+    behind = np.array([x, y, z + 50.0])
     assert photo.plate_place(*behind.tolist()).code == DriveCode.BEHIND_CAMERA
     assert not photo.may_be_inside(*behind.tolist())

@@ -134,7 +134,9 @@ def synthetic_block(
     photo_names = [f"P{number + 1}" for number in range(len(orientations))]
     block = Block(
         definition=BundleDefinition(name, Precision(precision_mm), **definition),
-        cameras=(Camera("CAM", tuple(camera.tolist()), distortion_at, unknown=tuple(unknown), projection=layout.projection),),
+        cameras=(
+            Camera("CAM", tuple(camera.tolist()), distortion_at, unknown=tuple(unknown), projection=layout.projection),
+        ),
         photos=tuple(
             Photo(
                 label, "CAM", orientation=tuple(np.r_[row[:3], np.degrees(row[3:])].tolist()), constant=tuple(elements)
