@@ -9,11 +9,12 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
-from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial
+from orip.conversion.lenses.from_orip import lens_of_polynomial
+from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
 from orip.errors import OripError
 from orip.interior.image_coordinates import ImageEquation
-from orip.records.exchanged import ExchangedCamera
+from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import Camera, Sensor
 
 MOST_MISFIT_PX = 0.5
@@ -77,6 +78,15 @@ class ConvertedCamera:
         return pixels_of_directions(self.camera, _y_up(directions_of_image(self.source, in_lens), self.source))
 
 
+@dataclass(frozen=True, slots=True)
+class ExportedCamera:
+    """A camera as another program has it, and by how much it differs from orip's over the frame, pixels."""
+
+    camera: ExchangedCamera
+    worst_px: float
+    rms_px: float
+
+
 def convert_camera(
     source: ExchangedCamera, name: str, *, accepts_any_fit: bool = False, unknown: tuple[str, ...] = ()
 ) -> ConvertedCamera:
@@ -136,6 +146,65 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
     row = sensor.rows / 2.0 - np.asarray(y) * (sensor.rows / sensor.height)
     return np.stack([column, row], axis=1)
+
+
+def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, ray_axes: ImageAxes) -> ExportedCamera:
+    """Return a camera of orip as another program's.
+
+    Parameters
+    ----------
+    camera : Camera
+        With a sensor.
+    name : str
+        As the other program has it.
+    lens : Lens
+        That the other program knows.
+    lens_axes, ray_axes : ImageAxes
+
+    Raises
+    ------
+    UnsuitableCameraError
+        If the camera has no sensor.
+    """
+    sensor = camera.sensor
+    if sensor is None:
+        message = f"camera {camera.name} has no sensor, and other programs know digital frames only"
+        raise UnsuitableCameraError(message)
+    frame, size = (sensor.columns, sensor.rows), (sensor.width, sensor.height)
+    places = np.meshgrid(np.linspace(0.0, sensor.columns, _GRID), np.linspace(0.0, sensor.rows, _GRID))
+    pixels = np.stack(places, axis=-1).reshape(-1, 2)
+    directions = directions_of_pixels(camera, pixels)
+    seen = np.isfinite(directions).all(axis=1)
+    up = 1.0 if lens_axes.y == "up" else -1.0
+    polynomial = polynomial_from_parameters(
+        camera.parameters,
+        lens_axes,
+        frame,
+        sensor.width / sensor.columns,
+        at_measured=camera.distortion_at == "measured",
+    )
+    image = axes_from_pixels(pixels[seen], lens_axes, frame, size)
+    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image)
+    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else sensor.width / sensor.columns)
+    exchanged = ExchangedCamera(name, *frame, lens, found.parameters, "", lens_axes, ray_axes, size)
+    return ExportedCamera(exchanged, float(length.max()), float(np.sqrt(np.mean(length**2))))
+
+
+def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Return the directions (n, 2), tangents x right and y up, of pixels (n, 2) of a camera with a sensor.
+
+    NaN where there are none.
+    """
+    sensor = camera.sensor
+    if sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+    x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
+    y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
+    with np.errstate(all="ignore"):  # pixels far outside the frame may overflow
+        return np.stack(equation.ideal(x, y), axis=1) / c
 
 
 def _require_possible(source: ExchangedCamera) -> None:

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.conversion.cameras import ConvertedCamera, pixels_of_directions
+from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
 from orip.conversion.poses import described_reading, orip_poses, other_readings
 from orip.geometry.perspective import is_in_front
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotated_back
-from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedProject, PoseReading
 
 MOST_TYPICAL_PX = 5.0
@@ -230,15 +229,8 @@ def _ray_directions(cameras: Sequence[ConvertedCamera], camera: IntArray, pixels
     found = np.full((len(pixels), 2), np.nan)
     for number, converted in enumerate(cameras):
         rows = camera == number
-        sensor = converted.camera.sensor
-        if sensor is None or not rows.any():
-            continue
-        c, x0, y0, *coefficients = converted.camera.parameters
-        equation = ImageEquation(x0, y0, tuple(coefficients), converted.camera.distortion_at == "measured", None)
-        x = (pixels[rows, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
-        y = (sensor.rows / 2.0 - pixels[rows, 1]) * (sensor.height / sensor.rows)
-        with np.errstate(all="ignore"):
-            found[rows] = np.stack(equation.ideal(x, y), axis=1) / c
+        if rows.any():
+            found[rows] = directions_of_pixels(converted.camera, pixels[rows])
     return found
 
 

@@ -90,9 +90,9 @@ def updated_model(original: ColmapModel, project: ExchangedProject) -> ColmapMod
 
     Points that the project has not, and rays that it leaves out, become keypoints without a point.
     """
-    photos = {photo.key: photo for photo in project.photos}
+    photos = {photo.name: photo for photo in project.photos}
     cameras = {camera.name: camera for camera in project.cameras}
-    images = tuple(_updated_image(image, photos.get(image.id)) for image in original.images)
+    images = tuple(_updated_image(image, photos.get(image.name)) for image in original.images)
     points, gone = _updated_points(original.points, project)
     model = ColmapModel(
         tuple(_updated_camera(camera, cameras.get(str(camera.id))) for camera in original.cameras), images, points
@@ -161,7 +161,7 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
     if not left_out.size:
         return model
     pairs = {
-        (project.photos[photo].key, project.points.names[point])
+        (project.photos[photo].name, project.points.names[point])
         for photo, point in zip(
             project.rays.photo[left_out].tolist(), project.rays.point[left_out].tolist(), strict=True
         )
@@ -170,7 +170,7 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
         replace(
             image,
             points=np.array(
-                [NO_POINT if (image.id, str(point)) in pairs else point for point in image.points.tolist()],
+                [NO_POINT if (image.name, str(point)) in pairs else point for point in image.points.tolist()],
                 dtype=np.int64,
             ),
         )

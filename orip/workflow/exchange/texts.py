@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.arrays import BoolArray
-from orip.conversion.names import TRACK_MARK
 from orip.conversion.poses import described_reading
+from orip.exchange.names_table import NAMES_FILE, SOURCE_FILE, TRACK_MARK, names_text
 from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import preliminary_text
 from orip.files.control.stations_text import stations_text
@@ -26,15 +24,11 @@ from orip.wording import counted
 from orip.workflow.exchange.block import ImportedBlock
 
 BUNDLE = "MAIN"
-NAMES_FILE = "names.csv"
-SOURCE_FILE = "exchange.toml"
 README_FILE = "README.md"
 
 _LONGEST_TITLE = 20
 _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
-
-_HEADING = "kind", "orip", "original"
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,18 +245,15 @@ def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
 
 def _names(block: ImportedBlock) -> str:
     """Return the table of names that are not the original ones; a track is T and its number unless it is listed."""
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(_HEADING)
-    rows.writerows(("camera", converted.camera.name, converted.source.name) for converted in block.cameras)
-    rows.writerows(("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True))
     points = block.project.points
-    rows.writerows(
+    rows = [("camera", converted.camera.name, converted.source.name) for converted in block.cameras]
+    rows += [("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True)]
+    rows += [
         ("point", name, original)
         for name, original, is_track in zip(block.points, points.names, points.is_track.tolist(), strict=True)
         if name != (TRACK_MARK + original if is_track else original)
-    )
-    return stream.getvalue()
+    ]
+    return names_text(rows)
 
 
 def summary_lines(block: ImportedBlock) -> list[str]:
