@@ -98,8 +98,8 @@ class Case:
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_equidistant(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(),
-        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(), *_parallaxes(),
-        *_resection(), *_refinement(), *_kinds(),
+        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(),
+        *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
 
 
