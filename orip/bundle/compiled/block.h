@@ -76,28 +76,20 @@ INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
         ray->camera[k] = GATHERED(camera, k);
 }
 
-/* Linearise photo points of cameras of one form; compiled once for each form, so that none waits for another. */
-INLINE void linearise_form(const Ray *ray, int form, const Set *set, int turned, int linear, Linearised *found)
-{
-    switch (form) {
-    case 0:
-        collinearity(ray, 0, 0, set, turned, linear, found);
-        break;
-    case IS_MEASURED:
-        collinearity(ray, 0, 1, set, turned, linear, found);
-        break;
-    case IS_EQUIDISTANT:
-        collinearity(ray, 1, 0, set, turned, linear, found);
-        break;
-    default:
-        collinearity(ray, 1, 1, set, turned, linear, found);
-    }
-}
-
+/* Linearise photo points of cameras of one form; without a set it is compiled for each form, so that none waits for
+ * what another needs. */
 INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int linear, Linearised *found)
 {
+    const int form = b->form[camera], is_equidistant = form & IS_EQUIDISTANT;
     if (b->kind[camera] < KINDS) {
-        linearise_form(ray, b->form[camera], 0, b->turned, linear, found);
+        if (form == 0)
+            collinearity(ray, 0, 0, 0, b->turned, linear, found);
+        else if (form == IS_MEASURED)
+            collinearity(ray, 0, 1, 0, b->turned, linear, found);
+        else if (form == IS_EQUIDISTANT)
+            collinearity(ray, 1, 0, 0, b->turned, linear, found);
+        else
+            collinearity(ray, 1, 1, 0, b->turned, linear, found);
         return;
     }
     const Set set = {
@@ -105,7 +97,10 @@ INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int l
         b->polynomials + POLYNOMIALS * POLYNOMIALS * camera, b->factors + 2 * MOST_ADDITIONAL * camera,
         b->products + 2 * MOST_ADDITIONAL * camera,
     };
-    linearise_form(ray, b->form[camera], &set, b->turned, linear, found);
+    if (form & IS_MEASURED)
+        collinearity(ray, is_equidistant, 1, &set, b->turned, linear, found);
+    else
+        collinearity(ray, is_equidistant, 0, &set, b->turned, linear, found);
 }
 
 /* Linearise the photo points in `rows`, one in each lane. The ray keeps its cameras from one call to the next; `cameras`
