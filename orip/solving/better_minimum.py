@@ -68,15 +68,32 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
     reduced, other_reduced = (int(np.count_nonzero(_down_weighted_points(solved)[1])) for solved in (given, other))
     if other_reduced > reduced and other.variance.redundancy < _HANDFUL:
         return False
-    return robust_cost(other) < (1.0 - _LOWER) * robust_cost(given)
+    scale = _scale_of_errors(given, other)
+    return robust_cost(other, scale) < (1.0 - _LOWER) * robust_cost(given, scale)
 
 
-def robust_cost(solved: SolvedBlock) -> float:
-    """Return what the Danish method makes least: the sum of the costs of all observations, with the a-priori errors."""
+def robust_cost(solved: SolvedBlock, scale: float = 1.0) -> float:
+    """Return what the Danish method makes least: the sum of the costs of all observations.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    scale : float
+        By which the a-priori errors are multiplied.
+    """
     equations, limit = solved.equations, solved.block.definition.max_standard_residual
     judged = equations.active & ~equations.exact
-    of_judged = danish_costs(np.abs(equations.residual[judged]), limit)
+    of_judged = danish_costs(np.abs(equations.residual[judged]) / scale, limit)
     return float(of_judged.sum()) + int(np.count_nonzero(~equations.active)) * greatest_danish_cost(limit)
+
+
+def _scale_of_errors(*ends: SolvedBlock) -> float:
+    """Return how many times too small the a-priori errors are: where residuals are larger, all cost nearly the same.
+
+    An observation that is left out would then be as cheap as one that fits like all others.
+    """
+    known = [end.variance.sigma0 for end in ends if np.isfinite(end.variance.sigma0)]
+    return max(1.0, min(known, default=1.0))
 
 
 def _soundness(solved: SolvedBlock) -> tuple[bool, int]:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import (
+    MAX_LOST,
+    SHAPES,
     dense_normals,
     equations_of,
     pseudo_inverse,
@@ -16,15 +18,6 @@ from adjustment.factorisation.linear_systems import (
 
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors, residual_cofactor, variance_of_unit_weight
-
-MAX_LOST = 12.0
-
-SHAPES = {
-    "blocks": {},
-    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
-    "more than a panel": {"reduced": 70, "blocks": 60},
-    "no blocks": {"blocks": 0},
-}
 
 
 def computed(equations, weights, layout):

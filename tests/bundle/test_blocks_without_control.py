@@ -133,7 +133,11 @@ def test_a_free_network_from_nothing_says_what_its_scale_is() -> None:
     block = redefined(from_nothing(MADE), datum="free")
     found, _ = solve(block)
     assert found.status == "converged"
-    assert any("its scale is arbitrary" in text for *_, text in found.warnings)
+    said = "those of photo P1, its scale is arbitrary: the base from photo P1 to photo P2 is 1"
+    assert any(text.endswith(said) for *_, text in found.warnings)
+    one, two = found.photos.values[:2, :3]
+    # the free network keeps the scale of its approximate coordinates on the whole; the first base is one of many
+    assert np.linalg.norm(two - one) == pytest.approx(1.0, abs=0.01)
     a, b = block.point_names[0], block.point_names[-1]
     length = float(np.linalg.norm(MADE.points[-1] - MADE.points[0]))
     found, _ = solve(replace(block, distances=(ControlDistance("D", a, b, "XYZ", length, 0.01),)))

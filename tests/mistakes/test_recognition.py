@@ -144,6 +144,11 @@ def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
     assert found is None if what is None else found is not None and what in found
 
 
+def test_a_value_near_zero_is_no_displaced_decimal_point() -> None:
+    assert slip_of_pen(-0.0984, 0.0016, 0.003) is None
+    assert slip_of_pen(-0.984, -0.0982, 0.003) == "is probably -0.0984: its decimal point is displaced"
+
+
 # ---------------------------------------------------------------------------------------------- what cannot be seen
 
 

@@ -19,6 +19,17 @@ OFF = None
 """An iteration at which nobody starts to reduce weights."""
 
 
+MAX_LOST = 12.0
+
+SHAPES = {
+    "blocks": {},
+    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
+    "more than a panel": {"reduced": 70, "blocks": 60},
+    "no blocks": {"blocks": 0},
+    "no reduced unknowns left": {"reduced": 4, "fixed": (0, 1, 2, 3)},
+}
+
+
 def random_equations(
     seed: int, *, reduced: int = 9, blocks: int = 12, per_block: int = 6, fixed: tuple[int, ...] = ()
 ) -> tuple[Equations, Layout]:
