@@ -142,6 +142,7 @@ INLINE void perspective(const Lanes *u, Projected *p, int *in_front)
     for (int row = 0; row < 2; row++) {
         p->direction[row] = u[row] * inverse;
         p->by_u[row][row] = inverse;
+        p->by_u[row][1 - row] = ALL(0.0);
         p->by_u[row][2] = p->direction[row] * inverse;
     }
 }
