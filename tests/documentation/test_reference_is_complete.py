@@ -14,7 +14,6 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
 from orip.errors import INTERRUPTED, OripError
-from orip.exchange.formats import FORMATS
 from orip.files.control.text import ELEMENT_KINDS
 from orip.files.log.headers import ACTIONS, BLOCK_KINDS
 from orip.files.project import tables as project_tables
@@ -99,9 +98,3 @@ def test_sections_of_listings(tmp_path: Path) -> None:
 def test_every_command_has_its_place() -> None:
     described = re.findall(r"\{orip-commands\} (\S+)", "".join(map(Path.read_text, (DOCS / "reference").rglob("*.md"))))
     assert sorted(described) == sorted(name for name in commands() if " " not in name)
-
-
-def test_formats_of_other_programs() -> None:
-    rows = re.findall(r"^\| `(\w+)` \| (.+) \| (yes|no) \| (yes|no) \|$", reference("exchange"), re.MULTILINE)
-    said = {True: "yes", False: "no"}
-    assert rows == [(one.name, one.title, said[one.read is not None], said[one.write is not None]) for one in FORMATS]
