@@ -1,7 +1,8 @@
 """Parts of the reference that are written from the program when the pages are built.
 
 ``{orip-commands} WORDS`` describes a command, and all commands below it if it is a group; ``{orip-options}`` the
-options that every command takes; ``{orip-gates}`` the figures that a gate may be about.
+options that every command takes; ``{orip-gates}`` the figures that a gate may be about; ``{orip-formats}`` the formats
+of other programs.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from orip.exchange.formats import FORMATS
 from orip.records.results.gate import GATE_FIGURES
 
 
@@ -25,6 +27,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("orip-commands", CommandsDirective)
     app.add_directive("orip-options", OptionsDirective)
     app.add_directive("orip-gates", GatesDirective)
+    app.add_directive("orip-formats", FormatsDirective)
     app.connect("env-before-read-docs", _read_again)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -69,6 +72,18 @@ class GatesDirective(SphinxDirective):
         """Return the table."""
         rows = [(f"`{name}`", meaning) for name, meaning in GATE_FIGURES.items()]
         return self.parse_text_to_nodes("\n".join(_table(("figure", "meaning"), rows)))
+
+
+class FormatsDirective(SphinxDirective):
+    """List the formats of other programs."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table."""
+        said = {True: "yes", False: "no"}
+        rows = [
+            (f"`{one.name}`", one.title, said[one.read is not None], said[one.write is not None]) for one in FORMATS
+        ]
+        return self.parse_text_to_nodes("\n".join(_table(("format", "program", "import", "export"), rows)))
 
 
 def _section(words: str, command: Any) -> Iterator[str]:

@@ -22,6 +22,9 @@ from orip.records.exchanged import ExchangedProject, PoseReading
 MOST_TYPICAL_PX = 5.0
 """Median length of the residuals up to which a reading fits."""
 
+MOST_COARSE_PX = 50.0
+"""Median up to which a reading that the format declares is taken with a warning: wrong ones are off by hundreds."""
+
 _MOST_BEHIND = 0.1
 """Part of the rays that a reading that fits may have behind the camera, or that meet nowhere."""
 
@@ -60,29 +63,40 @@ class Reprojection:
     @property
     def lengths(self) -> FloatArray:
         """Return the lengths of the residuals that are known, pixels."""
-        known = np.hypot(*self.residuals.T)
+        with np.errstate(over="ignore"):
+            known = np.hypot(*self.residuals.T)
         return np.asarray(known[np.isfinite(known)])
 
     @property
     def rms(self) -> float:
         """Return the root mean square of the lengths, pixels; NaN without rays."""
         lengths = self.lengths
-        return float(np.sqrt(np.mean(lengths**2))) if lengths.size else np.nan
+        with np.errstate(over="ignore"):  # a lens may image points far outside its frame anywhere
+            return float(np.sqrt(np.mean(lengths**2))) if lengths.size else np.nan
 
     @property
     def mean(self) -> float:
         """Return the mean of the lengths, pixels; NaN without rays."""
-        return float(self.lengths.mean()) if self.lengths.size else np.nan
+        with np.errstate(over="ignore"):
+            return float(self.lengths.mean()) if self.lengths.size else np.nan
 
     @property
     def fits(self) -> bool:
         """Return whether the reading can be the right one; without any residual nothing speaks against it."""
+        return self._is_within(MOST_TYPICAL_PX)
+
+    @property
+    def fits_coarsely(self) -> bool:
+        """Return whether the reading may be right and the state of the project is not that of an adjustment."""
+        return self._is_within(MOST_COARSE_PX)
+
+    def _is_within(self, most_px: float) -> bool:
         known = np.isfinite(self.residuals).all(axis=1)
         if not known.any() and not self.is_behind.any():
             return True
         if self.is_behind.sum() > _MOST_BEHIND * (known.sum() + self.is_behind.sum()):
             return False
-        return bool(self.typical <= MOST_TYPICAL_PX)
+        return bool(self.typical <= most_px)
 
     @property
     def typical(self) -> float:
@@ -91,11 +105,12 @@ class Reprojection:
 
     def mean_of_points(self, point: IntArray) -> float:
         """Return the mean over points of the mean lengths of their residuals; `point` (k,) is that of each ray."""
-        lengths = np.hypot(*self.residuals.T)
-        known = np.isfinite(lengths)
-        sums = np.bincount(point[known], lengths[known])
-        counts = np.bincount(point[known])
-        return float(np.mean(sums[counts > 0] / counts[counts > 0])) if known.any() else np.nan
+        with np.errstate(over="ignore"):
+            lengths = np.hypot(*self.residuals.T)
+            known = np.isfinite(lengths)
+            sums = np.bincount(point[known], lengths[known])
+            counts = np.bincount(point[known])
+            return float(np.mean(sums[counts > 0] / counts[counts > 0])) if known.any() else np.nan
 
 
 def fitting_reading(
@@ -116,7 +131,7 @@ def fitting_reading(
     Returns
     -------
     Reprojection, bool
-        Its `fits` is False where no reading fits; the first declared one is returned then.
+        Its `fits` is False where no reading fits; the best of those declared is returned then.
     """
     some = _some_rays(project)
     declared = _best(project, cameras, pixels, project.readings, some)
@@ -126,7 +141,8 @@ def fitting_reading(
     found = _best(project, cameras, pixels, tuple(others), some)
     if found is not None:
         return found, False
-    return reprojection(project, cameras, pixels, project.readings[0]), True
+    coarse = [reprojection(project, cameras, pixels, reading) for reading in project.readings]
+    return min(coarse, key=lambda one: (not one.fits_coarsely, one.typical)), True
 
 
 def reprojection(

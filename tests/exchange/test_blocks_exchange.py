@@ -11,7 +11,7 @@ from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 
 from orip.conversion.poses import exchanged_poses, orip_poses
-from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange
+from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
 from orip.records.exchanged import ExchangedProject, PoseReading
 
 MATRIX_DOWN = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")

@@ -10,6 +10,7 @@ import typer
 from orip.cli.exchange.import_project import tell_formats
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
+from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.workflow.exchange.exported import ExportedResult
@@ -55,7 +56,7 @@ def register(app: typer.Typer) -> None:
 def tell_export(terminal: Terminal, exported: ExportedResult, *, is_last: bool = True) -> None:
     """Print what was written, and what is lost; where it was written if nothing else follows."""
     project = exported.project
-    counts = f"{len(project.photos)} photos, {len(project.points.names)} points"
+    counts = f"{counted(len(project.photos), 'photo')}, {counted(len(project.points.names), 'point')}"
     copied = "" if exported.original is None else f", in a copy of {exported.original}"
     terminal.point("export", f"{exported.format.name}: {counts}{copied}")
     for note in exported.notes:
