@@ -176,7 +176,9 @@ def reprojection(
         known = np.isfinite(u1 + u2 + u3) & used
         in_front: BoolArray = known & np.asarray(is_in_front(u1, u2, u3))
         tangents = np.stack([-u1 / u3, -u2 / u3], axis=1)
-    behind[known & ~in_front] = True
+    # tangents tell nothing of what a fisheye shows beside and behind it
+    fisheye = np.array([converted.camera.projection == "equidistant" for converted in cameras], dtype=bool)
+    behind[known & ~in_front & ~fisheye[camera]] = True
     for number, converted in enumerate(cameras):
         rows = np.flatnonzero(in_front & (camera == number))
         residuals[rows] = pixels_of_directions(converted.camera, tangents[rows]) - measured[rows]

@@ -50,7 +50,6 @@ FORMATS: tuple[Format, ...] = (
         is_opensfm,
         write_opensfm,
         Conventions("opencv", OPENSFM),
-        is_file=True,
     ),
     Format(
         "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape

@@ -40,6 +40,16 @@ EXACT = {
         {"f": 3000, "cx": 2012, "cy": 1488, "k1": -0.1, "k2": 0.03, "k3": -0.01, "p1": 1e-3, "p2": -7e-4},
         CORNER,
     ),
+    "Metashape of a drone": (
+        "agisoft",
+        {"f": 3000, "cx": 2012, "cy": 1488, "k1": -0.11, "k2": 0.05, "k3": 0.08, "k4": -0.076, "p1": 1e-3},
+        CORNER,
+    ),
+    "OpenCV fisheye": (
+        "equidistant",
+        {"fx": 2000, "fy": 2000, "cx": 2012, "cy": 1488, "k1": 0.04, "k2": -0.012, "k3": 0.006, "k4": -0.0014},
+        CORNER,
+    ),
     "Metashape, affinity alone": ("agisoft", {"f": 3000, "cx": 2012, "cy": 1488, "b1": 2.0, "b2": -3.0}, CORNER),
     "MicMac Fraser": (
         "fraser",
@@ -243,3 +253,13 @@ def test_a_measured_lens_is_exported_exactly() -> None:
     exported = export_camera(camera, "7", "measured", MM_UP, CORNER)
     assert exported.worst_px == 0.0
     assert convert_camera(exported.camera, "K1").camera.parameters == pytest.approx(camera.parameters)
+
+
+def test_a_fisheye_is_not_exported_as_a_perspective() -> None:
+    lens, parameters, axes = EXACT["OpenCV fisheye"]
+    converted = convert_camera(camera(lens, parameters, axes), "K1").camera
+    assert converted.projection == "equidistant"
+    with pytest.raises(UnsuitableCameraError, match="camera K1 has a fisheye lens"):
+        export_camera(converted, "1", "opencv", axes, axes)
+    found = export_camera(converted, "1", "equidistant", axes, axes)
+    assert found.worst_px < 1e-6

@@ -94,6 +94,7 @@ PART_OF = {
     "orip.bundle.kinds.element._rotation_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.element._theodolite_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.photo_point._chained": "linearise_with_partials of photo points",
+    "orip.geometry.perspective.chained": "perspective_with_partials and equidistant_with_partials",
     "orip.geometry.ground_frame.GroundFrame._by_place": "project_with_partials of a frame",
     "orip.geometry.ground_frame.GroundFrame._partials": "project_with_partials of a frame",
     "orip.interior.image_coordinates._formula": "ImageEquation.explicit_with_partials",

@@ -17,6 +17,9 @@ _LONGEST = 20.0
 _SHORTEST = 0.1
 """Smallest such ratio: the angle of view is 157°, which no perspective lens has."""
 
+_SHORTEST_OF_FISHEYE = 0.1
+"""Of an equidistant camera: the diagonal would show 573°, which no lens does even across its black corners."""
+
 _SQUARE = 1.05
 """Largest ratio of the sides of a pixel; sensor sizes in data sheets are rounded to a hundredth."""
 
@@ -35,9 +38,9 @@ def _angle_of_view(camera: Camera) -> str:
         return ""
     width, height = (corners[1] - corners[0]).tolist()
     diagonal = float(np.hypot(width, height))
-    if _is_possible(c, diagonal):
+    if _is_possible(camera, c, diagonal):
         return ""
-    angle = float(np.degrees(2.0 * np.arctan(0.5 * diagonal / c)))
+    angle = float(np.degrees(_angle_at(camera, c, diagonal)))
     shown = f"{angle:.0f}" if angle >= 10.0 else f"{angle:.2g}"
     return (
         f"C = {c:g} mm on a frame of {width:g} x {height:g} mm would be an angle of view of {shown}°; C is in mm"
@@ -45,7 +48,14 @@ def _angle_of_view(camera: Camera) -> str:
     )
 
 
-def _is_possible(c: float, diagonal: float) -> bool:
+def _angle_at(camera: Camera, c: float, diagonal: float) -> float:
+    """Return the angle of view, radians."""
+    return diagonal / c if camera.projection == "equidistant" else float(2.0 * np.arctan(0.5 * diagonal / c))
+
+
+def _is_possible(camera: Camera, c: float, diagonal: float) -> bool:
+    if camera.projection == "equidistant":
+        return _SHORTEST_OF_FISHEYE < c / diagonal < _LONGEST
     return _SHORTEST < c / diagonal < _LONGEST
 
 
@@ -55,7 +65,7 @@ def _meant(camera: Camera, diagonal: float) -> str:
     listed = ", ".join(
         f"if it is in {unit}: C = {c * size:.4g} mm"
         for unit, size in millimetres_per_unit(camera).items()
-        if _is_possible(c * size, diagonal)
+        if _is_possible(camera, c * size, diagonal)
     )
     return f" ({listed})" if listed else ""
 
