@@ -40,7 +40,7 @@ def doubt_about(solved: SolvedBlock) -> str:
     if names := _undetermined_photos(solved):
         return f"left {counted_names('photo', names)} undetermined"
     if behind := _points_behind(solved):
-        return f"put {counted(behind, 'point')} behind {agreeing(behind, 'its camera', 'their cameras')}"
+        return f"put {counted_names('point', behind)} behind {agreeing(len(behind), 'its camera', 'their cameras')}"
     sigma0 = solved.variance.sigma0
     if not np.isfinite(sigma0) and solved.variance.redundancy > 0:
         return "left no observation with full weight that another one checks"
@@ -106,12 +106,13 @@ def _undetermined_photos(solved: SolvedBlock) -> list[str]:
     return _names(solved.block, np.flatnonzero(removed.any(axis=1)).tolist())
 
 
-def _points_behind(solved: SolvedBlock) -> int:
-    """Return how many of the points lie behind the camera of a photo that shows them."""
+def _points_behind(solved: SolvedBlock) -> list[str]:
+    """Return the points that lie behind the camera of a photo that shows them."""
     points, state = solved.block.photo_points, solved.state
     offset = state.points[points.point] - state.centres[points.photo]
     depth = np.einsum("ni,ni->n", offset, state.rotations[points.photo, :, 2])
-    return len(np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)]))
+    rows = np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)])
+    return [solved.block.point_names[row] for row in rows.tolist()]
 
 
 def _down_weighted_points(solved: SolvedBlock) -> tuple[BoolArray, BoolArray]:
