@@ -25,7 +25,8 @@ class Conventions:
 
     Parameters
     ----------
-    lens : Lens
+    lens : Lens or None
+        None: cameras and measurements are not written.
     reading : PoseReading
     lens_axes, ray_axes : ImageAxes
     is_cartesian : bool
@@ -33,7 +34,7 @@ class Conventions:
         one.
     """
 
-    lens: Lens
+    lens: Lens | None
     reading: PoseReading
     lens_axes: ImageAxes = PIXELS
     ray_axes: ImageAxes = PIXELS
