@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import typer
@@ -118,9 +118,9 @@ def _plain(piece: str) -> str:
     return piece.strip("{}").replace("[[", "[").replace("]]", "]").replace("......", "...").replace("...]...", "...]")
 
 
-def _table(heading: tuple[str, str], rows: list[tuple[str, str]]) -> Iterator[str]:
-    yield f"| {heading[0]} | {heading[1]} |"
-    yield "|---|---|"
+def _table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    yield "| " + " | ".join(heading) + " |"
+    yield "|---" * len(heading) + "|"
     for cells in rows:
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""

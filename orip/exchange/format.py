@@ -25,19 +25,23 @@ class Conventions:
 
     Parameters
     ----------
-    lens : Lens
+    lens : Lens or None
+        None: cameras and measurements are not written.
     reading : PoseReading
     lens_axes, ray_axes : ImageAxes
     is_cartesian : bool
         The format has a rectangular system: eastings, northings and heights of a map projection are taken to a local
         one.
+    fisheye_lens : Lens or None
+        Of fisheye cameras, if the format has any.
     """
 
-    lens: Lens
+    lens: Lens | None
     reading: PoseReading
     lens_axes: ImageAxes = PIXELS
     ray_axes: ImageAxes = PIXELS
     is_cartesian: bool = True
+    fisheye_lens: Lens | None = None
 
 
 @dataclass(frozen=True, slots=True)

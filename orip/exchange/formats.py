@@ -15,6 +15,10 @@ from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import write_model
 from orip.exchange.format import Conventions, Format
+from orip.exchange.gis.dxf import write_dxf
+from orip.exchange.gis.geopackage import write_geopackage
+from orip.exchange.gis.layers import READING as DRAWN
+from orip.exchange.gis.tables import write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.metashape.source import is_metashape, read_metashape
@@ -37,7 +41,7 @@ FORMATS: tuple[Format, ...] = (
         read_model,
         is_model,
         write_model,
-        Conventions("opencv", COLMAP),
+        Conventions("opencv", COLMAP, fisheye_lens="equidistant"),
     ),
     Format(
         "opensfm",
@@ -46,7 +50,6 @@ FORMATS: tuple[Format, ...] = (
         is_opensfm,
         write_opensfm,
         Conventions("opencv", OPENSFM),
-        is_file=True,
     ),
     Format(
         "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
@@ -78,6 +81,26 @@ FORMATS: tuple[Format, ...] = (
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
+    Format(
+        "geopackage",
+        "GeoPackage for GIS: points, photos, error ellipses",
+        write=write_geopackage,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        is_file=True,
+    ),
+    Format(
+        "dxf",
+        "DXF (release 12) for CAD: points, photos, error ellipses",
+        write=write_dxf,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        is_file=True,
+    ),
+    Format(
+        "csv",
+        "CSV: points and photos with all digits and their standard deviations",
+        write=write_tables,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+    ),
 )
 
 

@@ -15,17 +15,7 @@ _ROUNDS = 3
 
 
 def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
-    """Return geocentric coordinates.
-
-    Parameters
-    ----------
-    geographic : array (n, 3)
-    semi_axes : (float, float)
-
-    Returns
-    -------
-    array (n, 3)
-    """
+    """Return geocentric coordinates (n, 3) of geographic ones (n, 3)."""
     major, minor = semi_axes
     longitude, latitude, height = geographic.T
     sine, cosine = np.sin(latitude), np.cos(latitude)
@@ -84,17 +74,9 @@ def place_axes(geographic: FloatArray) -> FloatArray:
 
 
 def metres_per_radian(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
-    """Return metres per radian of longitude and of latitude at places, and 1 for the height.
+    """Return metres per radian of longitude and of latitude at places (n, 3), and 1 for the height.
 
-    Parameters
-    ----------
-    geographic : array (n, 3)
-    semi_axes : (float, float)
-
-    Returns
-    -------
-    array (n, 3)
-        By the radii of curvature of the prime vertical and of the meridian.
+    By the radii of curvature of the prime vertical and of the meridian.
     """
     major, minor = semi_axes
     latitude, height = geographic[:, 1], geographic[:, 2]

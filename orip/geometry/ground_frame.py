@@ -121,18 +121,9 @@ class GroundFrame:
         return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
     def jacobian_at(self, xyz: FloatArray) -> FloatArray:
-        """Return the partials of the project's coordinates by local ones at places.
+        """Return the partials (n, 3, 3) of the project's coordinates by local ones, at places (n, 3) in the project.
 
         A cofactor block Q of local coordinates is ``J @ Q @ J.T`` in the project.
-
-        Parameters
-        ----------
-        xyz : array (n, 3)
-            In the project's coordinates.
-
-        Returns
-        -------
-        array (n, 3, 3)
         """
         return self._partials(self.crs.to_geographic(xyz))
 

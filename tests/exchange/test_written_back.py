@@ -75,6 +75,8 @@ def test_what_is_written_is_read_again(tmp_path: Path, name: str) -> None:
     assert _at_edge(camera) == pytest.approx(_at_edge(expected_camera), abs=1e-7)
     if name != "micmac":
         assert np.array_equal(again.points.coordinates[again.points.is_track], given.points.coordinates)
+    if name == "opensfm":
+        assert again.rays.image == pytest.approx(given.rays.image, abs=1e-9)
     if name == "blocks":
         assert again.control[0].name == "A & B"
         assert again.control[0].coordinates == (1.0, 2.0, None)

@@ -340,17 +340,26 @@ def test_the_two_blunders_of_other_blocks_from_nothing(tmp_path: Path, seed: int
     } == blunders_of(truth)
 
 
+STATION_SD = 0.03
+
+
+def observed_stations(truth: dict[str, Any]) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(3)
+    return {
+        photo: np.array(orientation[:3]) + STATION_SD * random.normal(size=3)
+        for photo, orientation in truth["photos"].items()
+    }
+
+
 def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
     oriented: Path, truth: dict[str, Any], tmp_path: Path
 ) -> None:
     folder = shutil.copytree(oriented, tmp_path / "cliff")
-    random, sd = np.random.default_rng(3), 0.03
-    lines = []
-    for photo, orientation in truth["photos"].items():
-        station = np.array(orientation[:3]) + sd * random.normal(size=3) + (2.0 if photo == "203" else 0.0)
-        lines += [
-            f"{photo} PHOTO {name} {value:.4f} {sd}" for name, value in zip(("X0", "Y0", "Z0"), station, strict=True)
-        ]
+    lines = [
+        f"{photo} PHOTO {name} {value:.4f} {STATION_SD}"
+        for photo, station in observed_stations(truth).items()
+        for name, value in zip(("X0", "Y0", "Z0"), station + (2.0 if photo == "203" else 0.0), strict=True)
+    ]
     (folder / "CLIFF.ELE").write_text("\n".join(lines) + "\n", encoding="utf-8")
     found = solve_quietly(folder, method=Method(SnoopingSettings("apriori"))).solution
     assert {
@@ -371,10 +380,9 @@ def test_a_shifted_strip_is_named_first_and_the_setting_brings_the_check_points_
     oriented: Path, truth: dict[str, Any], tmp_path: Path
 ) -> None:
     folder = shutil.copytree(oriented, tmp_path / "cliff")
-    random, sd = np.random.default_rng(3), 0.03
-    lines = []
-    for photo, orientation in truth["photos"].items():
-        x, y, z = np.array(orientation[:3]) + sd * random.normal(size=3) + (SHIFT if photo[0] == "2" else 0.0)
+    lines, sd = [], STATION_SD
+    for photo, station in observed_stations(truth).items():
+        x, y, z = station + (SHIFT if photo[0] == "2" else 0.0)
         lines.append(f"{photo} {x:.4f} {y:.4f} {z:.4f} {sd} {sd} {sd} - - - - - - - {photo[0]}")
     (folder / "CLIFF.STA").write_text("\n".join(lines) + "\n", encoding="utf-8")
     found = solve_quietly(folder).solution

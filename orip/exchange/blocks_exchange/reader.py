@@ -179,7 +179,7 @@ def _project(root: XmlElement, block: XmlElement, stream: _Stream, fields: XmlFi
         control_crs=control_crs,
         distances=tuple(_distances(block, fields, notes)),
         crs=crs,
-        ground_unit="m" if crs or frame.kind == "topocentric" else "unit",
+        ground_unit="m" if own in systems else "unit",
         frame=frame,
         notes=tuple(notes),
     )

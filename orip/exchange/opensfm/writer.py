@@ -23,11 +23,14 @@ _SAME = 1e-11
 
 _RADIAL = ("k1", "k2", "k3")
 _DECENTRING = ("p1", "p2")
+_SCALE = 0.001
+"""Size of a feature; it has no part in OpenSfM's adjustment unless it is asked for."""
+
 _GREY = [128.0, 128.0, 128.0]
 
 
 def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
-    """Return reconstruction.json; tracks and all else of OpenSfM's project stay as they are.
+    """Return reconstruction.json; without an original also tracks.csv, in which all points are tracks.
 
     Points have their covariances (m²) as ``covariance``, which OpenSfM passes over.
 
@@ -38,7 +41,7 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
     """
     path = None if original is None else reconstruction_file(original)
     if path is None:
-        return {_NAME: _encoded([_new(project)])}
+        return {_NAME: _encoded([_new(project)]), "tracks.csv": _tracks(project)}
     faults = Faults(str(path))
     document = read_json(path, faults)
     if document is None:
@@ -70,9 +73,35 @@ def _new(project: ExchangedProject) -> dict[str, Any]:
         if photo.rotation
     }
     found: dict[str, Any] = {"cameras": cameras, "shots": shots, "points": {}}
-    for name, values in _points(project).items():
-        found["points"][name] = {"color": _GREY, **values}
+    names = _track_names(project)
+    for row, values in _points(project).items():
+        found["points"][names[row]] = {"color": _GREY, **values}
     return found
+
+
+def _track_names(project: ExchangedProject) -> list[str]:
+    """Return the names of all points as tracks; those that are no tracks are different from those that are."""
+    points = project.points
+    tracks = {name for name, is_track in zip(points.names, points.is_track.tolist(), strict=True) if is_track}
+    return [
+        name if is_track or name not in tracks else f"point {name}"
+        for name, is_track in zip(points.names, points.is_track.tolist(), strict=True)
+    ]
+
+
+def _tracks(project: ExchangedProject) -> bytes:
+    """Return the measurements as ``tracks.csv``; a feature has its number among all of them."""
+    rays, names = project.rays, _track_names(project)
+    lines = ["OPENSFM_TRACKS_VERSION_v2"]
+    for feature in np.flatnonzero(rays.is_active).tolist():
+        photo = project.photos[int(rays.photo[feature])]
+        camera = project.cameras[photo.camera]
+        longer = max(camera.columns, camera.rows)
+        x, y = rays.image[feature].tolist()
+        place = f"{(x - camera.columns / 2.0) / longer!r}\t{(y - camera.rows / 2.0) / longer!r}"
+        track = names[int(rays.point[feature])]
+        lines.append(f"{photo.name}\t{track}\t{feature}\t{place}\t{_SCALE}\t128\t128\t128\t-1\t-1")
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _update(part: dict[str, Any], project: ExchangedProject) -> None:
@@ -89,7 +118,9 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
             shot[key] = _kept(shot.get(key), values)
         if before != _pose(shot):
             _follow(part.get("rig_instances"), photo.name, before, shot)
-    points = _points(project)
+    points = {
+        project.points.names[row]: values for row, values in _points(project).items() if project.points.is_track[row]
+    }
     kept = {name: point for name, point in part.get("points", {}).items() if name in points}
     for name, point in kept.items():
         coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
@@ -97,17 +128,17 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
     part["points"] = kept
 
 
-def _points(project: ExchangedProject) -> dict[str, dict[str, Any]]:
-    """Return coordinates of tracks, and covariances where they are known."""
+def _points(project: ExchangedProject) -> dict[int, dict[str, Any]]:
+    """Return coordinates of points by their places, and covariances where they are known."""
     points = project.points
     covariances = points.covariance
-    found: dict[str, dict[str, Any]] = {}
-    for row, (name, xyz) in enumerate(zip(points.names, points.coordinates.tolist(), strict=True)):
-        if not points.is_track[row] or not all(map(math.isfinite, xyz)):
+    found: dict[int, dict[str, Any]] = {}
+    for row, xyz in enumerate(points.coordinates.tolist()):
+        if not all(map(math.isfinite, xyz)):
             continue
-        found[name] = {"coordinates": xyz}
+        found[row] = {"coordinates": xyz}
         if covariances is not None and np.isfinite(covariances[row]).all():
-            found[name]["covariance"] = covariances[row].tolist()
+            found[row]["covariance"] = covariances[row].tolist()
     return found
 
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.conversion.cameras import ExportedCamera, export_camera
+from orip.conversion.error_ellipses import error_ellipses
 from orip.conversion.image_axes import axes_from_pixels
 from orip.conversion.poses import exchanged_poses
 from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import rotation_from_angles
-from orip.records.exchanged import ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.observation_kinds import PHOTO_POINT
@@ -64,12 +65,7 @@ def exchanged_result(bundle: BundleState, names: NamesTable, conventions: Conven
         If a camera has no sensor.
     """
     adjusted = _adjusted(bundle)
-    exported = {
-        key: export_camera(
-            camera, names.cameras.get(key, camera.name), conventions.lens, conventions.lens_axes, conventions.ray_axes
-        )
-        for key, camera in adjusted.cameras.items()
-    }
+    exported = _cameras(adjusted, names, conventions)
     notes = [*_notes_on_cameras(exported), *_notes_on_staleness(bundle)]
     frame = _local_frame(bundle, adjusted.solution) if conventions.is_cartesian else None
     if frame is not None:
@@ -107,6 +103,19 @@ def _adjusted(bundle: BundleState) -> _Adjusted:
         for key in dict.fromkeys(of_photo.values())
     }
     return _Adjusted(solution, cameras, of_photo)
+
+
+def _cameras(adjusted: _Adjusted, names: NamesTable, conventions: Conventions) -> dict[str, ExportedCamera]:
+    found = {}
+    for key, camera in adjusted.cameras.items():
+        name = names.cameras.get(key, camera.name)
+        is_fisheye = camera.projection == "equidistant" and conventions.fisheye_lens is not None
+        lens = conventions.fisheye_lens if is_fisheye else conventions.lens
+        if lens is None:
+            found[key] = ExportedCamera(ExchangedCamera(name, 0, 0, "unsupported", {}), 0.0, 0.0)
+        else:
+            found[key] = export_camera(camera, name, lens, conventions.lens_axes, conventions.ray_axes)
+    return found
 
 
 def _notes_on_cameras(exported: Mapping[str, ExportedCamera]) -> list[str]:
@@ -165,11 +174,13 @@ def _photos(
 def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
     solution = adjusted.solution
     original = [names.original_point(name) for name in solution.points.names]
+    covariance = _covariances(solution)
     return ExchangedPoints(
         tuple(name for name, _ in original),
         solution.points.values if frame is None else frame.to_local(solution.points.values),
         np.array([is_track for _, is_track in original], dtype=np.bool_),
-        _covariances(solution),
+        covariance,
+        error_ellipses(covariance),
         _residual_lengths(adjusted),
     )
 

@@ -156,3 +156,12 @@ def adjusted(problem: CurvedProblem, start: np.ndarray, chosen: IterationSetting
 
 def converged(found: Adjustment) -> bool:
     return found.reason is TerminationReason.CONVERGED
+
+
+def singular_equations(seed):
+    """Return equations in which unknowns 3 and 8 are the same, and two equations are left of the first block."""
+    equations, layout = random_equations(seed)
+    design = equations.design.toarray()
+    design[:, 8] = 2.0 * design[:, 3]
+    design[np.flatnonzero(design[:, 9:12].any(axis=1))[2:]] = 0.0
+    return equations_of(design, equations.residual), layout
