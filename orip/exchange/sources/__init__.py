@@ -1,1 +1,1 @@
-"""How foreign files are read, whatever their format: lines of text, trees of XML and JSON, and what is wrong in them."""
+"""How foreign files are read, whatever their format: lines of text, trees of XML and JSON, and their faults."""
