@@ -47,7 +47,7 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
     control = np.linspace(0, len(ground) - 1, max(6, photos // PHOTOS_A_CONTROL_POINT)).astype(int)
     xy = xy + NOISE_MM * random.normal(size=xy.shape)
     start = orientations + START_OFF * random.normal(size=orientations.shape)
-    camera = (PRINCIPAL_DISTANCE_MM, *np.zeros(10).tolist())
+    camera = (PRINCIPAL_DISTANCE_MM, *np.zeros(11).tolist())
     definition = BundleDefinition("BENCH", Precision(NOISE_MM), max_iterations=30, start_down_weight=30)
     return Block(
         definition=definition,

@@ -43,7 +43,7 @@ POINTS, COMMANDS = 100_000, 5_000
 def block(distortion_at: str) -> Loaded:
     """Return the block: frames of 20 x 24 mm, C = 50 mm, so that the frame lines lie in the middle of the overlaps."""
     camera = DriveCamera(
-        "CAM", (50.0, 0.1, -0.1, 0.0, -3e-5, 2e-8, 0.0, 2e-5, -1e-5, 0.0, 0.0), (20.0, 24.0), distortion_at
+        "CAM", (50.0, 0.1, -0.1, 0.0, -3e-5, 2e-8, 0.0, 0.0, 2e-5, -1e-5, 0.0, 0.0), (20.0, 24.0), distortion_at
     )
     photos, models = [], []
     for row in range(STRIPS):

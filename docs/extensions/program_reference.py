@@ -1,14 +1,15 @@
 """Parts of the reference that are written from the program when the pages are built.
 
 ``{orip-commands} WORDS`` describes a command, and all commands below it if it is a group; ``{orip-options}`` the
-options that every command takes; ``{orip-gates}`` the figures that a gate may be about.
+options that every command takes; ``{orip-gates}`` the figures that a gate may be about; ``{orip-formats}`` the formats
+of other programs.
 """
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import typer
@@ -17,6 +18,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from orip.exchange.formats import FORMATS
 from orip.records.results.gate import GATE_FIGURES
 
 
@@ -25,6 +27,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("orip-commands", CommandsDirective)
     app.add_directive("orip-options", OptionsDirective)
     app.add_directive("orip-gates", GatesDirective)
+    app.add_directive("orip-formats", FormatsDirective)
     app.connect("env-before-read-docs", _read_again)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -71,6 +74,18 @@ class GatesDirective(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(_table(("figure", "meaning"), rows)))
 
 
+class FormatsDirective(SphinxDirective):
+    """List the formats of other programs."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table."""
+        said = {True: "yes", False: "no"}
+        rows = [
+            (f"`{one.name}`", one.title, said[one.read is not None], said[one.write is not None]) for one in FORMATS
+        ]
+        return self.parse_text_to_nodes("\n".join(_table(("format", "program", "import", "export"), rows)))
+
+
 def _section(words: str, command: Any) -> Iterator[str]:
     """Yield the section of a command; one of a group is a level below the group."""
     about, label, example = re.split(r"(\bExamples?:|$)", inspect.cleandoc(command.help or ""), maxsplit=1)
@@ -103,9 +118,9 @@ def _plain(piece: str) -> str:
     return piece.strip("{}").replace("[[", "[").replace("]]", "]").replace("......", "...").replace("...]...", "...]")
 
 
-def _table(heading: tuple[str, str], rows: list[tuple[str, str]]) -> Iterator[str]:
-    yield f"| {heading[0]} | {heading[1]} |"
-    yield "|---|---|"
+def _table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    yield "| " + " | ".join(heading) + " |"
+    yield "|---" * len(heading) + "|"
     for cells in rows:
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""

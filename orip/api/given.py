@@ -8,7 +8,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,8 @@ class Camera:
         Additional parameters as weighted unknowns; needs `frame`.
     same_lens_as : str, optional
         Camera whose principal distance and distortion this one has; only the principal point is its own.
+    projection : {"perspective", "equidistant"}
+        Equidistant is that of fisheye lenses.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Camera:
     unknown: Sequence[str] = ()
     additional_set: AdditionalSet | None = None
     same_lens_as: str | None = None
+    projection: Projection = "perspective"
 
 
 @dataclass(frozen=True, slots=True)

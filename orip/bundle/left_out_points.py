@@ -15,6 +15,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
+from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rays import intersect_rays
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
@@ -138,5 +139,10 @@ def _intersections(block: Block, state: BlockState, scale: float) -> tuple[Float
 def _in_front(block: Block, state: BlockState, points: FloatArray) -> IntArray:
     """Return how many photos have each of the points (number of points, 3) in front of them."""
     rays = block.photo_points
-    along = np.einsum("ij,ij->i", points[rays.point] - state.centres[rays.photo], state.rotations[rays.photo][:, :, 2])
-    return np.bincount(rays.point[along < 0.0], minlength=len(points))
+    u = np.einsum("ij,ijk->ki", points[rays.point] - state.centres[rays.photo], state.rotations[rays.photo])
+    in_front = u[2] < 0.0
+    equidistant = np.array([camera.projection == "equidistant" for camera in block.cameras])
+    if equidistant.any():
+        rows = equidistant[block.photo_camera[rays.photo]]
+        in_front[rows] = PROJECTIONS["equidistant"].is_in_front(*u[:, rows])
+    return np.bincount(rays.point[in_front], minlength=len(points))

@@ -50,6 +50,7 @@ class Untested(Enum):
     """Why sigma0 cannot be tested."""
 
     NOTHING_REDUNDANT = "nothing is redundant to test it"
+    NO_FULL_WEIGHT = "no observation with full weight is checked by another one"
     ERRORS_ESTIMATED = "1 by definition: the a-priori errors are estimated from the same residuals"
 
 
@@ -78,7 +79,10 @@ def sigma0_test(solution: Solution) -> GlobalTest | Untested:
     """Return the test of a solution's sigma0, or why there is none."""
     if any(math.isfinite(component.factor) for component in solution.variance_components):
         return Untested.ERRORS_ESTIMATED
-    return global_test(solution.sigma0, solution.redundancy_used)
+    test = global_test(solution.sigma0, solution.redundancy_used)
+    if test is Untested.NOTHING_REDUNDANT and solution.redundancy > 0:
+        return Untested.NO_FULL_WEIGHT
+    return test
 
 
 def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tuple[Level, str]:

@@ -49,6 +49,8 @@ for group in (
     stations,
     project.export_toml,
     exchange.import_project,
+    exchange.export_project,
+    project.adjust_source,
 ):
     group.register(app)
 

@@ -99,6 +99,13 @@ class Terminal:
         """Print one JSON document on stdout."""
         self.data(json.dumps(content, ensure_ascii=False, indent=2, allow_nan=False))
 
+    def answer(self, content: dict[str, Any], text: str) -> None:
+        """Print what was asked for: with ``--json`` a document, else a text."""
+        if self.json:
+            self.document(content)
+        else:
+            self.data(text)
+
     @property
     def columns(self) -> int | None:
         """Return the width of messages; None where they do not go to a terminal and lines are not broken."""

@@ -9,18 +9,22 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
-from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial
+from orip.conversion.lenses.from_orip import lens_of_polynomial
+from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
 from orip.errors import OripError
+from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
-from orip.records.exchanged import ExchangedCamera
-from orip.records.project.camera import Camera, Sensor
+from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
+from orip.records.project.camera import Camera, Projection, Sensor
 
 MOST_MISFIT_PX = 0.5
 """A fit that is worse somewhere in the frame is refused, unless measurements are corrected for it."""
 
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
+
+_PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
 
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
@@ -77,6 +81,15 @@ class ConvertedCamera:
         return pixels_of_directions(self.camera, _y_up(directions_of_image(self.source, in_lens), self.source))
 
 
+@dataclass(frozen=True, slots=True)
+class ExportedCamera:
+    """A camera as another program has it, and by how much it differs from orip's over the frame, pixels."""
+
+    camera: ExchangedCamera
+    worst_px: float
+    rms_px: float
+
+
 def convert_camera(
     source: ExchangedCamera, name: str, *, accepts_any_fit: bool = False, unknown: tuple[str, ...] = ()
 ) -> ConvertedCamera:
@@ -114,6 +127,7 @@ def convert_camera(
         name=name,
         parameters=parameters_from_polynomial(polynomial, source.lens_axes, _frame(source), pixel_mm),
         distortion_at="measured" if polynomial.at_measured else "ideal",
+        projection=LENSES[source.lens].projection,
         sensor=sensor,
         unknown=unknown,
     )
@@ -132,10 +146,84 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     c, x0, y0, *coefficients = camera.parameters
     equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
     with np.errstate(all="ignore"):  # directions far outside the frame may overflow
-        x, y = equation.measured(*np.ascontiguousarray(c * directions.T))
+        x, y = equation.measured(*_ideal(camera.projection, c, directions))
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
     row = sensor.rows / 2.0 - np.asarray(y) * (sensor.rows / sensor.height)
     return np.stack([column, row], axis=1)
+
+
+def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, ray_axes: ImageAxes) -> ExportedCamera:
+    """Return a camera of orip as another program's.
+
+    Parameters
+    ----------
+    camera : Camera
+        With a sensor.
+    name : str
+        As the other program has it.
+    lens : Lens
+        That the other program knows.
+    lens_axes, ray_axes : ImageAxes
+
+    Raises
+    ------
+    UnsuitableCameraError
+        If the camera has no sensor, or another projection than the lens.
+    """
+    sensor = camera.sensor
+    if sensor is None:
+        message = f"camera {camera.name} has no sensor, and other programs know digital frames only"
+        raise UnsuitableCameraError(message)
+    if camera.projection != LENSES[lens].projection:
+        message = (
+            f"camera {camera.name} has {_PROJECTION_NAMES[camera.projection]}, but cameras of the format are written "
+            f"as those of {_PROJECTION_NAMES[LENSES[lens].projection]}; export to another format"
+        )
+        raise UnsuitableCameraError(message)
+    frame, size = (sensor.columns, sensor.rows), (sensor.width, sensor.height)
+    places = np.meshgrid(np.linspace(0.0, sensor.columns, _GRID), np.linspace(0.0, sensor.rows, _GRID))
+    pixels = np.stack(places, axis=-1).reshape(-1, 2)
+    directions = directions_of_pixels(camera, pixels)
+    seen = np.isfinite(directions).all(axis=1)
+    up = 1.0 if lens_axes.y == "up" else -1.0
+    polynomial = polynomial_from_parameters(
+        camera.parameters,
+        lens_axes,
+        frame,
+        sensor.width / sensor.columns,
+        at_measured=camera.distortion_at == "measured",
+    )
+    image = axes_from_pixels(pixels[seen], lens_axes, frame, size)
+    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image)
+    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else sensor.width / sensor.columns)
+    exchanged = ExchangedCamera(name, *frame, lens, found.parameters, "", lens_axes, ray_axes, size)
+    return ExportedCamera(exchanged, float(length.max()), float(np.sqrt(np.mean(length**2))))
+
+
+def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Return the directions (n, 2), tangents x right and y up, of pixels (n, 2) of a camera with a sensor.
+
+    NaN where there are none.
+    """
+    sensor = camera.sensor
+    if sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+    x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
+    y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
+    with np.errstate(all="ignore"):  # pixels far outside the frame may overflow
+        vectors = np.stack(PROJECTIONS[camera.projection].image_vector(c, *equation.ideal(x, y)), axis=1)
+        # tangents end at 90 degrees from the axis, fisheye lenses do not
+        return np.where(vectors[:, 2:] < 0.0, vectors[:, :2] / -vectors[:, 2:], np.nan)
+
+
+def _ideal(projection: Projection, c: float, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ideal coordinates x and y (n,) of directions (n, 2) with a principal distance."""
+    x, y = np.ascontiguousarray(directions.T)
+    ideal: tuple[FloatArray, FloatArray] = PROJECTIONS[projection].ideal_coordinates(c, x, y, -np.ones_like(x))
+    return ideal
 
 
 def _require_possible(source: ExchangedCamera) -> None:
@@ -173,7 +261,8 @@ def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatA
             "so that it cannot be fitted"
         )
         raise UnsuitableCameraError(message)
-    return fitted_polynomial(directions, image)
+    ideal = np.stack(_ideal(LENSES[source.lens].projection, 1.0, directions), axis=1)
+    return fitted_polynomial(ideal, image)
 
 
 def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:

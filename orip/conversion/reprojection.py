@@ -12,16 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.conversion.cameras import ConvertedCamera, pixels_of_directions
+from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
 from orip.conversion.poses import described_reading, orip_poses, other_readings
 from orip.geometry.perspective import is_in_front
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotated_back
-from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedProject, PoseReading
 
 MOST_TYPICAL_PX = 5.0
 """Median length of the residuals up to which a reading fits."""
+
+MOST_COARSE_PX = 50.0
+"""Median up to which a reading that the format declares is taken with a warning: wrong ones are off by hundreds."""
 
 _MOST_BEHIND = 0.1
 """Part of the rays that a reading that fits may have behind the camera, or that meet nowhere."""
@@ -61,29 +63,40 @@ class Reprojection:
     @property
     def lengths(self) -> FloatArray:
         """Return the lengths of the residuals that are known, pixels."""
-        known = np.hypot(*self.residuals.T)
+        with np.errstate(over="ignore"):
+            known = np.hypot(*self.residuals.T)
         return np.asarray(known[np.isfinite(known)])
 
     @property
     def rms(self) -> float:
         """Return the root mean square of the lengths, pixels; NaN without rays."""
         lengths = self.lengths
-        return float(np.sqrt(np.mean(lengths**2))) if lengths.size else np.nan
+        with np.errstate(over="ignore"):  # a lens may image points far outside its frame anywhere
+            return float(np.sqrt(np.mean(lengths**2))) if lengths.size else np.nan
 
     @property
     def mean(self) -> float:
         """Return the mean of the lengths, pixels; NaN without rays."""
-        return float(self.lengths.mean()) if self.lengths.size else np.nan
+        with np.errstate(over="ignore"):
+            return float(self.lengths.mean()) if self.lengths.size else np.nan
 
     @property
     def fits(self) -> bool:
         """Return whether the reading can be the right one; without any residual nothing speaks against it."""
+        return self._is_within(MOST_TYPICAL_PX)
+
+    @property
+    def fits_coarsely(self) -> bool:
+        """Return whether the reading may be right and the state of the project is not that of an adjustment."""
+        return self._is_within(MOST_COARSE_PX)
+
+    def _is_within(self, most_px: float) -> bool:
         known = np.isfinite(self.residuals).all(axis=1)
         if not known.any() and not self.is_behind.any():
             return True
         if self.is_behind.sum() > _MOST_BEHIND * (known.sum() + self.is_behind.sum()):
             return False
-        return bool(self.typical <= MOST_TYPICAL_PX)
+        return bool(self.typical <= most_px)
 
     @property
     def typical(self) -> float:
@@ -92,11 +105,12 @@ class Reprojection:
 
     def mean_of_points(self, point: IntArray) -> float:
         """Return the mean over points of the mean lengths of their residuals; `point` (k,) is that of each ray."""
-        lengths = np.hypot(*self.residuals.T)
-        known = np.isfinite(lengths)
-        sums = np.bincount(point[known], lengths[known])
-        counts = np.bincount(point[known])
-        return float(np.mean(sums[counts > 0] / counts[counts > 0])) if known.any() else np.nan
+        with np.errstate(over="ignore"):
+            lengths = np.hypot(*self.residuals.T)
+            known = np.isfinite(lengths)
+            sums = np.bincount(point[known], lengths[known])
+            counts = np.bincount(point[known])
+            return float(np.mean(sums[counts > 0] / counts[counts > 0])) if known.any() else np.nan
 
 
 def fitting_reading(
@@ -117,7 +131,7 @@ def fitting_reading(
     Returns
     -------
     Reprojection, bool
-        Its `fits` is False where no reading fits; the first declared one is returned then.
+        Its `fits` is False where no reading fits; the best of those declared is returned then.
     """
     some = _some_rays(project)
     declared = _best(project, cameras, pixels, project.readings, some)
@@ -127,7 +141,8 @@ def fitting_reading(
     found = _best(project, cameras, pixels, tuple(others), some)
     if found is not None:
         return found, False
-    return reprojection(project, cameras, pixels, project.readings[0]), True
+    coarse = [reprojection(project, cameras, pixels, reading) for reading in project.readings]
+    return min(coarse, key=lambda one: (not one.fits_coarsely, one.typical)), True
 
 
 def reprojection(
@@ -161,7 +176,9 @@ def reprojection(
         known = np.isfinite(u1 + u2 + u3) & used
         in_front: BoolArray = known & np.asarray(is_in_front(u1, u2, u3))
         tangents = np.stack([-u1 / u3, -u2 / u3], axis=1)
-    behind[known & ~in_front] = True
+    # tangents tell nothing of what a fisheye shows beside and behind it
+    fisheye = np.array([converted.camera.projection == "equidistant" for converted in cameras], dtype=bool)
+    behind[known & ~in_front & ~fisheye[camera]] = True
     for number, converted in enumerate(cameras):
         rows = np.flatnonzero(in_front & (camera == number))
         residuals[rows] = pixels_of_directions(converted.camera, tangents[rows]) - measured[rows]
@@ -230,15 +247,8 @@ def _ray_directions(cameras: Sequence[ConvertedCamera], camera: IntArray, pixels
     found = np.full((len(pixels), 2), np.nan)
     for number, converted in enumerate(cameras):
         rows = camera == number
-        sensor = converted.camera.sensor
-        if sensor is None or not rows.any():
-            continue
-        c, x0, y0, *coefficients = converted.camera.parameters
-        equation = ImageEquation(x0, y0, tuple(coefficients), converted.camera.distortion_at == "measured", None)
-        x = (pixels[rows, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
-        y = (sensor.rows / 2.0 - pixels[rows, 1]) * (sensor.height / sensor.rows)
-        with np.errstate(all="ignore"):
-            found[rows] = np.stack(equation.ideal(x, y), axis=1) / c
+        if rows.any():
+            found[rows] = directions_of_pixels(converted.camera, pixels[rows])
     return found
 
 

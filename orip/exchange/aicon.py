@@ -108,7 +108,7 @@ def _cameras(path: Path, faults: Faults) -> tuple[dict[str, int], tuple[Exchange
         values = [faults.decimal(word, "camera", number) for word in words]
         parameters = dict(zip(_CAMERA, values, strict=False)) | {"f": -values[0]}
         width, height, columns, rows = values[-4:]
-        if not min(parameters["f"], width, height, columns, rows) > 0:
+        if not all(value > 0 for value in (parameters["f"], width, height, columns, rows)):
             message = "the principal distance should be negative, and the frame have a size and columns and rows"
             faults.complain(message, number)
             continue

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.files.text.parsed import Parsed
-from orip.records.exchanged import ExchangedProject
+from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
 
 Read = Callable[[Path, str], Parsed[ExchangedProject | None]]
 """From a file or folder, and its name for messages, to the project in it; None where there are complaints."""
@@ -17,6 +17,31 @@ Write = Callable[[ExchangedProject, Path | None], Mapping[str, bytes]]
 
 What the original has and the project has not stays as it is there.
 """
+
+
+@dataclass(frozen=True, slots=True)
+class Conventions:
+    """What the numbers of a format mean when it is written.
+
+    Parameters
+    ----------
+    lens : Lens or None
+        None: cameras and measurements are not written.
+    reading : PoseReading
+    lens_axes, ray_axes : ImageAxes
+    is_cartesian : bool
+        The format has a rectangular system: eastings, northings and heights of a map projection are taken to a local
+        one.
+    fisheye_lens : Lens or None
+        Of fisheye cameras, if the format has any.
+    """
+
+    lens: Lens | None
+    reading: PoseReading
+    lens_axes: ImageAxes = PIXELS
+    ray_axes: ImageAxes = PIXELS
+    is_cartesian: bool = True
+    fisheye_lens: Lens | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +58,10 @@ class Format:
     recognises : function of a path
         Tells from names and first bytes whether a file or folder is probably of this format; False if it is absent.
     write : Write or None
+    conventions : Conventions or None
+        Those in which `write` takes a project.
+    is_file : bool
+        What is written is one file, and no folder.
     """
 
     name: str
@@ -40,3 +69,5 @@ class Format:
     read: Read | None = None
     recognises: Callable[[Path], bool] = lambda _: False
     write: Write | None = None
+    conventions: Conventions | None = None
+    is_file: bool = False

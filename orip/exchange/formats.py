@@ -6,32 +6,101 @@ from pathlib import Path
 
 from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
+from orip.exchange.bingo import is_bingo, read_bingo
+from orip.exchange.blocks_exchange.reader import AXES as BLOCKS_AXES
+from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
+from orip.exchange.blocks_exchange.writer import READING as BLOCKS
+from orip.exchange.blocks_exchange.writer import write_blocks_exchange
+from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import write_model
-from orip.exchange.format import Format
+from orip.exchange.format import Conventions, Format
+from orip.exchange.gis.dxf import write_dxf
+from orip.exchange.gis.geopackage import write_geopackage
+from orip.exchange.gis.layers import READING as DRAWN
+from orip.exchange.gis.tables import write_tables
+from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.metashape.source import is_metashape, read_metashape
+from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
+from orip.exchange.micmac.writer import write_micmac
+from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
+from orip.exchange.opensfm.writer import write_opensfm
+from orip.exchange.patb import is_patb, read_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
 from orip.exchange.vision.bundler import is_bal, is_bundler, read_bal, read_bundler
 from orip.exchange.vision.nvm import is_nvm, read_nvm
 
 FORMATS: tuple[Format, ...] = (
-    Format("colmap", "COLMAP: folder of a sparse model, text or binary", read_model, is_model, write_model),
-    Format("opensfm", "OpenSfM, OpenDroneMap: project folder, or reconstruction.json", read_opensfm, is_opensfm),
+    Format(
+        "colmap",
+        "COLMAP: folder of a sparse model, text or binary",
+        read_model,
+        is_model,
+        write_model,
+        Conventions("opencv", COLMAP, fisheye_lens="equidistant"),
+    ),
+    Format(
+        "opensfm",
+        "OpenSfM, OpenDroneMap: project folder, or reconstruction.json",
+        read_opensfm,
+        is_opensfm,
+        write_opensfm,
+        Conventions("opencv", OPENSFM),
+    ),
     Format(
         "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
     ),
-    Format("micmac", "MicMac, MMVII: folder Ori-NAME or Ori/NAME, or the project's folder", read_micmac, is_micmac),
+    Format(
+        "blocks",
+        "Blocks Exchange XML: ContextCapture, iTwin Capture",
+        read_blocks_exchange,
+        is_blocks_exchange,
+        write_blocks_exchange,
+        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False),
+        is_file=True,
+    ),
+    Format(
+        "micmac",
+        "MicMac, MMVII: folder Ori-NAME or Ori/NAME, or the project's folder",
+        read_micmac,
+        is_micmac,
+        write_micmac,
+        Conventions("fraser", MICMAC),
+    ),
     Format("bundler", "Bundler: bundle.out, with list.txt beside it", read_bundler, is_bundler),
     Format("bal", "Bundle Adjustment in the Large: problem file", read_bal, is_bal),
     Format("nvm", "VisualSFM: .nvm", read_nvm, is_nvm),
     Format("photomodeler", "PhotoModeler: text export", read_photomodeler, is_photomodeler),
     Format("aicon", "AICON 3D Studio: folder with .ior, .eor, .obc, .phc", read_aicon, is_aicon),
+    Format("bingo", "BINGO: folder with image.dat, geoin.dat, itera.dat", read_bingo, is_bingo),
+    Format("patb", "PAT-B: folder with .ori, .im, .con, and camera.txt", read_patb, is_patb),
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
+    Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
+    Format(
+        "geopackage",
+        "GeoPackage for GIS: points, photos, error ellipses",
+        write=write_geopackage,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        is_file=True,
+    ),
+    Format(
+        "dxf",
+        "DXF (release 12) for CAD: points, photos, error ellipses",
+        write=write_dxf,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        is_file=True,
+    ),
+    Format(
+        "csv",
+        "CSV: points and photos with all digits and their standard deviations",
+        write=write_tables,
+        conventions=Conventions(None, DRAWN, is_cartesian=False),
+    ),
 )
 
 

@@ -99,7 +99,7 @@ def _camera(path: Path, faults: Faults) -> ExchangedCamera | None:
     if not {"name", "ppax", "ppay", "focal", "width", "height"} <= set(settings):
         return None
     value = {key: faults.decimal(word, key, number) for key, (number, word) in settings.items() if key != "name"}
-    if not min(value["focal"], value["width"], value["height"]) > 0:
+    if not all(value[key] > 0 for key in ("focal", "width", "height")):
         faults.complain("focal, width and height have to be above 0", settings["focal"][0])
         return None
     parameters = {"fx": value["focal"], "fy": value["focal"], "cx": value["ppax"], "cy": value["ppay"]}

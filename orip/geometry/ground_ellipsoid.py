@@ -15,17 +15,7 @@ _ROUNDS = 3
 
 
 def geocentric_from_geographic(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
-    """Return geocentric coordinates.
-
-    Parameters
-    ----------
-    geographic : array (n, 3)
-    semi_axes : (float, float)
-
-    Returns
-    -------
-    array (n, 3)
-    """
+    """Return geocentric coordinates (n, 3) of geographic ones (n, 3)."""
     major, minor = semi_axes
     longitude, latitude, height = geographic.T
     sine, cosine = np.sin(latitude), np.cos(latitude)
@@ -71,14 +61,7 @@ def geographic_from_geocentric(geocentric: FloatArray, semi_axes: tuple[float, f
 def place_axes(geographic: FloatArray) -> FloatArray:
     """Return the directions of east, north and up (along the ellipsoid's normal) at places, geocentric.
 
-    Parameters
-    ----------
-    geographic : array (n, 3)
-
-    Returns
-    -------
-    array (n, 3, 3)
-        In rows.
+    `geographic` is an array (n, 3), the result (n, 3, 3) with the directions in its rows.
     """
     sine_of_longitude, cosine_of_longitude = np.sin(geographic[:, 0]), np.cos(geographic[:, 0])
     sine, cosine, zero = np.sin(geographic[:, 1]), np.cos(geographic[:, 1]), np.zeros(len(geographic))
@@ -88,3 +71,15 @@ def place_axes(geographic: FloatArray) -> FloatArray:
         [cosine * cosine_of_longitude, cosine * sine_of_longitude, sine],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def metres_per_radian(geographic: FloatArray, semi_axes: tuple[float, float]) -> FloatArray:
+    """Return metres per radian of longitude and of latitude at places (n, 3), and 1 for the height.
+
+    By the radii of curvature of the prime vertical and of the meridian.
+    """
+    major, minor = semi_axes
+    latitude, height = geographic[:, 1], geographic[:, 2]
+    root = np.hypot(major * np.cos(latitude), minor * np.sin(latitude))
+    normal, meridian = major**2 / root, (major * minor) ** 2 / root**3
+    return np.column_stack([(normal + height) * np.cos(latitude), meridian + height, np.ones(len(geographic))])

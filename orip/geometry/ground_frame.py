@@ -69,28 +69,15 @@ class GroundFrame:
     def to_local(self, xyz: FloatArray) -> FloatArray:
         """Return local coordinates of coordinates in the project.
 
-        Parameters
-        ----------
-        xyz : array (n, 3)
-
-        Returns
-        -------
-        array (n, 3)
-            NaN throughout for a point with an unknown coordinate, or outside the system.
+        `xyz` is an array (n, 3), the result (n, 3): NaN throughout for a point with an unknown coordinate, or outside
+        the system.
         """
         return self._local_of(self._geocentric_of(self.crs.to_geographic(xyz)))
 
     def to_project(self, local: FloatArray) -> FloatArray:
         """Return coordinates in the project of local coordinates; the inverse of `to_local`.
 
-        Parameters
-        ----------
-        local : array (n, 3)
-
-        Returns
-        -------
-        array (n, 3)
-            NaN throughout for a point outside the system.
+        `local` is an array (n, 3), the result (n, 3): NaN throughout for a point outside the system.
         """
         return self._project_of(self._geocentric(local))
 
@@ -134,18 +121,9 @@ class GroundFrame:
         return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
     def jacobian_at(self, xyz: FloatArray) -> FloatArray:
-        """Return the partials of the project's coordinates by local ones at places.
+        """Return the partials (n, 3, 3) of the project's coordinates by local ones, at places (n, 3) in the project.
 
         A cofactor block Q of local coordinates is ``J @ Q @ J.T`` in the project.
-
-        Parameters
-        ----------
-        xyz : array (n, 3)
-            In the project's coordinates.
-
-        Returns
-        -------
-        array (n, 3, 3)
         """
         return self._partials(self.crs.to_geographic(xyz))
 

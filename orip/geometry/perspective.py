@@ -10,20 +10,22 @@ slower.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, Number
 from orip.geometry.rotation import cross_matrix, rotated_back
 
-IN_FRONT = 1e-6
+NAME: Final = "perspective"
+
+LEAST_COSINE = 1e-6
 """Smallest part that the depth of a point has of its distance from the projection centre."""
 
 
 def is_in_front(u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
     """Tell whether points, numbers or arrays (n,) of U in the photo's axes, are in front of the camera."""
-    found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > IN_FRONT**2 * (u1 * u1 + u2 * u2 + u3 * u3))
+    found: bool | BoolArray = (u3 < 0.0) & (u3 * u3 > LEAST_COSINE**2 * (u1 * u1 + u2 * u2 + u3 * u3))
     return found
 
 
@@ -31,6 +33,11 @@ def ideal_coordinates(principal_distance: float | Number, u1: Number, u2: Number
     """Return the ideal photo coordinates of a point with the coordinates U in the photo's axes."""
     scale = -principal_distance / u3
     return scale * u1, scale * u2
+
+
+def image_vector(principal_distance: float | Number, x: Number, y: Number) -> tuple[Number, Number, Number]:
+    """Return a vector towards what has the ideal coordinates x, y: (x, y, -C)."""
+    return x, y, 0.0 * x - principal_distance
 
 
 class Perspective(NamedTuple):
@@ -97,5 +104,17 @@ def perspective_with_partials(
     by_u = np.zeros((len(xy), 2, 3))
     by_u[:, 0, 0] = by_u[:, 1, 1] = -principal_distance_mm / depth
     by_u[:, :, 2] = -xy / depth[:, None]
+    return chained(xy, direction, by_u, offset, rotation, in_front)
+
+
+def chained(
+    xy: FloatArray,
+    direction: FloatArray,
+    by_u: FloatArray,
+    offset: FloatArray,
+    rotation: FloatArray,
+    in_front: BoolArray,
+) -> Perspective:
+    """Return images with the partials by ground point and rotation that follow from those by U, array (n, 2, 3)."""
     by_point = by_u @ np.swapaxes(rotation, -1, -2)
     return Perspective(xy, by_point, by_point @ cross_matrix(offset), direction, in_front)

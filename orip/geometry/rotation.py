@@ -65,13 +65,7 @@ def rotation_from_angles(angles: FloatArray) -> FloatArray:
 def angles_from_rotation(rotation: FloatArray) -> FloatArray:
     """Return omega, phi, kappa (radians) of R = Rx Ry Rz; phi in [-pi/2, pi/2], kappa = 0 at phi = ±pi/2.
 
-    Parameters
-    ----------
-    rotation : array (..., 3, 3)
-
-    Returns
-    -------
-    array (..., 3)
+    `rotation` is an array (..., 3, 3), the result (..., 3).
     """
     r = rotation
     cosine = np.hypot(r[..., 1, 2], r[..., 2, 2])
@@ -86,13 +80,7 @@ def angles_from_rotation(rotation: FloatArray) -> FloatArray:
 def cross_matrix(vectors: FloatArray) -> FloatArray:
     """Return the matrices [a]x with [a]x b = a × b.
 
-    Parameters
-    ----------
-    vectors : array (..., 3)
-
-    Returns
-    -------
-    array (..., 3, 3)
+    `vectors` is an array (..., 3), the result (..., 3, 3).
     """
     result = np.zeros((*vectors.shape, 3))
     result[..., 0, 1], result[..., 0, 2] = -vectors[..., 2], vectors[..., 1]
@@ -124,14 +112,7 @@ def rotation_about_axes(delta: FloatArray) -> FloatArray:
 def axes_rotation_from_angle_rates(angles: FloatArray) -> FloatArray:
     """Return J with delta = J (d omega, d phi, d kappa): columns are the rotation axes of the three angles.
 
-    Parameters
-    ----------
-    angles : array (..., 3)
-
-    Returns
-    -------
-    array (..., 3, 3)
-        Its determinant is cos(phi).
+    `angles` is an array (..., 3), the result (..., 3, 3); its determinant is cos(phi).
     """
     so, co = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     sp, cp = np.sin(angles[..., 1]), np.cos(angles[..., 1])
@@ -143,13 +124,7 @@ def axes_rotation_from_angle_rates(angles: FloatArray) -> FloatArray:
 def angle_rates_from_axes_rotation(angles: FloatArray) -> FloatArray:
     """Return the inverse of `axes_rotation_from_angle_rates`; grows without bound towards phi = ±pi/2.
 
-    Parameters
-    ----------
-    angles : array (..., 3)
-
-    Returns
-    -------
-    array (..., 3, 3)
+    `angles` is an array (..., 3), the result (..., 3, 3).
     """
     so, co = np.sin(angles[..., 0]), np.cos(angles[..., 0])
     tp, cp = np.tan(angles[..., 1]), np.cos(angles[..., 1])

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
+from orip.geometry.projection import PROJECTIONS
 from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
 
+_PLANE_UP_TO = math.radians(70.0)
+"""Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
+
 
 def image_vectors(block: Block) -> FloatArray:
-    """Return the image vectors (x, y, -C) of all photo points of a block, mm.
+    """Return the image vectors of all photo points of a block, mm.
 
     Returns
     -------
     array (n, 3)
-        Ideal coordinates reduced to the principal point; NaN where the distortion cannot be removed.
+        (x, y, -C) of ideal coordinates reduced to the principal point; of an equidistant camera a vector of the length
+        C in the direction of the ray, which may be more than 90 degrees from the axis. NaN where the distortion
+        cannot be removed.
     """
     points = block.photo_points
     camera = block.photo_camera[points.photo]
@@ -28,4 +36,19 @@ def image_vectors(block: Block) -> FloatArray:
     vectors[rows, :2] = np.stack(corrected[:2], axis=1)
     rows = np.flatnonzero((distorting & ~at_measured)[camera])
     vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:])
+    rows = np.flatnonzero(are_equidistant(block))
+    x, y, z = vectors[rows].T
+    vectors[rows] = np.stack(PROJECTIONS["equidistant"].image_vector(-z, x, y), axis=1)
     return vectors
+
+
+def suit_plane_image(vectors: FloatArray, is_equidistant: BoolArray) -> BoolArray:
+    """Return which image vectors (n, 3) can be compared in a plane image: of fisheyes those near the axis."""
+    near: BoolArray = -vectors[:, 2] > math.cos(_PLANE_UP_TO) * np.linalg.norm(vectors, axis=1)
+    return ~is_equidistant | near
+
+
+def are_equidistant(block: Block) -> BoolArray:
+    """Return which photo points (n,) of a block are of cameras with equidistant projection."""
+    cameras: BoolArray = np.array([camera.projection == "equidistant" for camera in block.cameras], dtype=bool)
+    return cameras[block.photo_camera[block.photo_points.photo]]

@@ -7,7 +7,8 @@ adjustment failed, did not fit within its a-priori errors, or down-weighted many
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -26,9 +27,12 @@ from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
 from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, is_good, misfit, removes_misfits
 from orip.mistakes.given_orientations import misgiven_as_a_whole
+from orip.mistakes.hypotheses.control_coordinates import control_axes
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
+from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
 from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.hypotheses.released_control import without_control
+from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.readjuster import Readjuster
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
@@ -39,6 +43,10 @@ _MOST_WARNINGS = 5
 
 _EQUALLY = 0.01
 """Part of the observations by which the misfits of two equally good hypotheses may differ."""
+
+_STAYS = 0.3
+"""Mean rotation, radians, up to which photos are where they were given: a hypothesis that turns them further may be the
+mirror image of a likelier one."""
 
 _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
@@ -60,14 +68,14 @@ def explain_misfit(
     """
     given = fit_of_adjustment(solved)
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
-    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
+    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
     if elsewhere is not None:
-        return misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
+        return _shown_elsewhere(elsewhere, readjuster)
     return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
 
 
@@ -79,8 +87,9 @@ def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
 
 
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
-    """Return what is wrong in a block that fits with other orientations than the given ones."""
-    return misgiven(solved, readjuster.block) or _shown_by_itself(solution_of(solved), solved, readjuster)
+    """Return what is wrong in a block that fits with other orientations than the given ones, where these all differ."""
+    found = _shown_by_itself(solution_of(solved), solved, readjuster)
+    return found or misgiven_as_a_whole(compared_with_adjusted(solved, readjuster.block))
 
 
 def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -90,7 +99,7 @@ def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readju
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
         *errors_too_large(block, solution),
-        *moved_photos(block, solved),
+        *_or_mirrored(moved_photos(block, solved), solved, readjuster),
     ]
     control = contradicting_control(block, solution)
     if control and _fits_without(control, given, readjuster):
@@ -115,17 +124,60 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
     return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
 
 
-def explain_start(solved: SolvedBlock, gathered: Block) -> list[ProjectWarning]:
+def explain_start(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what was probably mistaken in given orientations that led an adjustment astray.
 
     Parameters
     ----------
     solved : SolvedBlock
         Adjusted from other starting values.
-    gathered : Block
-        With the given orientations.
+    readjuster : Readjuster
+        Of the block with the given orientations.
     """
-    return misgiven(solved, gathered)
+    found = _or_mirrored(misgiven(solved, readjuster.block), solved, readjuster)
+    if not found and compared_with_adjusted(solved, readjuster.block).is_all_elsewhere:
+        return _mirrored_as_a_whole(readjuster)
+    return found
+
+
+def _mirrored_as_a_whole(readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that photos or control are mirrored, if the block then fits with all photos where they were given.
+
+    As it is, the block of an object that is nearly a plane fits as well, seen from the other side.
+    """
+    if not (readjuster.is_oriented and readjuster.is_worthwhile):
+        return []
+    hypotheses = chain(mirrored_photos(readjuster.block), control_axes(readjuster.block))
+    for tried in _adjusted(hypotheses, readjuster):
+        if is_good(tried.fit) and tried.rotated < _STAYS:
+            return tried.hypothesis.findings(tried.solved)
+    return []
+
+
+def _or_mirrored(moved: list[ProjectWarning], solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return warnings of photos that are not where they were given; of a mirrored one, that it is that."""
+    return [_as_mirror_image(found, solved, readjuster) or found for found in moved]
+
+
+def _as_mirror_image(found: ProjectWarning, solved: SolvedBlock, readjuster: Readjuster) -> ProjectWarning | None:
+    """Return that a photo is mirrored, if it fits better so: its given orientation is not to blame then.
+
+    A mirrored photo ends up anywhere, that of a plane object on the other side of it.
+    """
+    block = readjuster.block
+    rows = [row for row, photo in enumerate(block.photos) if found.where == f"photo {photo.name}"]
+    if not rows or not readjuster.is_worthwhile:
+        return None
+    orientation = block.photo_orientation.copy()
+    orientation[rows] = np.nan
+    for reading in mirror_readings(block, rows[0]):
+        tried = readjuster.adjust(replace(reading.block, photo_orientation=orientation))
+        if tried is None or not is_good(fit_of_adjustment(tried)):
+            continue
+        if tried.variance.sigma0_all < solved.variance.sigma0_all:
+            text = mirrored_text(block, rows[0], tried.state.rotations[rows[0]])
+            return ProjectWarning(reading.kind, found.where, text if reading.kind == MIRRORED else reading.text)
+    return None
 
 
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:
@@ -140,12 +192,12 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     if not readjuster.is_worthwhile:
         return []
     elsewhere = _with_found_orientations(readjuster)
-    if elsewhere is not None and (found := _shown_elsewhere(elsewhere, readjuster)):
+    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
             return tried.hypothesis.findings(tried.solved)
-    return [] if elsewhere is None else misgiven_as_a_whole(compared_with_adjusted(elsewhere, readjuster.block))
+    return [] if elsewhere is None else _shown_elsewhere(elsewhere, readjuster)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +229,7 @@ def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: 
     for tried in _adjusted(hypotheses, readjuster):
         if explains(tried.fit, given) and not _better_start_suffices(tried, readjuster):
             found.append(tried)
-            if is_good(tried.fit):
+            if is_good(tried.fit) and (tried.rotated < _STAYS or not readjuster.is_oriented):
                 break
     if not found:
         return []

@@ -63,6 +63,14 @@ class ComparedOrientations:
         """Return the rotations (n,) between given and found photos, radians."""
         return _turns(self.given, self.found)
 
+    @property
+    def is_all_elsewhere(self) -> bool:
+        """Return whether most photos were found far from where they were given."""
+        known = np.isfinite(self.shifts) & np.isfinite(self.turns)
+        if not known.any():
+            return False
+        return bool(np.median(self.shifts[known]) > _FAR_AWAY or np.median(self.turns[known]) > _FAR_TURNED)
+
 
 def compared_orientations(
     block: Block, centres: FloatArray, rotations: FloatArray, points: FloatArray

@@ -12,7 +12,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.interior.image_vectors import image_vectors
+from orip.interior.image_vectors import are_equidistant, image_vectors, suit_plane_image
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
 from orip.records.project.camera import Sensor
@@ -119,6 +119,10 @@ def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | No
     error = float(np.median(points.error[rows]))
     vectors = image_vectors(block)[rows]
     if not np.isfinite(vectors).all():
+        return None
+    near = suit_plane_image(vectors, are_equidistant(block)[rows])
+    rows, vectors = rows[near], vectors[near]
+    if len(rows) < _FEWEST:
         return None
     resected = resect(vectors, known[points.point[rows]], error_mm=error)
     if not isinstance(resected, Resected):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.geometry.perspective import IN_FRONT
+from orip.geometry.projection import PROJECTIONS, Projection
 from orip.interior.image_coordinates import ImageEquation
 from orip.interior.image_polynomial import image_polynomial
 from orip.records.drive_table import DriveCamera
@@ -40,14 +40,16 @@ class CameraModel:
     image : ImageEquation
     half_frame : tuple (x, y)
         mm; infinite where there is no frame line.
-    bound_square : float
-        Square of (x, y) / C beyond which nothing is within the frame; that of all in front where there is no frame.
+    projection : Projection
+    least_cosine : float
+        Of the angle from the axis beyond which nothing is within the frame; that of the projection where there is none.
     """
 
     principal_distance: float
     image: ImageEquation
     half_frame: tuple[float, float]
-    bound_square: float = IN_FRONT**-2
+    projection: Projection
+    least_cosine: float
 
     def is_one_to_one(self, x: FloatArray, y: FloatArray) -> bool:
         """Tell whether the polynomials rise at all places (n,), mm from the principal point."""
@@ -69,23 +71,25 @@ def camera_model(camera: DriveCamera) -> CameraModel:
         values = np.array(camera.additional.values)
         additional = image_polynomial(camera.additional.name, camera.additional.base, values)
     image = ImageEquation(x0, y0, tuple(coefficients), at_measured, additional, reach_square)
-    model = CameraModel(principal_distance, image, (half_x, half_y))
-    return replace(model, bound_square=_bound_square(model))
+    projection = PROJECTIONS[camera.projection]
+    model = CameraModel(principal_distance, image, (half_x, half_y), projection, projection.least_cosine)
+    return replace(model, least_cosine=_least_cosine(model))
 
 
-def _bound_square(camera: CameraModel) -> float:
-    """Return the largest square of (x, y) / C within the frame, with a margin; without a frame, of all in front."""
+def _least_cosine(camera: CameraModel) -> float:
+    """Return the cosine of the largest angle from the axis within the frame, with a margin; of all without a frame."""
     half_x, half_y = camera.half_frame
     if not np.isfinite(half_x) or not np.isfinite(half_y):
-        return camera.bound_square
+        return camera.least_cosine
     side = np.linspace(-1.0, 1.0, _BORDER_PLACES)
     end = np.ones_like(side)
     border_x, border_y = np.concatenate([[side, end], [side, -end], [end, side], [-end, side]], axis=1)
     with np.errstate(all="ignore"):
         x, y = camera.image.ideal(half_x * border_x, half_y * border_y)
-        largest = _BEYOND_BORDER**2 * float(np.max(x * x + y * y))
-    bound = largest / camera.principal_distance / camera.principal_distance
-    return bound if bound < camera.bound_square else camera.bound_square
+        vectors = camera.projection.image_vector(camera.principal_distance, _BEYOND_BORDER * x, _BEYOND_BORDER * y)
+        largest = float(np.min(-vectors[2] / np.sqrt(sum(component**2 for component in vectors))))
+    # NaN: the border is not shown everywhere
+    return largest if largest > camera.least_cosine else camera.least_cosine
 
 
 def _reach_square(radial: Sequence[float], sign: float) -> float:

@@ -1,7 +1,7 @@
 """The loop equations of one photo: from the object to the place on its stage plate, and from there to a ray.
 
-U = Rᵀ (X − X0)                 U3 < 0: in front of the camera
-x, y = −C U1 / U3, −C U2 / U3   the ideal coordinates
+U = Rᵀ (X − X0)                 in the photo's axes
+x, y                            the ideal coordinates, by the camera's projection
 xf, yf                          the photo coordinates, by the camera model
 xp = a0 + a1 xf + a2 yf         the plate coordinates, by the interior orientation
 yp = b0 + b1 xf + b2 yf
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, Number
-from orip.geometry.perspective import ideal_coordinates, is_in_front
 from orip.geometry.rotation import rotated, rotated_back
 from orip.multimodel.camera_model import CameraModel
 from orip.records.drive_table import DriveCode, DrivePhoto, StageLimits
@@ -91,9 +90,10 @@ class DrivenPhoto:
     def plate_place(self, x: float, y: float, z: float) -> PlatePlace:
         """Return where a point of the object is shown."""
         u1, u2, u3 = self._photo_axes(x, y, z)
-        if not is_in_front(u1, u2, u3):
+        projection = self.camera.projection
+        if not projection.is_in_front(u1, u2, u3):
             return PlatePlace((np.nan, np.nan), DriveCode.BEHIND_CAMERA, False, np.nan)
-        xf, yf = self.camera.image.measured(*ideal_coordinates(self.camera.principal_distance, u1, u2, u3))
+        xf, yf = self.camera.image.measured(*projection.ideal_coordinates(self.camera.principal_distance, u1, u2, u3))
         xp, yp = self.plate_of_photo(xf, yf)
         if isnan(xp) or isnan(yp):
             return PlatePlace((xp, yp), DriveCode.NOT_INVERTIBLE, False, np.nan)
@@ -106,9 +106,11 @@ class DrivenPhoto:
         """Return where points (n, 3) of the object are shown."""
         with np.errstate(all="ignore"):  # points that are not shown may have any values; the codes say which
             u1, u2, u3 = self._photo_axes(*np.ascontiguousarray(xyz.T))
-            in_front, near = is_in_front(u1, u2, u3), self._is_near(u1, u2, u3)
+            projection, near = self.camera.projection, self._is_near(u1, u2, u3)
+            in_front = projection.is_in_front(u1, u2, u3)
             depth = np.where(in_front, u3, np.nan)
-            xf, yf = self.camera.image.measured(*ideal_coordinates(self.camera.principal_distance, u1, u2, depth))
+            ideal = projection.ideal_coordinates(self.camera.principal_distance, u1, u2, depth)
+            xf, yf = self.camera.image.measured(*ideal)
             xp, yp = self.plate_of_photo(xf, yf)
             ratio = self.frame_ratio(xf, yf)
         code = np.where(self.is_on_stage(xp, yp), DriveCode.NONE, DriveCode.OUTSIDE_STAGE)
@@ -162,11 +164,11 @@ class DrivenPhoto:
         return rotated_back(self.rotation, x - x0, y - y0, z - z0)
 
     def _object_axes(self, x: Number, y: Number) -> tuple[Number, Number, Number]:
-        """Return the direction R (x, y, −C) of ideal coordinates in the object system."""
-        return rotated(self.rotation, x, y, 0.0 * x - self.camera.principal_distance)
+        """Return the direction of ideal coordinates in the object system."""
+        return rotated(self.rotation, *self.camera.projection.image_vector(self.camera.principal_distance, x, y))
 
     def _is_near(self, u1: Number, u2: Number, u3: Number) -> bool | BoolArray:
-        near: bool | BoolArray = (u3 < 0.0) & (u1 * u1 + u2 * u2 <= self.camera.bound_square * u3 * u3)
+        near: bool | BoolArray = -u3 >= self.camera.least_cosine * (u1 * u1 + u2 * u2 + u3 * u3) ** 0.5
         return near
 
 

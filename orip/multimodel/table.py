@@ -135,6 +135,7 @@ def _camera(camera: Camera, solution: Solution) -> DriveCamera:
         frame_size(camera),
         camera.distortion_at,
         _parameter_set(camera, solution),
+        camera.projection,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.rays.image_rays import ImageRays, image_rays
+from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
@@ -32,7 +32,7 @@ class MeasuredBlock:
         Control points and projection centres known on the ground; in a free network, points with approximate
         coordinates: they give it its datum, but hold nothing fixed.
     all_rays, rays : ImageRays
-        All rays, and the rays of as many points as suffice.
+        All rays, and the rays of as many points as suffice to orient the photos.
     index : PhotoIndex
         Of `rays`.
     common : array (photos, photos)
@@ -119,7 +119,7 @@ def measured_block(block: Block) -> MeasuredBlock:
     all_rays = image_rays(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
-    rays = thinned(all_rays, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
+    rays = thinned(rays_of_plane_images(block, all_rays), kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
     row_of = {name: row for row, name in enumerate(rays.points)}
     return MeasuredBlock(
         block,

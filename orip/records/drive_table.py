@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 from orip.records.project.photo import Stage
 
 STAGES: tuple[Stage, Stage] = ("UPPER", "LOWER")
@@ -91,6 +91,7 @@ class DriveCamera:
         Size of the photo frame, mm; a zero means that there is no frame line in that direction.
     distortion_at : {"ideal", "measured"}
     additional : DriveParameterSet or None
+    projection : {"perspective", "equidistant"}
     """
 
     name: str
@@ -98,6 +99,7 @@ class DriveCamera:
     frame: tuple[float, float]
     distortion_at: DistortionArgument
     additional: DriveParameterSet | None = None
+    projection: Projection = "perspective"
 
 
 @dataclass(frozen=True, slots=True)

@@ -148,6 +148,9 @@ class ExchangedPoints:
         The name is the number of a track, which orip calls T and the number; else a point with a name of its own.
     covariance : array (m, 3, 3), or None
         Of adjusted coordinates; NaN where it is not known.
+    ellipse : array (m, 3), or None
+        Standard error ellipse of X and Y: semi-major and semi-minor axis, and the direction of the former from X to Y,
+        radians; NaN where it is not known.
     residual : array (m,), or None
         Mean length of the residuals of a point's rays, pixels; NaN where it is not known.
     """
@@ -156,6 +159,7 @@ class ExchangedPoints:
     coordinates: FloatArray
     is_track: BoolArray
     covariance: FloatArray | None = None
+    ellipse: FloatArray | None = None
     residual: FloatArray | None = None
 
 

@@ -129,7 +129,8 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     if contradicting := group_findings(solution):
         yield SummaryLine("", contradicting[0].remedy)
     tested = test.value if isinstance(test, Untested) else f"{sigma0_finding(solution.sigma0, test)} (chi-square test)"
-    yield SummaryLine("sigma0", f"{solution.sigma0:.4f}, {tested}")
+    sigma0 = f"{solution.sigma0:.4f}" if math.isfinite(solution.sigma0) else "not known"
+    yield SummaryLine("sigma0", f"{sigma0}, {tested}")
     size = f"{solution.observations} observations, {solution.unknowns} unknowns, redundancy {solution.redundancy}"
     down = (solution.residuals.weight_factor < 1.0).any()
     yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)

@@ -107,6 +107,8 @@ def _about_sigma0(solution: Solution, test: GlobalTest | Untested) -> str:
             f"sigma0 is {significant(solution.sigma0)}, which says nothing here: the a-priori errors of the groups "
             f"below are estimated from the same residuals."
         )
+    if test is Untested.NO_FULL_WEIGHT:
+        return "No observation with full weight is checked by another one: sigma0 cannot be estimated."
     if isinstance(test, Untested):
         return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
     found = f"sigma0 is {significant(solution.sigma0)}, {sigma0_finding(solution.sigma0, test)}."

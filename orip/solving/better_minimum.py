@@ -40,7 +40,7 @@ def doubt_about(solved: SolvedBlock) -> str:
     if names := _undetermined_photos(solved):
         return f"left {counted_names('photo', names)} undetermined"
     if behind := _points_behind(solved):
-        return f"put {counted(behind, 'point')} behind {agreeing(behind, 'its camera', 'their cameras')}"
+        return f"put {counted_names('point', behind)} behind {agreeing(len(behind), 'its camera', 'their cameras')}"
     sigma0 = solved.variance.sigma0
     if not np.isfinite(sigma0) and solved.variance.redundancy > 0:
         return "left no observation with full weight that another one checks"
@@ -68,15 +68,32 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
     reduced, other_reduced = (int(np.count_nonzero(_down_weighted_points(solved)[1])) for solved in (given, other))
     if other_reduced > reduced and other.variance.redundancy < _HANDFUL:
         return False
-    return robust_cost(other) < (1.0 - _LOWER) * robust_cost(given)
+    scale = _scale_of_errors(given, other)
+    return robust_cost(other, scale) < (1.0 - _LOWER) * robust_cost(given, scale)
 
 
-def robust_cost(solved: SolvedBlock) -> float:
-    """Return what the Danish method makes least: the sum of the costs of all observations, with the a-priori errors."""
+def robust_cost(solved: SolvedBlock, scale: float = 1.0) -> float:
+    """Return what the Danish method makes least: the sum of the costs of all observations.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    scale : float
+        By which the a-priori errors are multiplied.
+    """
     equations, limit = solved.equations, solved.block.definition.max_standard_residual
     judged = equations.active & ~equations.exact
-    of_judged = danish_costs(np.abs(equations.residual[judged]), limit)
+    of_judged = danish_costs(np.abs(equations.residual[judged]) / scale, limit)
     return float(of_judged.sum()) + int(np.count_nonzero(~equations.active)) * greatest_danish_cost(limit)
+
+
+def _scale_of_errors(*ends: SolvedBlock) -> float:
+    """Return how many times too small the a-priori errors are: where residuals are larger, all cost nearly the same.
+
+    An observation that is left out would then be as cheap as one that fits like all others.
+    """
+    known = [end.variance.sigma0 for end in ends if np.isfinite(end.variance.sigma0)]
+    return max(1.0, min(known, default=1.0))
 
 
 def _soundness(solved: SolvedBlock) -> tuple[bool, int]:
@@ -89,12 +106,13 @@ def _undetermined_photos(solved: SolvedBlock) -> list[str]:
     return _names(solved.block, np.flatnonzero(removed.any(axis=1)).tolist())
 
 
-def _points_behind(solved: SolvedBlock) -> int:
-    """Return how many of the points lie behind the camera of a photo that shows them."""
+def _points_behind(solved: SolvedBlock) -> list[str]:
+    """Return the points that lie behind the camera of a photo that shows them."""
     points, state = solved.block.photo_points, solved.state
     offset = state.points[points.point] - state.centres[points.photo]
     depth = np.einsum("ni,ni->n", offset, state.rotations[points.photo, :, 2])
-    return len(np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)]))
+    rows = np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)])
+    return [solved.block.point_names[row] for row in rows.tolist()]
 
 
 def _down_weighted_points(solved: SolvedBlock) -> tuple[BoolArray, BoolArray]:

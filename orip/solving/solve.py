@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 
@@ -103,14 +103,29 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
         causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
-    if start.left_out:
-        mistaken += explain_failure(_readjuster(gathered), adjuster.not_oriented)
-    mistaken += start.left_out
-    if solution.status != "stopped":
-        mistaken += explain_misfit(solution, adjusted.solved, start.block, _readjuster(start.gathered))
+    mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), adjusted.solved
+
+
+def _with_mistakes_of_the_block(
+    of_start: Sequence[ProjectWarning], adjuster: _Adjuster, adjusted: _Adjusted
+) -> list[ProjectWarning]:
+    """Return what was probably mistaken in the given values, then in what was measured.
+
+    What was measured wrong in a photo explains why it is not where it was given, and takes the place of that.
+    """
+    start, gathered = adjusted.start, adjuster.gathered
+    explained = []
+    if adjusted.solution.status != "stopped":
+        explained = explain_misfit(adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered))
+    of_place = {found.where: found for found in reversed(explained) if found.where}
+    first = [of_place.get(found.where, found) for found in of_start]
+    left_out = list(start.left_out)
+    if left_out:
+        left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
+    return [*first, *left_out, *(found for found in explained if found not in first)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +212,7 @@ def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning
     own = adjuster.from_own(doubt)
     if own is None or own.start.left_out != given.start.left_out or not is_better(own.solved, given.solved):
         return given, [], []
-    mistaken = explain_start(own.solved, given.start.gathered)
+    mistaken = explain_start(own.solved, _readjuster(given.start.gathered))
     return own, mistaken, [adjuster.replaced_by(own, doubt)]
 
 

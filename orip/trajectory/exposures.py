@@ -18,6 +18,7 @@ from orip.trajectory.interpolation import Interpolated, in_seconds_of_week, inte
 from orip.trajectory.matching import NO_EVENT, match_at_offset, match_by_time
 from orip.trajectory.stations import Exposures
 from orip.trajectory.strips import strips_of_flight
+from orip.trajectory.velocities import without_contradicting_velocities
 from orip.wording import agreeing, first_names
 
 MOST_WARNINGS = 20
@@ -276,6 +277,7 @@ def _interpolated_places(
     trajectory: Epochs, events: Epochs, row: IntArray
 ) -> tuple[Interpolated, list[Quality], BoolArray, list[ProjectWarning]]:
     """Return the places of events on a trajectory, with the worse quality of the epochs on both sides."""
+    trajectory, said = without_contradicting_velocities(trajectory)
     time = events.time[row]
     if not (trajectory.has_week and events.has_week):
         trajectory = replace(trajectory, time=in_seconds_of_week(trajectory))
@@ -296,7 +298,7 @@ def _interpolated_places(
     last = len(trajectory) - 1
     pairs = [(trajectory.quality[one], trajectory.quality[min(one + 1, last)]) for one in found.before.tolist()]
     quality: list[Quality] = [min(pair, key=_ORDER.index) for pair in pairs]
-    return replace(found, place=place), quality, missing, list(_first(warnings))
+    return replace(found, place=place), quality, missing, [*said, *_first(warnings)]
 
 
 def _with_usual_errors(covariance: FloatArray, quality: Sequence[Quality]) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -12,12 +11,10 @@ from orip.errors import Complaint
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.navigation_angles import rotation_from_navigation
 from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs
+from orip.trajectory.velocities import WGS84, velocities
 
 LONGEST_GAP = 2.5
 """Epochs of a usual interval that may lie between the two on both sides of an event."""
-
-WGS84 = (6_378_137.0, 6_356_752.314245)
-"""Half axes; another ellipsoid changes what is interpolated over some seconds of flight by less than a micrometre."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +122,7 @@ def _between(values: FloatArray, before: IntArray, part: FloatArray) -> FloatArr
 
 def _places(trajectory: Epochs, before: IntArray, part: FloatArray, length: FloatArray) -> FloatArray:
     """Return places by Hermite interpolation."""
-    velocity = _velocities(trajectory)
+    velocity = velocities(trajectory)
     s, h = part[:, None], length[:, None]
     one, other = trajectory.place[before], trajectory.place[before + 1]
     return np.asarray(
@@ -134,25 +131,6 @@ def _places(trajectory: Epochs, before: IntArray, part: FloatArray, length: Floa
         + (s - 2.0 * s**2 + s**3) * h * velocity[before]
         + (s**3 - s**2) * h * velocity[before + 1]
     )
-
-
-def _velocities(trajectory: Epochs) -> FloatArray:
-    """Return the rates (n, 3) of the places: given ones, else those of parabolas through three epochs."""
-    order: Literal[1, 2] = 2 if len(trajectory) > 2 else 1
-    rates = [np.gradient(column, trajectory.time, edge_order=order) for column in trajectory.place.T]
-    given = trajectory.velocity
-    if trajectory.is_geographic:
-        given = given / _metres_per_unit(trajectory.place)
-    return np.where(np.isnan(given), np.column_stack(rates), given)
-
-
-def _metres_per_unit(place: FloatArray) -> FloatArray:
-    """Return metres (n, 3) per radian of longitude and latitude, and per metre of height."""
-    major, minor = WGS84
-    latitude, height = place[:, 1], place[:, 2]
-    root = np.hypot(major * np.cos(latitude), minor * np.sin(latitude))
-    normal, meridian = major**2 / root, (major * minor) ** 2 / root**3
-    return np.column_stack([(normal + height) * np.cos(latitude), meridian + height, np.ones(len(place))])
 
 
 def _rotations(trajectory: Epochs, before: IntArray, part: FloatArray) -> FloatArray:

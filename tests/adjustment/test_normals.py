@@ -7,25 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import (
+    MAX_LOST,
+    SHAPES,
     dense_normals,
     equations_of,
     pseudo_inverse,
     random_equations,
     random_weights,
+    singular_equations,
 )
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals
-
-MAX_LOST = 12.0
-
-SHAPES = {
-    "blocks": {},
-    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
-    "more than a panel": {"reduced": 70, "blocks": 60},
-    "no blocks": {"blocks": 0},
-    "no reduced unknowns left": {"reduced": 4, "fixed": (0, 1, 2, 3)},
-}
 
 
 def made(shape):
@@ -79,22 +72,17 @@ def test_inactive_observations_have_no_influence():
 
 
 def test_unknowns_that_nothing_determines_are_removed_in_both_parts():
-    equations, layout = random_equations(14)
-    design = equations.design.toarray()
-    design[:, 8] = 2.0 * design[:, 3]
-    # of the first block only two equations are left: one coordinate too many
-    first = np.flatnonzero(design[:, 9:12].any(axis=1))
-    design[first[2:]] = 0.0
-    singular = equations_of(design, equations.residual)
-    found = solve_normals(singular, np.ones(len(design)), layout, MAX_LOST)
+    singular, layout = singular_equations(14)
+    weights, right = np.ones(len(singular.residual)), singular.design.toarray().T @ -singular.residual
+    found = solve_normals(singular, weights, layout, MAX_LOST)
     # the scale of columns 3 and 8 decides which of them is named; both are the same unknown
     assert found.removed[:9].sum() == 1
     assert found.removed[[3, 8]].sum() == 1
     assert found.removed[9:12].sum() == 1
     assert found.removed.sum() == 2
     assert (found.lost_digits[found.removed] > MAX_LOST).all()
-    normals = dense_normals(singular, np.ones(len(design)))
-    wanted = pseudo_inverse(normals, found.removed) @ (design.T @ -equations.residual)
+    normals = dense_normals(singular, weights)
+    wanted = pseudo_inverse(normals, found.removed) @ right
     scale = np.sqrt(np.diag(normals))
     assert np.allclose(found.correction * scale, wanted * scale, atol=1e-8)
 

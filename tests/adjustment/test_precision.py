@@ -7,24 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import (
+    MAX_LOST,
+    SHAPES,
     dense_normals,
     equations_of,
     pseudo_inverse,
     random_equations,
     random_weights,
+    singular_equations,
 )
 
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors, residual_cofactor, variance_of_unit_weight
-
-MAX_LOST = 12.0
-
-SHAPES = {
-    "blocks": {},
-    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
-    "more than a panel": {"reduced": 70, "blocks": 60},
-    "no blocks": {"blocks": 0},
-}
 
 
 def computed(equations, weights, layout):
@@ -53,16 +47,12 @@ def test_cofactors_and_leverages_are_those_of_the_dense_inverse(shape):
 
 
 def test_removed_unknowns_have_zero_cofactors_and_the_others_those_without_them():
-    equations, layout = random_equations(23)
-    design = equations.design.toarray()
-    design[:, 8] = 2.0 * design[:, 3]
-    first = np.flatnonzero(design[:, 9:12].any(axis=1))
-    design[first[2:]] = 0.0
-    singular = equations_of(design, equations.residual)
-    normals, found = computed(singular, np.ones(len(design)), layout)
+    singular, layout = singular_equations(23)
+    weights = np.ones(len(singular.residual))
+    normals, found = computed(singular, weights, layout)
     assert normals.removed.sum() == 2
     assert not found.reduced[normals.removed[:9]].any()
-    dense = pseudo_inverse(dense_normals(singular, np.ones(len(design))), normals.removed)
+    dense = pseudo_inverse(dense_normals(singular, weights), normals.removed)
     assert_dense(found, dense, layout, singular)
 
 

@@ -10,7 +10,7 @@ from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.normals import solve_normals
 
 MAX_LOST = 12.0
-DESIGNS = 250
+DESIGNS = 500
 
 ZERO, CLEAR = 1e-9, 1e-5
 """Singular values of a design with columns of unit length: below, nothing but rounding; above, determined. Their

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundle.aerial_block import aerial_block
-from bundle.solving import noisy, redefined, with_photo_points, with_rays
+from bundle.blocks_without_control import MADE, first_model, from_nothing, off_truth
+from bundle.solving import redefined, with_photo_points, with_rays
 from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.station_orientations import with_orientations_of_stations
@@ -15,19 +15,7 @@ from orip.records.block import Block
 from orip.records.observations.control import ControlDistance, ControlElement
 from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Solution
 from orip.solving.solve import solve
-
-MADE = aerial_block("no control", 6)
-
-
-def from_nothing(made: SyntheticBlock, seed: int = 1) -> Block:
-    """Return the block with photo errors, but without control and orientations."""
-    block = noisy(made, seed)
-    unknown = np.full_like(block.photo_orientation, np.nan)
-    photos = tuple(replace(photo, orientation=(None,) * 6) for photo in block.photos)
-    points = np.full_like(block.point_start, np.nan)
-    return replace(block, control_points=(), photo_orientation=unknown, photos=photos, point_start=points)
 
 
 def of_first_photos(block: Block, count: int) -> Block:
@@ -44,13 +32,6 @@ def positions(made: SyntheticBlock, rows, error: float = 0.05) -> tuple[Station,
         )
         for row in rows
     )
-
-
-def off_truth(made: SyntheticBlock, found: Solution) -> float:
-    """Return the largest difference of points from the truth, in standard deviations."""
-    place = {name: row for row, name in enumerate(made.block.point_names)}
-    truth = made.points[[place[name] for name in found.points.names]]
-    return float(np.abs((found.points.values - truth) / found.points.sd).max())
 
 
 def test_three_stations_off_one_line_and_tie_points_orient_a_block() -> None:
@@ -80,22 +61,6 @@ def test_stations_on_one_line_hold_no_block_without_attitudes() -> None:
     found, _ = solve(oriented)
     assert found.status == "converged"
     assert off_truth(strip, found) < 5.0
-
-
-def first_model() -> tuple[SyntheticBlock, Block]:
-    """Return two photos with six common points and nothing else, as the first model of OLTRIS' Simplon block."""
-    points = MADE.block.photo_points
-    both = np.intersect1d(points.point[points.photo == 0], points.point[points.photo == 1])
-    chosen = both[np.linspace(0, len(both) - 1, 6).astype(int)]
-    block = with_photo_points(MADE.block, (points.photo < 2) & np.isin(points.point, chosen))
-    made = with_rays(replace(MADE, block=block), 2)
-    block = from_nothing(made)
-    return made, replace(
-        block,
-        photos=block.photos[:2],
-        photo_camera=block.photo_camera[:2],
-        photo_orientation=block.photo_orientation[:2],
-    )
 
 
 def test_a_first_model_from_seven_observed_elements_and_twelve_photo_points() -> None:
@@ -133,7 +98,11 @@ def test_a_free_network_from_nothing_says_what_its_scale_is() -> None:
     block = redefined(from_nothing(MADE), datum="free")
     found, _ = solve(block)
     assert found.status == "converged"
-    assert any("its scale is arbitrary" in text for *_, text in found.warnings)
+    said = "those of photo P1, its scale is arbitrary: the base from photo P1 to photo P2 is 1"
+    assert any(text.endswith(said) for *_, text in found.warnings)
+    one, two = found.photos.values[:2, :3]
+    # the free network keeps the scale of its approximate coordinates on the whole; the first base is one of many
+    assert np.linalg.norm(two - one) == pytest.approx(1.0, abs=0.01)
     a, b = block.point_names[0], block.point_names[-1]
     length = float(np.linalg.norm(MADE.points[-1] - MADE.points[0]))
     found, _ = solve(replace(block, distances=(ControlDistance("D", a, b, "XYZ", length, 0.01),)))

@@ -119,6 +119,36 @@ def two_cameras_with_sets() -> Block:
     return replace(block, cameras=(replace(one, additional_set="EBNER"), replace(other, additional_set="GRUEN")))
 
 
+def fisheye(distortion_at: str) -> Block:
+    return synthetic_block(
+        "room",
+        "photo loop",
+        noise_mm=0.003,
+        distortion=DISTORTED,
+        distortion_at=distortion_at,
+        unknown=CAMERA_PARAMETERS,
+        start_error=0.01,
+    ).block
+
+
+def fisheye_and_plain() -> Block:
+    """Return a block of two cameras and projections: points that the perspective shows are in both of them."""
+    block = self_calibrated("ideal")
+    fisheyes = replace(block.cameras[0], name="FISHEYE", unknown=("DX", "A3"), projection="equidistant")
+    photos = tuple(replace(photo, camera="FISHEYE") if row % 3 else photo for row, photo in enumerate(block.photos))
+    return replace(
+        block,
+        cameras=(*block.cameras, fisheyes),
+        photos=photos,
+        photo_camera=np.minimum(np.arange(len(photos), dtype=np.int64) % 3, 1),
+    )
+
+
+def fisheye_with_set(name: AdditionalSet, distortion_at: str) -> Block:
+    block = fisheye(distortion_at)
+    return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
+
+
 BLOCKS = {
     "ideal": lambda: self_calibrated("ideal"),
     "measured": lambda: self_calibrated("measured"),
@@ -134,6 +164,11 @@ BLOCKS = {
     "Gruen": lambda: with_set("GRUEN", "ideal"),
     "Gruen at measured": lambda: with_set("GRUEN", "measured"),
     "two cameras with sets": two_cameras_with_sets,
+    "fisheye": lambda: fisheye("ideal"),
+    "fisheye at measured": lambda: fisheye("measured"),
+    "fisheye and plain": fisheye_and_plain,
+    "fisheye with Ebner": lambda: fisheye_with_set("EBNER", "ideal"),
+    "fisheye with Gruen at measured": lambda: fisheye_with_set("GRUEN", "measured"),
     "free": lambda: replace(
         self_calibrated("ideal"), definition=replace(self_calibrated("ideal").definition, datum="free")
     ),

@@ -194,7 +194,7 @@ def test_help_names_the_command(tmp_path):
 def test_status_says_when_the_table_is_old(folder):
     run(folder)
     assert "up to date" in status_of_table(folder)
-    (folder / "MAIN.DRV").write_text("ORIPDRIVE 2\n")
+    (folder / "MAIN.DRV").write_text("ORIPDRIVE 3\n")
     assert "out of date" in status_of_table(folder)
     assert orip(folder, "drive", "table").code == 0
     assert "up to date" in status_of_table(folder)

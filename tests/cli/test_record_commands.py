@@ -371,7 +371,7 @@ def test_rename_carries_references_and_measurements(film: Path) -> None:
     assert "warning: FIRST.MEA:1: photo left is called L now, but is still measured here" in said.err
     assert values(film, "model", "M1")["left"] == "L"
     with reading([film / "FIRST.PHO", film / "MAIN.EXO"]) as stores:
-        assert photos.read_orientations(stores[film / "FIRST.PHO"])["L"].photo == "L"
+        assert photos.ORIENTATIONS.read(stores[film / "FIRST.PHO"])["L"].photo == "L"
         observed = observations.read(stores[film / "MAIN.EXO"])
     assert observed is not None
     assert set(observed.photos) == {"L", "right"}
@@ -533,7 +533,7 @@ def test_delete_what_others_refer_to(film: Path) -> None:
     ]
     assert [warning["code"] for warning in said.document["warnings"]] == ["still-in-text", "still-in-measurements"]
     with reading([film / "FIRST.PHO", film / "MAIN.EXO"]) as stores:
-        assert set(photos.read_orientations(stores[film / "FIRST.PHO"])) == {"RIGHT"}
+        assert set(photos.ORIENTATIONS.read(stores[film / "FIRST.PHO"])) == {"RIGHT"}
         observed = observations.read(stores[film / "MAIN.EXO"])
     assert observed is not None
     assert observed.photos == ("right",) * 5

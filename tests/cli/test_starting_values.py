@@ -43,15 +43,20 @@ def elements(document: dict, photo: str) -> tuple[np.ndarray, np.ndarray]:
 # photos that cannot be oriented
 
 
-def test_a_photo_that_cannot_be_oriented_is_left_out_and_the_rest_is_adjusted(tmp_path: Path) -> None:
+def test_a_photo_that_cannot_be_oriented_is_left_out_with_its_own_points_and_the_rest_is_adjusted(
+    tmp_path: Path,
+) -> None:
     project = strips_project(NOISE_MM)
     with_two_points_in(project, "P6", "P5")
+    project.images["P6"]["alone"] = (1.0, 2.0)
     said = orip(project.write(tmp_path / "six"), "run", "--json", "--no-report")
     assert said.code == 0
     warnings = warnings_of(said.err)
     assert warnings[0].startswith("photo P6")
     left_out = r"photo P6 is left out.*shares 2 points with its neighbours, 5 are needed"
     assert any(re.match(left_out, warning) for warning in warnings)
+    assert "alone" not in said.document["points"]
+    assert "alone" not in said.err
     del project.images["P6"], project.models["2-2"]
     without = orip(project.write(tmp_path / "five"), "run", "--json", "--no-report").document
     assert set(said.document["photos"]) == {f"P{number}" for number in range(1, 6)}
@@ -72,16 +77,6 @@ def test_all_photos_wanted_ends_with_exit_code_4_where_one_is_left_out(tmp_path:
         said = orip(folder, command, "--all", "--no-report")
         assert said.code == 4
         assert "photo P6 is left out" in said.err
-
-
-def test_points_that_only_a_photo_left_out_shows_are_left_out_with_it(tmp_path: Path) -> None:
-    project = strips_project(NOISE_MM)
-    with_two_points_in(project, "P6", "P5")
-    project.images["P6"]["alone"] = (1.0, 2.0)
-    said = orip(project.write(tmp_path / "strips"), "run", "--json", "--no-report")
-    assert said.code == 0
-    assert "alone" not in said.document["points"]
-    assert "alone" not in said.err
 
 
 def test_a_photo_left_out_by_its_given_orientation_is_not(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -25,7 +26,7 @@ COLOURS = {"1", "2", "0", "31", "33", "1;31", "1;33"}
 
 
 @pytest.fixture(scope="module")
-def cliff(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def solved_cliff(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("terminal") / "cliff"
     write_sample("small_frame_block", folder)
     assert orip(folder, "run", "--no-report").code == 0
@@ -33,6 +34,12 @@ def cliff(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert orip(folder, "update", records).code == 0
     assert orip(folder, "run", "--no-report").code == 0  # of the same stores, so that all that follow say the same
     return folder
+
+
+@pytest.fixture
+def cliff(solved_cliff: Path, tmp_path: Path) -> Path:
+    """Each test has a folder of its own: after `--snoop` the next `solve` has more to say."""
+    return Path(shutil.copytree(solved_cliff, tmp_path / "cliff"))
 
 
 def summary_of(lines: list[str]) -> list[str]:

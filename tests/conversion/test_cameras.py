@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import PINHOLE
 
-from orip.conversion.cameras import UnsuitableCameraError, convert_camera, lens_pixels, pixels_of_directions
+from orip.conversion.cameras import (
+    UnsuitableCameraError,
+    convert_camera,
+    directions_of_pixels,
+    export_camera,
+    lens_pixels,
+    pixels_of_directions,
+)
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 
 CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (
     ImageAxes(),
@@ -31,6 +40,16 @@ EXACT = {
     "Metashape": (
         "agisoft",
         {"f": 3000, "cx": 2012, "cy": 1488, "k1": -0.1, "k2": 0.03, "k3": -0.01, "p1": 1e-3, "p2": -7e-4},
+        CORNER,
+    ),
+    "Metashape of a drone": (
+        "agisoft",
+        {"f": 3000, "cx": 2012, "cy": 1488, "k1": -0.11, "k2": 0.05, "k3": 0.08, "k4": -0.076, "p1": 1e-3},
+        CORNER,
+    ),
+    "OpenCV fisheye": (
+        "equidistant",
+        {"fx": 2000, "fy": 2000, "cx": 2012, "cy": 1488, "k1": 0.04, "k2": -0.012, "k3": 0.006, "k4": -0.0014},
         CORNER,
     ),
     "Metashape, affinity alone": ("agisoft", {"f": 3000, "cx": 2012, "cy": 1488, "b1": 2.0, "b2": -3.0}, CORNER),
@@ -180,3 +199,78 @@ def test_a_sensor_of_unknown_size_is_said_to_be_assumed() -> None:
     assert converted.camera.sensor is not None
     assert (converted.camera.sensor.width, converted.camera.sensor.height) == (36.0, 27.0)
     assert not convert_camera(camera("opencv", {"fx": 1.0, "fy": 1.0}), "K1").size_is_assumed
+
+
+def orip_camera(at_measured: bool = False, **values: float) -> Camera:
+    given = {"C": 7.5, "DX": 0.03, "DY": -0.02, **values}
+    parameters = tuple(given.get(name, 0.0) for name in CAMERA_PARAMETERS)
+    sensor = Sensor(4000, 3000, 10.0, 7.5)
+    return Camera("K1", parameters, "measured" if at_measured else "ideal", sensor=sensor)
+
+
+HELD_BY = {
+    "opencv": {"A1": 1e-3, "A3": -1e-3, "A5": 4e-6, "A7": -2e-8, "P1": 1e-4, "P2": -2e-4},
+    "agisoft": {"A1": 1e-3, "A3": -1e-3, "A5": 4e-6, "A7": -2e-8, "P1": 1e-4, "P2": -2e-4},
+    "fraser": {"A1": 1e-3, "A3": -1e-3, "A5": 4e-6, "A7": -2e-8, "P1": 1e-4, "P2": -2e-4, "B1": 1e-3, "B2": 2e-3},
+}
+
+
+@pytest.mark.parametrize("lens", HELD_BY)
+@pytest.mark.parametrize("axes", [CORNER, CENTRE_OF_PIXEL, MIDDLE_UP, MM_UP])
+def test_a_camera_is_exported_exactly_where_the_lens_holds_it(lens: Lens, axes: ImageAxes) -> None:
+    camera = orip_camera(**HELD_BY[lens])
+    exported = export_camera(camera, "7", lens, axes, axes)
+    assert exported.worst_px == 0.0
+    found = lens_pixels(exported.camera, (10.0, 7.5), directions())
+    # coordinates of 2000 px, of 1e-16 relative, through polynomials of the seventh degree
+    assert np.abs(found - pixels_of_directions(camera, directions())).max() < 1e-8
+    again = convert_camera(exported.camera, "K1")
+    assert again.is_exact
+    assert np.abs(pixels_of_directions(again.camera, directions()) - found).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("lens", "camera", "worst"),
+    [
+        # fits to a hundredth of a pixel and better are found; an affinity has no home in OpenCV's model but fx, fy
+        ("opencv", orip_camera(A3=-1e-3, B1=1e-3), 0.2),
+        ("opencv", orip_camera(at_measured=True, A3=-1e-3, A5=2e-6), 0.1),
+        ("fraser", orip_camera(at_measured=True, A3=-1e-3), 0.2),
+        ("agisoft", orip_camera(A3=-1e-3, B1=1e-3, B2=-1e-3), 0.2),
+        ("measured", orip_camera(A3=-1e-3), 0.5),
+    ],
+)
+def test_where_it_does_not_the_fit_is_near_and_its_misfit_said(lens: Lens, camera: Camera, worst: float) -> None:
+    exported = export_camera(camera, "7", lens, CORNER, CORNER)
+    assert 0.0 < exported.worst_px < worst
+    x, y = np.meshgrid(np.linspace(1.0, 3999.0, 7), np.linspace(1.0, 2999.0, 7))
+    pixels = np.column_stack([x.ravel(), y.ravel()])
+    seen = directions_of_pixels(camera, pixels)
+    off = np.hypot(*(lens_pixels(exported.camera, (10.0, 7.5), seen) - pixels).T)
+    assert off.max() <= 1.05 * exported.worst_px
+
+
+def test_a_measured_lens_is_exported_exactly() -> None:
+    camera = orip_camera(at_measured=True, A3=-1e-3, A5=2e-6, P1=1e-4, B1=1e-3)
+    exported = export_camera(camera, "7", "measured", MM_UP, CORNER)
+    assert exported.worst_px == 0.0
+    assert convert_camera(exported.camera, "K1").camera.parameters == pytest.approx(camera.parameters)
+
+
+def test_a_fisheye_is_not_exported_as_a_perspective() -> None:
+    lens, parameters, axes = EXACT["OpenCV fisheye"]
+    converted = convert_camera(camera(lens, parameters, axes), "K1").camera
+    assert converted.projection == "equidistant"
+    with pytest.raises(UnsuitableCameraError, match="camera K1 has a fisheye lens"):
+        export_camera(converted, "1", "opencv", axes, axes)
+    found = export_camera(converted, "1", "equidistant", axes, axes)
+    assert found.worst_px < 1e-6
+
+
+def test_a_fisheye_camera_is_exported_exactly() -> None:
+    camera = replace(orip_camera(A3=-1e-3, A5=4e-6, A9=1e-11), projection="equidistant")
+    exported = export_camera(camera, "7", "equidistant", CORNER, CORNER)
+    assert exported.worst_px == 0.0
+    again = convert_camera(exported.camera, "K1")
+    assert again.is_exact
+    assert again.camera.parameters == pytest.approx(camera.parameters, abs=1e-20)

@@ -107,3 +107,10 @@ def test_without_rays_nothing_speaks_against_a_reading() -> None:
     found, is_declared = fitting_reading(replace(project, rays=rays), CAMERAS, np.zeros((0, 2)))
     assert found.fits
     assert is_declared
+
+
+def test_a_declared_reading_that_fits_coarsely_is_told_from_one_that_does_not_fit() -> None:
+    found, is_declared = fitted(block(OPK, noise_px=12.0))
+    # half of the lengths of two coordinates of 12 px are above 12 sqrt(2 ln 2) = 14 px
+    assert found.typical == pytest.approx(14.1, rel=0.1)
+    assert (found.fits, found.fits_coarsely, is_declared) == (False, True, True)

@@ -10,6 +10,7 @@ from reference.published_data import REFERENCE_DATA
 
 from orip.exchange.stations.source import read_epochs
 from orip.records.observations.epochs import Epochs
+from orip.trajectory.velocities import without_contradicting_velocities
 
 POS = (
     "% program   : RTKPOST\n"
@@ -159,12 +160,21 @@ def test_a_trajectory_with_its_deviations(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.angle_error[1], np.radians([0.01, 0.01, 0.05]))
 
 
+def test_velocities_in_wander_axes_are_turned_to_east_and_north(tmp_path: Path) -> None:
+    records = sbet(2, wander=np.radians(30.0))
+    # 20 m/s to the north, then to the east: x is 30 degrees to the left of north, y to the left of x
+    records[0, 4:7] = 20.0 * np.cos(np.radians(30.0)), -20.0 * np.sin(np.radians(30.0)), 0.5
+    records[1, 4:7] = -20.0 * np.sin(np.radians(30.0)), -20.0 * np.cos(np.radians(30.0)), -0.5
+    found = read(tmp_path, "a.sbet", records.astype("<f8").tobytes())
+    np.testing.assert_allclose(found.velocity, [[0.0, 20.0, 0.5], [20.0, 0.0, -0.5]], atol=1e-12)
+
+
 def test_damaged_trajectories(tmp_path: Path) -> None:
     whole = sbet().astype("<f8").tobytes()
     (cut,) = complaints(tmp_path, "a.sbet", whole[:-5])
     assert "has 403 bytes, but SBET has records of 136 bytes; it is cut off, or of another kind" in cut
     (swapped, *_) = complaints(tmp_path, "a.sbet", sbet().astype(">f8").tobytes())
-    assert swapped.startswith("a.sbet:1: this record has numbers that are no place and attitude")
+    assert swapped.startswith("a.sbet:1: this record has numbers that are no place, velocity and attitude")
     records = sbet()
     records[1, 2] = np.nan
     (bad,) = complaints(tmp_path, "a.sbet", records.astype("<f8").tobytes())
@@ -177,13 +187,13 @@ def test_a_genuine_trajectory_moves_where_its_velocity_says() -> None:
     found = parsed.value
     assert found.time[0] == pytest.approx(151631.002836, abs=1e-6)
     assert found.place[0] == pytest.approx([-2.041654, 0.568021, 107.715], abs=5e-4)
-    # wander axes: x, y to the west of it, z up, turned by the wander angle: the sign of read_sbet's heading
-    records = np.fromfile(genuine("sbet/2-points.sbet"), "<f8").reshape(-1, 17)
-    (x, y, _), wander = records[:, 4:7].mean(axis=0), records[0, 10]
     north, east = np.diff(found.place[:, 1])[0], np.diff(found.place[:, 0])[0] * np.cos(found.place[0, 1])
-    course, in_wander_axes = np.arctan2(east, north), np.arctan2(-y, x)
-    # two epochs 5 ms apart tell the course to half a degree; the other sign would be 2.3 degrees off
-    assert np.degrees(course - (in_wander_axes - wander)) == pytest.approx(0.0, abs=0.5)
+    course, by_velocity = np.arctan2(east, north), np.arctan2(*found.velocity.mean(axis=0)[:2])
+    # two epochs 5 ms apart tell the course to half a degree; the other sign of the wander angle is 2.3 degrees off
+    assert np.degrees(course - by_velocity) == pytest.approx(0.0, abs=0.5)
+    height = np.diff(found.place[:, 2])[0] / np.diff(found.time)[0]
+    assert height == pytest.approx(found.velocity[:, 2].mean(), abs=1e-3)
+    assert without_contradicting_velocities(found) == (found, ())
 
 
 def test_genuine_deviations(tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ def cameras(draw: Any, name: str) -> Camera:
         draw(some(st.tuples(positive, positive))),
         unknown=draw(some_of(CAMERA_PARAMETERS)),
         additional_set=draw(some(st.sampled_from(["EBNER", "GRUEN"]))),
+        projection=draw(st.sampled_from(["perspective", "equidistant"])),
     )
     if draw(st.booleans()):
         sizes = st.integers(1, 100_000)

@@ -21,6 +21,7 @@ c = 152
 principal_point = [-0.1905, 0.9305]
 distortion = { A1 = 1e-3, A3 = 2, A5 = 3, A7 = 4, A9 = 9, P1 = 5, P2 = 6, B1 = 7, B2 = 8 }
 distortion_at = "measured"
+projection = "equidistant"
 frame = [24, 36.0]
 fiducials = [ { name = "1", x = -12.0, y = 18.0 }, { name = "2", x = 12, y = 18 } ]
 unknown = ["C", "A1"]

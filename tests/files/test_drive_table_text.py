@@ -45,14 +45,14 @@ def faults_after(old, new, count=1):
 def test_the_form():
     lines = drive_table_text(vertical_block(rows=1, columns=1)).splitlines()
     assert lines[:9] == [
-        "ORIPDRIVE 2",
+        "ORIPDRIVE 3",
         "BLOCK MAIN",
         "PROJECT Any project",
         "USER A. Nyone",
         "UNITS PLATE mm PHOTO mm OBJECT m",
         "STAGE UPPER 0 240 0 240 0.001",
         "STAGE LOWER 0 240 0 240 0.001",
-        "CAMERA CAM 50 0 0 20 24",
+        "CAMERA CAM PERSPECTIVE 50 0 0 20 24",
         "DISTORTION CAM IDEAL 0 0 0 0 0 0 0 0 0",
     ]
     assert lines[9:13] == [
@@ -201,7 +201,7 @@ def test_what_is_damaged(data, text):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("ORIPDRIVE 2", "ORIPDRIVE 1", "line 1 is not: ORIPDRIVE 2"),
+        ("ORIPDRIVE 3", "ORIPDRIVE 1", "line 1 is not: ORIPDRIVE 3"),
         ("BLOCK", "BLOK", "line 2 is not: BLOCK <name>"),
         ("PHOTO mm", "PHOTO cm", "line 5 is not: UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>"),
         ("STAGE LOWER", "STAGE UPPER", "line 7 is not: STAGE LOWER"),
@@ -210,7 +210,8 @@ def test_what_is_damaged(data, text):
         ("240", "nan", "line 6: 'nan' is not a finite number"),
         ("240", "1_0", "line 6: '1_0' is not a finite number"),
         ("240 ", "", "line 6: 6 words separated by single blanks; 7 are needed"),
-        ("CAMERA CAM ", "CAMERA CAM  ", "line 8: 8 words"),
+        ("CAMERA CAM ", "CAMERA CAM  ", "line 8: 9 words"),
+        ("PERSPECTIVE", "FISHEYE", "line 8: 'FISHEYE' is not one of PERSPECTIVE, EQUIDISTANT"),
         ("MEASURED", "measured", "line 9: 'measured' is not one of IDEAL, MEASURED"),
         ("EBNER", "BROWN", "line 10: 'BROWN' is not one of EBNER, GRUEN"),
         ("TEMPLATE T1 UPPER", "TEMPLATE T1 MIDDLE", "line 11: 'MIDDLE' is not one of UPPER, LOWER"),

@@ -76,6 +76,7 @@ def test_every_key() -> None:
         fiducials=(Mark("1", -12, 18), Mark("2", 12, 18)),
         unknown=("C", "A1"),
         additional_set="EBNER",
+        projection="equidistant",
     )
     assert digital.distortion_isp == (10.0, 1e-4, 0.0, 0.0)
     assert digital.parameters[CAMERA_PARAMETERS.index("A1")] == 0
@@ -104,9 +105,9 @@ def test_records_have_their_lines() -> None:
     records = parse_project(FULL).value
     assert records is not None
     assert records.lines["project", ""] == 1
-    assert records.lines["camera", "DIGITAL"] == 26
-    assert records.lines["photo", "P2"] == 59
-    assert records.lines["model", "MAIN M1"] == 81
+    assert records.lines["camera", "DIGITAL"] == 27
+    assert records.lines["photo", "P2"] == 60
+    assert records.lines["model", "MAIN M1"] == 82
 
 
 def test_precision_in_pixels_where_all_photos_have_sensor_or_scan() -> None:
@@ -124,7 +125,7 @@ def test_c_and_a1_may_both_be_unknown() -> None:
 def test_a_model_whose_photos_share_a_stage_is_a_warning() -> None:
     text = FULL.replace('temtick = "GRID"\n', 'temtick = "GRID"\nstage = "UPPER"\n')
     (warning,) = parse_project(text).warnings
-    assert str(warning).startswith("orip.toml:82: photos 'P1' and 'P2' of model 'M1' are both on the UPPER stage")
+    assert str(warning).startswith("orip.toml:83: photos 'P1' and 'P2' of model 'M1' are both on the UPPER stage")
     assert warning.code == "shared-stage"
     assert parse_project(FULL).warnings == ()
 

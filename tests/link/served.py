@@ -25,9 +25,9 @@ def loaded_station(table=TABLE):
 
 
 class Raw:
-    """A client that sends what it is told, and reads line by line."""
+    """A client that sends what it is told, and reads line by line; on a busy machine answers may take long."""
 
-    def __init__(self, port, timeout_s=10.0):
+    def __init__(self, port, timeout_s=60.0):
         self.socket = socket.create_connection(("127.0.0.1", port), timeout_s)
         self.lines = self.socket.makefile("rb")
         self.greeting = self.read()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import urllib.request
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from cli.command_line import orip
@@ -19,11 +21,16 @@ from workflow.small_projects import contents, first_project
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def adjusted_folder(tmp_path_factory):
     found = add_models(first_project(tmp_path_factory.mktemp("watch") / "first"), [("M1", "left", "right", 1, 1)])
     assert orip(found, "run").code == 0
     (found / "MAIN.DRV").unlink(missing_ok=True)  # the command makes it
     return found
+
+
+@pytest.fixture
+def folder(adjusted_folder, tmp_path):
+    return Path(shutil.copytree(adjusted_folder, tmp_path / "first"))
 
 
 @contextmanager

@@ -56,6 +56,19 @@ def in_logs(folder: Path, rule: Rule, headers: Callable[[list[str]], list[str]] 
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def only_photos(folder: Path, names: set[str]) -> None:
+    """Leave out all other photos, and what is measured in them."""
+    path = folder / "orip.toml"
+    parts = re.split(r"(?=^\[\[)", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    of_photos = {part: re.search(r'name = "(.*)"', part) for part in parts if part.startswith("[[photo]]")}
+    others = [part for part, name in of_photos.items() if name and name[1] not in names]
+    path.write_text("".join(part for part in parts if part not in others), encoding="utf-8")
+    for log in folder.glob("*.MEA"):
+        blocks = re.split(r"(?m)^(?=POINTS)", log.read_text(encoding="utf-8"))
+        kept = [block for block in blocks if block.split()[:1] != ["POINTS"] or block.split()[2] in names]
+        log.write_text("".join(kept), encoding="utf-8")
+
+
 def in_control(folder: Path, rule: Callable[[list[str]], list[str]], extension: str = "PNT") -> None:
     """Change the lines of a control file, word by word."""
     (path,) = folder.glob(f"*.{extension}")

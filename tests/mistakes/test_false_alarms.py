@@ -22,7 +22,8 @@ ROUGH: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("scene", ["strip", "convergent", "terrestrial"])
 @pytest.mark.parametrize("kind", ROUGH)
 def test_chance_is_no_mistake(scene: Scene, kind: str) -> None:
-    for control in ("weighted", "constant"):
+    # with constant control too where nothing has to be explained, which takes seconds
+    for control in ("weighted",) if kind == "errors too small" else ("weighted", "constant"):
         settings = {"noise_mm": NOISE_MM, "control": control, **ROUGH[kind]}
         assert explained(synthetic_block(scene, f"{scene} {control} {kind}", **settings).block) == []
 
@@ -35,7 +36,11 @@ def test_chance_is_no_mistake_in_a_hundred_blocks(scene: Scene, kind: str) -> No
         warning
         for number in range(100)
         for warning in explained(
-            synthetic_block(scene, f"{kind} {number}", **{"noise_mm": NOISE_MM, **ROUGH[kind]}).block
+            synthetic_block(
+                scene,
+                f"{kind} {number}",
+                **{"noise_mm": NOISE_MM, "control": ("weighted", "constant")[number % 2], **ROUGH[kind]},
+            ).block
         )
     ]
     # blunders by chance: a standard residual above 5 is rare, but there are some fifteen thousand

@@ -57,6 +57,11 @@ def test_a_camera_that_makes_sense() -> None:
     # a fisheye of 8 mm on small-frame film, and a long aerial lens
     assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 11), frame=(36.0, 24.0))))
     assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 11), frame=(230.0, 230.0))))
+    # a circular fisheye of 220 degrees, with black corners in its square frame
+    fisheye = Camera("F", (1.25, *[0.0] * 11), frame=(4.8, 4.8), projection="equidistant")
+    assert not list(camera_warnings(fisheye))
+    (said,) = camera_warnings(replace(fisheye, parameters=(0.4, *[0.0] * 11)))
+    assert "angle of view of 972°" in str(said)
     (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 11), sensor=Sensor(6000, 4000, 35.9, 23.9)))
     assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
 
@@ -142,6 +147,11 @@ def test_photos_taken_one_after_the_other_are_two() -> None:
 def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
     found = slip_of_pen(given, seen, 0.04 if abs(given - seen) > 1.0 else 0.16)
     assert found is None if what is None else found is not None and what in found
+
+
+def test_a_value_near_zero_is_no_displaced_decimal_point() -> None:
+    assert slip_of_pen(-0.0984, 0.0016, 0.003) is None
+    assert slip_of_pen(-0.984, -0.0982, 0.003) == "is probably -0.0984: its decimal point is displaced"
 
 
 # ---------------------------------------------------------------------------------------------- what cannot be seen

@@ -91,7 +91,14 @@ SAID: dict[str, tuple[Callable[[], Folder], int, tuple[str, ...]]] = {
     "one photo mirrored": (one_mirrored, 0, ("warning: photo P2: it fits as a mirror image",)),
     "micrometres": (micrometres, 4, ("warning: camera C: photo coordinates reach", "they seem to be in micrometres")),
     "check point off": (check_point_off, 0, ("warning: check point 21", "+1000.", "one digit is wrong")),
-    "height of a test field": (flat_field, 0, ("warning: control point 6_6: Z = -0.098",)),
+    "height of a test field": (
+        flat_field,
+        0,
+        (
+            "warning: control point 6_6: its coordinates contradict the photos",
+            "off by Z -0.1 ",
+        ),
+    ),
     "measured again, replaced": (lambda: measured_again("replace"), 0, ("of photo P2 was measured before, 5 mm",)),
     "measured again, averaged": (lambda: measured_again("mean"), 0, ("of photo P2 was measured before, 5 mm",)),
     "measured again, both": (lambda: measured_again("both"), 0, ("of photo P2 was measured before, 5 mm",)),

@@ -178,3 +178,25 @@ def test_model_axes():
         assert np.linalg.det(axes) == pytest.approx(1.0, abs=1e-12)
         # vertical photos: z points up, towards the cameras
         assert axes[2, 2] > 0.95
+
+
+def test_a_fisheye_photo_is_driven_to_what_is_beside_and_behind_it():
+    # C theta: 15.7 mm at 90 degrees, 20.9 mm at 120
+    camera = replace(CAMERAS["fisheye ideal"], parameters=(10.0, *[0.0] * 11), frame=(42.0, 42.0))
+    block, _ = loaded(vertical_block(camera=camera))
+    photo = block.photos[0]
+    for angle, expected in ((90.0, 10.0 * np.pi / 2.0), (115.0, 10.0 * np.radians(115.0))):
+        direction = np.array([np.sin(np.radians(angle)), 0.0, -np.cos(np.radians(angle))])
+        point = np.array(photo.centre) + 70.0 * direction
+        found = photo.plate_place(*point.tolist())
+        assert (found.code, found.inside) == (0, True)
+        assert photo.photo_of_plate(*found.plate) == pytest.approx((expected, 0.0), abs=1e-12)
+        assert photo.may_be_inside(*point.tolist())
+        assert np.asarray(photo.ray(*found.plate)) / 10.0 == pytest.approx(direction, abs=1e-12)
+        many = photo.plate_places(point[None])
+        assert many.plate[0] == pytest.approx(found.plate, abs=1e-12)
+        assert many.inside.tolist() == [True]
+    x, y, z = photo.centre
+    behind = np.array([x, y, z + 50.0])
+    assert photo.plate_place(*behind.tolist()).code == DriveCode.BEHIND_CAMERA
+    assert not photo.may_be_inside(*behind.tolist())

@@ -139,10 +139,13 @@ any_number = st.floats(allow_nan=False, allow_infinity=False)
 @given(
     st.tuples(*[any_number] * 12), st.tuples(any_number, any_number), st.tuples(*[any_number] * 9),
     st.tuples(*[any_number] * 6), st.tuples(any_number, any_number, any_number), st.sampled_from(["ideal", "measured"]),
+    st.sampled_from(["perspective", "equidistant"]),
 )  # fmt: skip
 @settings(max_examples=50, deadline=None)
-def test_any_numbers_are_either_refused_or_can_be_driven_with(parameters, frame, rotation, affine, centre, form):
-    camera = replace(CAMERA, parameters=parameters, frame=frame, distortion_at=form)
+def test_any_numbers_are_either_refused_or_can_be_driven_with(
+    parameters, frame, rotation, affine, centre, form, projection
+):
+    camera = replace(CAMERA, parameters=parameters, frame=frame, distortion_at=form, projection=projection)
     first = replace(TABLE.photos[0], rotation=rotation, affine=affine, centre=centre)
     second = replace(TABLE.photos[1], affine=affine, centre=centre)
     for table in (

@@ -23,9 +23,11 @@ from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
+from orip.geometry.equidistant import equidistant_with_partials
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
+from orip.geometry.projection import projected_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -95,9 +97,9 @@ class Case:
 
 def all_cases() -> list[Case]:
     return [
-        *_perspective(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(), *_similarity(),
-        *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(), *_parallaxes(),
-        *_resection(), *_refinement(), *_kinds(),
+        *_perspective(), *_equidistant(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(),
+        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(),
+        *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
 
 
@@ -135,6 +137,33 @@ def _perspective() -> Iterator[Case]:
         full_name(perspective_with_partials), "point, turn, principal distance", at.ravel(),
         lambda x: image(x).xy.ravel(), _block_diagonal(by_row),
     )  # fmt: skip
+
+
+def _equidistant() -> Iterator[Case]:
+    """Return cases of fisheye images: points before, beside and behind the camera, and nearly on its axis."""
+    generator = np.random.default_rng(4)
+    rotation = rotation_from_angles(generator.uniform(-3.0, 3.0, (6, 3)))
+    in_photo = np.array(
+        [[3.0, -2.0, -8.0], [0.2, 9.0, -1e-3], [-6.0, 2.0, 0.0], [-5.0, 1.0, 4.0], [1.0, 2.0, 9.0], [1e-3, 2e-3, -9.0]]
+    )
+    offset = (rotation @ in_photo[:, :, None])[:, :, 0]
+    at = np.hstack([offset, np.zeros((6, 3)), np.full((6, 1), 50.0)])
+    for function in (equidistant_with_partials, projected_with_partials):
+        rows = slice(None) if function is equidistant_with_partials else slice(0, 6, 5)
+
+        def image(x: np.ndarray, function: Callable = function, rows: slice = rows):
+            given = x.reshape(-1, 7)
+            turned = rotation_about_axes(given[:, 3:6]) @ rotation[rows]
+            more = () if function is equidistant_with_partials else (np.array([True, False]),)
+            return function(given[:, :3], turned, given[:, 6], *more)
+
+        found = image(at[rows])
+        by_row = np.concatenate([found.by_point, found.by_rotation, found.by_principal_distance[:, :, None]], axis=2)
+        assert found.in_front.all()
+        yield Case(
+            full_name(function), "point, turn, principal distance", at[rows].ravel(),
+            lambda x, image=image: image(x).xy.ravel(), _block_diagonal(by_row),
+        )  # fmt: skip
 
 
 def _rates() -> Iterator[Case]:
@@ -412,7 +441,7 @@ _ARGUMENTS = ("ideal", "measured")
 
 
 def blocks() -> dict[str, Block]:
-    """Return blocks in which every kind of observation occurs, all 11 camera parameters unknown."""
+    """Return blocks in which every kind of observation occurs, all 12 camera parameters unknown."""
     plain = {
         f"{scene}, {argument}": _with_everything(
             synthetic_block(
@@ -421,6 +450,13 @@ def blocks() -> dict[str, Block]:
             ).block
         )
         for scene in ("strip", "convergent", "terrestrial")
+        for argument in _ARGUMENTS
+    }  # fmt: skip
+    fisheyes = {
+        f"room, {argument}": synthetic_block(
+            "room", "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS,
+            noise_mm=0.01, start_error=0.003,
+        ).block
         for argument in _ARGUMENTS
     }  # fmt: skip
     with_set = {
@@ -432,7 +468,7 @@ def blocks() -> dict[str, Block]:
         )
     }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
-    return plain | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+    return plain | fisheyes | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
 
 
 def _in_a_crs(block: Block) -> Block:

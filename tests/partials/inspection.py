@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import orip
@@ -21,18 +22,19 @@ _MAPPED = "Mapped"
 """The tuple of coordinates and their partials in `orip.interior.distortion`."""
 
 
-def functions_with_partials() -> set[str]:
+@cache
+def functions_with_partials() -> frozenset[str]:
     """Return the full names of all functions and methods that have to do with partials, abstract ones left out."""
     modules = dict(_modules())
     types = {_MAPPED, *(name for tree in modules.values() for name in _types_with_partials(tree))}
     fields = {field for tree in modules.values() for found in _classes(tree) for field in _partials_of(found)}
-    return {
+    return frozenset(
         f"{module}.{name}"
         for module, tree in modules.items()
         for name, function in _functions(tree, "")
         if not _is_abstract(function)
         and (_returns(function, types) or _reads(function, fields) or _speaks(name, function))
-    }
+    )
 
 
 def _modules() -> Iterator[tuple[str, ast.Module]]:

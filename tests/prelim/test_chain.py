@@ -78,7 +78,7 @@ def test_without_noise_the_truth_is_found(scene: Scene) -> None:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("distortion", [False, True])
 def test_with_noise_the_adjustment_ends_where_it_ends_from_the_truth(scene: Scene, distortion: bool) -> None:
-    settings = {"distortion": (2e-4, -3e-3, 2e-3, -1e-3, 2e-4, -3e-4, 1e-4, -2e-4)} if distortion else {}
+    settings = {"distortion": (2e-4, -3e-3, 2e-3, -1e-3, 0.0, 2e-4, -3e-4, 1e-4, -2e-4)} if distortion else {}
     made = synthetic_block(scene, "chain with noise", noise_mm=0.005, enp_stop=6.0, **settings)
     found = from_values(from_nothing(made.block))
     true = solved(made.block)

@@ -133,15 +133,15 @@ def test_few_points_without_a_photo():
     assert "2 common points and no common photo, 3 points are needed" in found.reason
 
 
+def joined_on_a_line(sample, line, step):
+    source = replace(sample.source, coordinates=line)
+    return join(source, replace(sample.target, coordinates=sample.truth.apply(line)), sample.names, step)
+
+
 def test_points_on_a_line_without_a_photo():
     sample = pair(5, 6, common_photo=False)
     line = np.outer(np.linspace(0.0, 1.0, 6), [0.1, 0.05, 0.0])
-    found = join(
-        replace(sample.source, coordinates=line),
-        replace(sample.target, coordinates=sample.truth.apply(line)),
-        sample.names,
-        "connect",
-    )
+    found = joined_on_a_line(sample, line, "connect")
     assert isinstance(found, NotOriented)
     assert "on one line" in found.reason
 
@@ -149,12 +149,7 @@ def test_points_on_a_line_without_a_photo():
 def test_points_on_a_line_do_with_the_projection_centre():
     sample = pair(6, 6, noise=0.0)
     line = np.column_stack([np.full(6, 0.01), np.linspace(-0.1, 0.1, 6), np.full(6, -0.15)])
-    found = join(
-        replace(sample.source, coordinates=line),
-        replace(sample.target, coordinates=sample.truth.apply(line)),
-        sample.names,
-        "bridge",
-    )
+    found = joined_on_a_line(sample, line, "bridge")
     assert isinstance(found, Joined)
     assert np.allclose(found.similarity.rotation, sample.truth.rotation, atol=1e-9)
 

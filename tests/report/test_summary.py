@@ -154,7 +154,13 @@ def test_when_all_is_wrong_at_once_it_is_no_longer() -> None:
 
 def test_without_redundancy_there_is_no_test() -> None:
     solution = replace(sample("dcs260_calibration").solution, redundancy=0, redundancy_used=0.0, sigma0=float("nan"))
-    assert "nothing is redundant to test it" in under(summary_of(solution), "sigma0")
+    assert under(summary_of(solution), "sigma0").startswith("not known, nothing is redundant to test it")
+
+
+def test_where_nothing_has_full_weight_sigma0_is_not_said_to_lack_redundancy() -> None:
+    solution = replace(sample("dcs260_calibration").solution, redundancy=18, redundancy_used=0.0, sigma0=float("nan"))
+    said = under(summary_of(solution), "sigma0")
+    assert said.startswith("not known, no observation with full weight is checked by another one")
 
 
 def test_what_to_do_about_a_contradicting_group_follows_the_first_sentence() -> None:

@@ -80,6 +80,18 @@ def test_the_same_minimum_as_from_given_values(sample: str, tmp_path: Path, monk
         assert difference.max(initial=0.0) < 1e-4
 
 
+def test_a_tie_point_that_starts_out_of_this_world_is_back_with_all_its_rays(tmp_path: Path) -> None:
+    """Zurich's a-priori errors are 14 times too small: its residuals must not cost more than what is left out."""
+    folder = copied("zurich_city_hall", tmp_path / "zurich")
+    points = folder / "MAIN.PRE"
+    text, found = re.subn(r"(tpe21 +)146\.0", r"\g<1>251593835", points.read_text(encoding="utf-8"))
+    assert found == 1
+    points.write_text(text, encoding="utf-8")
+    result = solved(folder)
+    assert (result.observations, result.redundancy, result.singular) == (454, 283, ())
+    assert any("put point tpe21 behind its camera" in text for *_, text in result.warnings)
+
+
 @pytest.mark.parametrize("principal_distance", [6.0, 25.0])
 def test_a_camera_far_from_its_record_is_found(principal_distance: float, tmp_path: Path) -> None:
     """DCS260's principal distance is 10.33 mm."""

@@ -340,17 +340,26 @@ def test_the_two_blunders_of_other_blocks_from_nothing(tmp_path: Path, seed: int
     } == blunders_of(truth)
 
 
+STATION_SD = 0.03
+
+
+def observed_stations(truth: dict[str, Any]) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(3)
+    return {
+        photo: np.array(orientation[:3]) + STATION_SD * random.normal(size=3)
+        for photo, orientation in truth["photos"].items()
+    }
+
+
 def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
     oriented: Path, truth: dict[str, Any], tmp_path: Path
 ) -> None:
     folder = shutil.copytree(oriented, tmp_path / "cliff")
-    random, sd = np.random.default_rng(3), 0.03
-    lines = []
-    for photo, orientation in truth["photos"].items():
-        station = np.array(orientation[:3]) + sd * random.normal(size=3) + (2.0 if photo == "203" else 0.0)
-        lines += [
-            f"{photo} PHOTO {name} {value:.4f} {sd}" for name, value in zip(("X0", "Y0", "Z0"), station, strict=True)
-        ]
+    lines = [
+        f"{photo} PHOTO {name} {value:.4f} {STATION_SD}"
+        for photo, station in observed_stations(truth).items()
+        for name, value in zip(("X0", "Y0", "Z0"), station + (2.0 if photo == "203" else 0.0), strict=True)
+    ]
     (folder / "CLIFF.ELE").write_text("\n".join(lines) + "\n", encoding="utf-8")
     found = solve_quietly(folder, method=Method(SnoopingSettings("apriori"))).solution
     assert {
@@ -362,3 +371,30 @@ def test_a_wrong_exposure_station_is_named_and_the_photos_stay(
     for blunder in found.blunders:
         assert blunder.kind == "photo" or abs(blunder.size - 2.0) < 4.0 * blunder.sd
     assert found.singular == ()
+
+
+SHIFT = np.array([0.4, -0.3, 0.5])
+
+
+def test_a_shifted_strip_is_named_first_and_the_setting_brings_the_check_points_back(
+    oriented: Path, truth: dict[str, Any], tmp_path: Path
+) -> None:
+    folder = shutil.copytree(oriented, tmp_path / "cliff")
+    lines, sd = [], STATION_SD
+    for photo, station in observed_stations(truth).items():
+        x, y, z = station + (SHIFT if photo[0] == "2" else 0.0)
+        lines.append(f"{photo} {x:.4f} {y:.4f} {z:.4f} {sd} {sd} {sd} - - - - - - - {photo[0]}")
+    (folder / "CLIFF.STA").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = solve_quietly(folder).solution
+    assert "the exposure stations of strip 2 are all off by X +0." in found.verdict
+    setting = next(each.remedy for each in found.diagnosis if each.code == "group")
+    assert 'set shift = "strip" and strips = ["2"] in [[antenna]]' in setting
+    with (folder / "orip.toml").open("a", encoding="utf-8") as toml:
+        toml.write('\n[[antenna]]\nname = "GNSS"\nshift = "strip"\nstrips = ["2"]\n')
+    modelled = solve_quietly(folder).solution
+    for estimate, planted in zip(modelled.antennas[-3:], SHIFT, strict=True):
+        assert abs(estimate.value - planted) < 4.0 * estimate.sd
+    off = np.array([(check.dX, check.dY) for check in modelled.check_points])
+    # where stations are not shifted it is 0.0155 m; where they are and keep their weights, 0.156 m
+    assert np.sqrt(np.mean(off**2)) < 0.02
+    assert not [each for each in modelled.diagnosis if each.code == "group"]

@@ -91,4 +91,5 @@ def cameras():
         found[form] = lens
         for name in ("EBNER", "GRUEN"):
             found[f"{form} {name}"] = replace(lens, additional=parameter_set(name))
+        found[f"fisheye {form}"] = replace(lens, projection="equidistant")
     return found

@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.observations.control import ControlPoint
-from orip.records.project.camera import Camera
+from orip.records.project.camera import Camera, Projection
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 
-Scene = Literal["strip", "convergent", "terrestrial"]
+Scene = Literal["strip", "convergent", "terrestrial", "room"]
 
 NO_DISTORTION = (0.0,) * 9
 DISTORTED = (2e-4, -3e-3, 2e-3, -1e-3, 5e-4, 2e-4, -3e-4, 1e-4, -2e-4)
@@ -58,6 +58,7 @@ class _Layout:
     frame: float
     orientations: np.ndarray
     points: np.ndarray
+    projection: Projection = "perspective"
 
 
 def synthetic_block(
@@ -79,9 +80,9 @@ def synthetic_block(
 
     Parameters
     ----------
-    scene : {"strip", "convergent", "terrestrial"}
+    scene : {"strip", "convergent", "terrestrial", "room"}
         Vertical photos of a strip of 2.5 km; eight photos around a metre-sized object; photos of two opposite walls
-        from between them, taken exactly along X at phi = ±90 degrees.
+        from between them, taken exactly along X at phi = ±90 degrees; eight fisheye photos all around a room.
     name : str
         Seed of everything that is random.
     noise_mm : float
@@ -133,7 +134,9 @@ def synthetic_block(
     photo_names = [f"P{number + 1}" for number in range(len(orientations))]
     block = Block(
         definition=BundleDefinition(name, Precision(precision_mm), **definition),
-        cameras=(Camera("CAM", tuple(camera.tolist()), distortion_at, unknown=tuple(unknown)),),
+        cameras=(
+            Camera("CAM", tuple(camera.tolist()), distortion_at, unknown=tuple(unknown), projection=layout.projection),
+        ),
         photos=tuple(
             Photo(
                 label, "CAM", orientation=tuple(np.r_[row[:3], np.degrees(row[3:])].tolist()), constant=tuple(elements)
@@ -201,7 +204,27 @@ def _terrestrial(random: np.random.Generator) -> _Layout:
     return _Layout(60.0, 120.0, np.array(orientations), np.vstack(walls))
 
 
-_LAYOUTS = {"strip": _strip, "convergent": _convergent, "terrestrial": _terrestrial}
+def _room(random: np.random.Generator) -> _Layout:
+    half = np.array([5.0, 4.0, 1.75])
+    points = random.uniform(-1.0, 1.0, (90, 3)) * half
+    # onto the walls, the floor and the ceiling in turn
+    side = np.arange(len(points)) % 3
+    points[np.arange(len(points)), side] = np.sign(points[np.arange(len(points)), side]) * half[side]
+    orientations = []
+    for number in range(8):
+        around, up = np.radians(45.0 * number), np.radians(25.0 * (-1.0) ** number)
+        back = -np.array([np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), np.sin(up)])
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right /= np.linalg.norm(right)
+        axes = np.column_stack([right, np.cross(back, right), back])
+        rolled = axes @ Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0 * (number % 2)]).as_matrix()
+        centre = random.uniform(-1.0, 1.0, 3) * [2.0, 1.5, 0.5]
+        orientations.append([*centre, *Rotation.from_matrix(rolled).as_euler("XYZ", degrees=True)])
+    # the sides of the frame show 115 degrees from the axis
+    return _Layout(9.0, 36.0, np.array(orientations), points, "equidistant")
+
+
+_LAYOUTS = {"strip": _strip, "convergent": _convergent, "terrestrial": _terrestrial, "room": _room}
 
 
 def _images(
@@ -212,12 +235,24 @@ def _images(
     for row, orientation in enumerate(orientations):
         rotation = Rotation.from_euler("XYZ", orientation[3:]).as_matrix()
         u = (layout.points - orientation[:3]) @ rotation
-        ideal = -camera[0] * u[:, :2] / np.where(u[:, 2:] < 0.0, u[:, 2:], np.nan)
+        ideal = camera[0] * _DIRECTIONS[layout.projection](u)
         shown = np.flatnonzero((np.abs(ideal) < layout.frame / 2.0).all(axis=1))
         photo.append(np.full(len(shown), row))
         point.append(shown)
         images.append(camera[1:3] + _MEASURED[distortion_at](ideal[shown], camera[3:]))
     return np.concatenate(photo), np.concatenate(point), np.vstack(images)
+
+
+def _on_a_plane(u: np.ndarray) -> np.ndarray:
+    return -u[:, :2] / np.where(u[:, 2:] < 0.0, u[:, 2:], np.nan)
+
+
+def _by_angles(u: np.ndarray) -> np.ndarray:
+    angle = np.arccos(-u[:, 2] / np.linalg.norm(u, axis=1))
+    return angle[:, None] * u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
+
+
+_DIRECTIONS = {"perspective": _on_a_plane, "equidistant": _by_angles}
 
 
 def _distortion(x: np.ndarray, y: np.ndarray, a: Sequence[float]) -> np.ndarray:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from orip.geometry.navigation_angles import rotation_from_navigation
 from orip.records.observations.epochs import Epochs, epochs
 from orip.trajectory.interpolation import interpolate, moved, time_complaints
+from orip.trajectory.velocities import without_contradicting_velocities
 
 
 def trajectory(time: np.ndarray, place: np.ndarray, **more: object) -> Epochs:
@@ -44,6 +45,49 @@ def test_geographic_velocities_are_metres_per_second() -> None:
     velocity = np.tile([0.0, 1.0, 0.0], (2, 1))
     found = interpolate(epochs("t", np.arange(2), time=time, place=place, velocity=velocity), np.array([5.0]))
     assert (found.place[0, 1] - 0.9) * metres_per_radian == pytest.approx(5.0, abs=1e-4)
+
+
+RADIUS, SPEED = 200.0, 20.0
+"""Of a turn of an aeroplane, m and m/s."""
+
+
+def turn(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return places and velocities on a level circle: as closed a form as a straight line, but never straight."""
+    angle = SPEED / RADIUS * time
+    height = np.full_like(angle, 100.0)
+    place = np.column_stack([RADIUS * np.cos(angle), RADIUS * np.sin(angle), height])
+    return place, np.column_stack([-SPEED * np.sin(angle), SPEED * np.cos(angle), 0.0 * angle])
+
+
+def test_a_turn_flown_at_one_epoch_a_second_is_met_to_a_tenth_of_a_millimetre() -> None:
+    time, wanted = np.arange(0.0, 60.0), np.arange(0.0, 59.0, 0.13)
+    place, velocity = turn(time)
+    found = interpolate(trajectory(time, place, velocity=velocity), wanted)
+    # Hermite's cubic is wrong by dt^4/384 of the fourth derivative at most, v^4/R^3 on a circle; 0.25 m a straight line
+    bound = SPEED**4 / RADIUS**3 / 384.0
+    missed = np.linalg.norm(found.place - turn(wanted)[0], axis=1)
+    assert 0.5 * bound < missed.max() < bound < 1e-4
+    without = interpolate(trajectory(time, place), wanted)
+    assert np.linalg.norm(without.place - turn(wanted)[0], axis=1).max() > 20.0 * bound
+
+
+@pytest.mark.parametrize("wrong", [np.diag([1.0, -1.0, 1.0]), np.eye(3)[[1, 0, 2]], 3.6 * np.eye(3), 0.0 * np.eye(3)])
+def test_velocities_along_other_axes_or_in_another_unit_are_said_and_not_used(wrong: np.ndarray) -> None:
+    time = np.arange(0.0, 60.0)
+    place, velocity = turn(time)
+    given = trajectory(time, place, velocity=velocity @ wrong.T)
+    used, (said,) = without_contradicting_velocities(given)
+    assert np.isnan(used.velocity).all()
+    assert said.where.startswith("t.pos:")
+    assert "m from where it is: they are along other axes or in another unit" in said.text
+
+
+def test_noise_of_positions_and_standing_still_contradict_no_velocities() -> None:
+    random = np.random.default_rng(3)
+    time = np.arange(0.0, 60.0, 0.2)
+    for place, velocity in (turn(time), (np.zeros((300, 3)), np.zeros((300, 3)))):
+        given = trajectory(time, place + 0.05 * random.normal(size=place.shape), velocity=velocity)
+        assert without_contradicting_velocities(given) == (given, ())
 
 
 def test_attitudes_turn_the_short_way() -> None:

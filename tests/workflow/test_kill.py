@@ -22,6 +22,7 @@ from pathlib import Path
 
 import pytest
 from workflow.commands import initialise, measure
+from workflow.killed_here import Killed, killed_at
 from workflow.killed_orip import MOMENT
 from workflow.quiet import run_quietly, solve_quietly
 from workflow.small_projects import contents, film_project, replace_in
@@ -160,7 +161,19 @@ def _kill_from_outside(case: Case, tmp_path: Path, times: int) -> int:
 
 @pytest.mark.parametrize("name", CASES)
 def test_killed_at_some_steps(cases: dict[str, Case], name: str, tmp_path: Path) -> None:
-    assert _kill_at_steps(cases[name], tmp_path, chosen=3) == 3
+    case = cases[name]
+    with killed_at(None) as steps:
+        COMMANDS[case.command](Path(shutil.copytree(case.before, tmp_path / "counted")))
+    # the last ones are commit and outputs
+    for step in (*random.Random(1).sample(range(1, steps() - 3), 2), steps() - 3):
+        folder = Path(shutil.copytree(case.before, tmp_path / f"killed-{step}"))
+        with pytest.raises(Killed), killed_at(step):
+            COMMANDS[case.command](folder)
+        _check(case, folder)
+
+
+def test_a_process_killed_while_it_commits(cases: dict[str, Case], tmp_path: Path) -> None:
+    assert _kill_at_steps(cases["measure"], tmp_path, chosen=1) == 1
 
 
 @pytest.mark.long

@@ -9,16 +9,19 @@
 
 #define MOST_CAMERA_UNKNOWNS (CAMERA_PARAMETERS + MOST_ADDITIONAL)
 #define PHOTO_UNKNOWNS 6
-#define IDEAL 0
-#define MEASURED 1
+/* Kinds of cameras without a set: two bits. */
+#define IS_MEASURED 1
+#define IS_EQUIDISTANT 2
+#define KINDS 4
 
 /* What orip/bundle/compiled/photo_loop.py passes; the arrays are described there. */
 typedef struct {
     /* the state */
     const double *cameras, *additional, *centres, *rotations, *bases, *ground;
-    /* cameras: those of the same kind are linearised together; each camera with a set is a kind of its own */
+    /* cameras: those of the same kind are linearised together; each camera with a set is a kind of its own, and its form
+     * has the two bits */
     const int32_t *kind, *products;
-    const uint8_t *at_measured;
+    const uint8_t *form;
     const double *polynomials, *factors;
     /* photo points */
     const int32_t *camera_of_photo, *photo, *point;
@@ -73,24 +76,31 @@ INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
         ray->camera[k] = GATHERED(camera, k);
 }
 
+/* Linearise photo points of cameras of one form; without a set it is compiled for each form, so that none waits for
+ * what another needs. */
 INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int linear, Linearised *found)
 {
-    const int at_measured = b->at_measured[camera];
-    if (b->kind[camera] == IDEAL)
-        collinearity(ray, 0, 0, b->turned, linear, found);
-    else if (b->kind[camera] == MEASURED)
-        collinearity(ray, 1, 0, b->turned, linear, found);
-    else {
-        const Set set = {
-            b->additional_count, b->additional + camera * b->additional_count,
-            b->polynomials + POLYNOMIALS * POLYNOMIALS * camera, b->factors + 2 * MOST_ADDITIONAL * camera,
-            b->products + 2 * MOST_ADDITIONAL * camera,
-        };
-        if (at_measured)
-            collinearity(ray, 1, &set, b->turned, linear, found);
+    const int form = b->form[camera], is_equidistant = form & IS_EQUIDISTANT;
+    if (b->kind[camera] < KINDS) {
+        if (form == 0)
+            collinearity(ray, 0, 0, 0, b->turned, linear, found);
+        else if (form == IS_MEASURED)
+            collinearity(ray, 0, 1, 0, b->turned, linear, found);
+        else if (form == IS_EQUIDISTANT)
+            collinearity(ray, 1, 0, 0, b->turned, linear, found);
         else
-            collinearity(ray, 0, &set, b->turned, linear, found);
+            collinearity(ray, 1, 1, 0, b->turned, linear, found);
+        return;
     }
+    const Set set = {
+        b->additional_count, b->additional + camera * b->additional_count,
+        b->polynomials + POLYNOMIALS * POLYNOMIALS * camera, b->factors + 2 * MOST_ADDITIONAL * camera,
+        b->products + 2 * MOST_ADDITIONAL * camera,
+    };
+    if (form & IS_MEASURED)
+        collinearity(ray, is_equidistant, 1, &set, b->turned, linear, found);
+    else
+        collinearity(ray, is_equidistant, 0, &set, b->turned, linear, found);
 }
 
 /* Linearise the photo points in `rows`, one in each lane. The ray keeps its cameras from one call to the next; `cameras`

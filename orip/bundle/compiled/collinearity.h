@@ -1,12 +1,13 @@
 /* Collinearity of photo points, one in each lane: residuals in mm and partials.
  *
- * For the formulas and their sources see orip/geometry/perspective.py and orip/interior/image_coordinates.py with what it
- * imports; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
+ * For the formulas and their sources see orip/geometry/perspective.py, orip/geometry/equidistant.py and
+ * orip/interior/image_coordinates.py with what it imports; tests/bundle/test_photo_loop.py compares every row of partials with theirs.
  */
 
 #ifndef ORIP_COLLINEARITY_H
 #define ORIP_COLLINEARITY_H
 
+#include <math.h>
 #include <stdint.h>
 
 #include "lanes.h"
@@ -119,25 +120,73 @@ INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*
     }
 }
 
+/* Cosine of the angle from the axis beyond which an equidistant camera shows nothing, 175 degrees, and the square of the
+ * angle below which its third power is nothing beside it: see orip/geometry/equidistant.py. */
+#define LEAST_COSINE (-0.99619469809174555)
+#define ON_AXIS 1e-16
+
+/* The image of ground points by a projection with C = 1, and its partials by U. */
+typedef struct {
+    Lanes direction[2], by_u[2][3];
+} Projected;
+
+/* (U1, U2) / -U3; by_u has the same element for both coordinates, none between them. */
+INLINE void perspective(const Lanes *u, Projected *p, int *in_front)
+{
+    for (int lane = 0; lane < LANES; lane++) {
+        /* depth < -1e-6 |u|, squared to save the root */
+        const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
+        in_front[lane] = depth < 0.0 && depth * depth > 1e-12 * (a * a + b * b + depth * depth);
+    }
+    const Lanes inverse = -1.0 / u[2];
+    for (int row = 0; row < 2; row++) {
+        p->direction[row] = u[row] * inverse;
+        p->by_u[row][row] = inverse;
+        p->by_u[row][1 - row] = ALL(0.0);
+        p->by_u[row][2] = p->direction[row] * inverse;
+    }
+}
+
+/* theta (U1, U2) / rho with tan theta = rho / -U3. */
+INLINE void equidistant(const Lanes *u, Projected *p, int *in_front)
+{
+    Lanes scale = ALL(0.0), bend = ALL(0.0), by_depth = ALL(0.0);
+    for (int lane = 0; lane < LANES; lane++) {
+        const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
+        const double across = a * a + b * b, square = across + depth * depth, distance = sqrt(across);
+        const double s = distance > 0.0 ? atan2(distance, -depth) / distance : -1.0 / depth;
+        in_front[lane] = -depth > LEAST_COSINE * sqrt(square);
+        LANE(scale, lane) = s;
+        LANE(bend, lane) = across > ON_AXIS * square ? (-depth / square - s) / across : 0.0;
+        LANE(by_depth, lane) = 1.0 / square;
+    }
+    for (int row = 0; row < 2; row++) {
+        p->direction[row] = scale * u[row];
+        p->by_u[row][row] = scale + bend * u[row] * u[row];
+        p->by_u[row][1 - row] = bend * u[0] * u[1];
+        p->by_u[row][2] = u[row] * by_depth;
+    }
+}
+
 /* Linearise photo points. The numbers in lanes whose point is not in front of the camera are meaningless.
  *
- * rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about the ground axes, used
+ * is_equidistant: the projection, else the perspective; rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about the ground axes, used
  * with `turned`; set: NULL for a camera without one; partials are found if `linear`.
  */
-INLINE void collinearity(const Ray *ray, int at_measured, const Set *set, int turned, int linear, Linearised *found)
+INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, const Set *set, int turned, int linear,
+                         Linearised *found)
 {
     const Lanes *camera = ray->camera, *rotation = ray->rotation;
     const Lanes v[3] = {ray->ground[0] - ray->centre[0], ray->ground[1] - ray->centre[1], ray->ground[2] - ray->centre[2]};
     Lanes u[3];
     for (int axis = 0; axis < 3; axis++)
         u[axis] = rotation[axis] * v[0] + rotation[3 + axis] * v[1] + rotation[6 + axis] * v[2];
-    for (int lane = 0; lane < LANES; lane++) {
-        /* depth < -1e-6 |u|, squared to save the root */
-        const double a = LANE(u[0], lane), b = LANE(u[1], lane), depth = LANE(u[2], lane);
-        found->in_front[lane] = depth < 0.0 && depth * depth > 1e-12 * (a * a + b * b + depth * depth);
-    }
-    const Lanes inverse = -1.0 / u[2];
-    const Lanes direction[2] = {u[0] * inverse, u[1] * inverse};
+    Projected image;
+    if (is_equidistant)
+        equidistant(u, &image, found->in_front);
+    else
+        perspective(u, &image, found->in_front);
+    const Lanes *direction = image.direction;
     const Lanes ideal[2] = {camera[0] * direction[0], camera[0] * direction[1]};
 
     Distorted d;
@@ -162,13 +211,15 @@ INLINE void collinearity(const Ray *ray, int at_measured, const Set *set, int tu
     if (!linear)
         return;
 
-    const Lanes scale = camera[0] * inverse;
-    const Lanes by_depth[2] = {ideal[0] * inverse, ideal[1] * inverse};
     Lanes of_ideal[2][3];
-    for (int axis = 0; axis < 3; axis++) {
-        of_ideal[0][axis] = scale * rotation[3 * axis] + by_depth[0] * rotation[3 * axis + 2];
-        of_ideal[1][axis] = scale * rotation[3 * axis + 1] + by_depth[1] * rotation[3 * axis + 2];
-    }
+    for (int row = 0; row < 2; row++)
+        for (int axis = 0; axis < 3; axis++) {
+            const Lanes *by_u = image.by_u[row], *turn = rotation + 3 * axis;
+            of_ideal[row][axis] = by_u[row] * turn[row] + by_u[2] * turn[2];
+            if (is_equidistant)
+                of_ideal[row][axis] += by_u[1 - row] * turn[1 - row];
+            of_ideal[row][axis] *= camera[0];
+        }
     for (int row = 0; row < 2; row++) {
         Lanes *p = found->partials[row], by_ideal[2];
         for (int column = 0; column < 2; column++) {

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
@@ -16,7 +16,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 IntArray = NDArray[np.int32]
 
 _CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 12, 21
-_MOST_ADDITIONAL, _POLYNOMIALS = 44, 5
+_MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 44, 5, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +26,14 @@ class Cameras:
     Parameters
     ----------
     kind : array (c,) of int
-        0: the polynomial is at ideal coordinates, 1: at measured ones; each camera with a set is a kind of its own.
+        Its form; each camera with a set is a kind of its own.
     products : array (c, 2, 44) of int
         Of the parameters of a camera's set in dx and dy: number of B_i(y) times 5, plus that of A_j(x).
     polynomials : array (c, 5, 5)
         A_j by powers of its argument.
     factors : array (c, 2, 44)
-    at_measured : array (c,) of bool
+    form : array (c,) of int
+        1: the polynomial is at measured coordinates, 2: the projection is equidistant, 3: both.
     unknowns : array (c,) of int
         Their number.
     elements, columns : arrays (c, 56) of int
@@ -43,7 +44,7 @@ class Cameras:
     products: IntArray
     polynomials: FloatArray
     factors: FloatArray
-    at_measured: BoolArray
+    form: NDArray[np.uint8]
     unknowns: IntArray
     elements: IntArray
     columns: IntArray
@@ -121,14 +122,14 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
 def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
     """Return the constants of the cameras of a block."""
     count, additional = unknowns.additional.shape
-    at_measured = np.zeros(count, dtype=bool)
-    at_measured[points.camera] = points.at_measured
-    kind = at_measured.astype(np.int32)
+    form = np.zeros(count, dtype=np.uint8)
+    form[points.camera] = points.at_measured + 2 * points.is_equidistant.astype(np.uint8)
+    kind = form.astype(np.int32)
     products = np.zeros((count, 2, _MOST_ADDITIONAL), dtype=np.int32)
     factors = np.zeros((count, 2, _MOST_ADDITIONAL))
     polynomials = np.zeros((count, _POLYNOMIALS, _POLYNOMIALS))
     for camera, name, base in points.sets:
-        kind[camera] = 2 + camera
+        kind[camera] = _FORMS + camera
         table = PARAMETER_SETS[name].factors
         degree, parameters = table.shape[-1], table.shape[1]
         # each parameter has at most one product in dx and one in dy
@@ -145,4 +146,4 @@ def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Camer
     elements[:, : columns.shape[1]] = numbers[first]
     placed[:, : columns.shape[1]] = np.take_along_axis(columns, first, axis=1)
     number = is_unknown.sum(axis=1).astype(np.int32)
-    return Cameras(kind, products, polynomials, factors, at_measured, number, elements, placed)
+    return Cameras(kind, products, polynomials, factors, form, number, elements, placed)

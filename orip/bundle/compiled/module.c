@@ -11,7 +11,7 @@
 
 /* The index arrays of a block, from which a layout is made. */
 enum {
-    KIND, OF_SET, AT_MEASURED, OF_CAMERA, OF_PHOTO, OF_POINT,
+    KIND, OF_SET, FORM, OF_CAMERA, OF_PHOTO, OF_POINT,
     ORDER, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, LAYOUT_END
 };
 #define LAYOUT "iibiii" "iiiiii" "ii"
@@ -55,7 +55,7 @@ static int are_all_within(const Arguments *a, int array, int64_t least, int64_t 
 /* Whether the sizes of the index arrays belong together. */
 static int do_indices_fit(const Arguments *a)
 {
-    const int64_t cameras = length_of(a, AT_MEASURED), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
+    const int64_t cameras = length_of(a, FORM), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
     const int64_t groups = length_of(a, GROUP_START) - 1;
     return count <= INT32_MAX && cameras + photos <= INT32_MAX && groups >= 0 && groups < INT32_MAX
         && has(a, KIND, cameras) && has(a, OF_SET, 2 * MOST_ADDITIONAL * cameras) && has(a, OF_POINT, count)
@@ -107,8 +107,8 @@ static Layout *copy_of_indices(const Arguments *a)
     p->group_start = copied(a, GROUP_START, &room), p->runs_start = copied(a, RUNS_START, &room);
     p->runs = copied(a, RUNS, &room), p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room);
     p->camera_elements = copied(a, CAMERA_ELEMENTS, &room);
-    b->at_measured = copied(a, AT_MEASURED, &room);
-    b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, AT_MEASURED);
+    b->form = copied(a, FORM, &room);
+    b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, FORM);
     b->photo_count = length_of(a, OF_CAMERA);
     p->blocks = length_of(a, BLOCK), p->groups = length_of(a, GROUP_START) - 1;
     return l;

@@ -276,7 +276,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoPoint
 
 def _layout(points: PhotoPointObservations, cameras: Cameras, camera_of_photo: IntArray, pattern: Pattern) -> object:
     return compiled.layout(
-        cameras.kind, cameras.products, cameras.at_measured, camera_of_photo, points.photo.astype(np.int32),
+        cameras.kind, cameras.products, cameras.form, camera_of_photo, points.photo.astype(np.int32),
         points.point.astype(np.int32), pattern.order, pattern.start, pattern.block, pattern.group_start,
         pattern.runs_start, pattern.runs, cameras.unknowns, cameras.elements,
     )  # fmt: skip

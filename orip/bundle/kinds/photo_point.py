@@ -13,7 +13,8 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
-from orip.geometry.perspective import Perspective, perspective_with_partials
+from orip.geometry.perspective import Perspective
+from orip.geometry.projection import projected_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
@@ -38,6 +39,8 @@ class PhotoPointObservations(Observations):
         Measured photo coordinates, mm.
     at_measured : array (n,) of bool
         The camera's polynomial is given at measured coordinates.
+    is_equidistant : array (n,) of bool
+        The camera's projection; else the perspective.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
     unknowns : Unknowns
@@ -49,6 +52,7 @@ class PhotoPointObservations(Observations):
     camera: IntArray
     xy: FloatArray
     at_measured: BoolArray
+    is_equidistant: BoolArray
     sets: tuple[tuple[int, AdditionalSet, float], ...]
     unknowns: Unknowns
 
@@ -75,7 +79,7 @@ class PhotoPointObservations(Observations):
         )
         return PhotoPointObservations(
             some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
-            self.at_measured[chosen], self.sets, self.unknowns,
+            self.at_measured[chosen], self.is_equidistant[chosen], self.sets, self.unknowns,
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
@@ -84,8 +88,11 @@ class PhotoPointObservations(Observations):
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
         """
         parameters = state.cameras[self.camera]
-        image = perspective_with_partials(
-            state.points[self.point] - state.centres[self.photo], state.rotations[self.photo], parameters[:, 0]
+        image = projected_with_partials(
+            state.points[self.point] - state.centres[self.photo],
+            state.rotations[self.photo],
+            parameters[:, 0],
+            self.is_equidistant,
         )
         residual = np.empty_like(self.xy)
         partials = np.zeros((len(self.xy), 2, _FIRST_ADDITIONAL + state.additional.shape[1]))
@@ -118,7 +125,7 @@ class PhotoPointObservations(Observations):
 
 
 def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
-    """Return the partials (n, 2, 21 + k) by all unknowns, of the perspective and the image equation together."""
+    """Return the partials (n, 2, 21 + k) by all unknowns, of the projection and the image equation together."""
     by_ideal = residuals.by_ideal
     by_point = by_ideal @ image.by_point
     by_distance = by_ideal @ image.by_principal_distance[:, :, None]
@@ -150,8 +157,11 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         used=points.used.ravel(),
         columns=None,
     )
-    at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)[camera]
-    return PhotoPointObservations(rows, points.photo, points.point, camera, points.xy, at_measured, sets, unknowns)
+    at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)
+    is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
+    return PhotoPointObservations(
+        rows, points.photo, points.point, camera, points.xy, at_measured[camera], is_equidistant[camera], sets, unknowns
+    )
 
 
 def names_of_photo_points(block: Block) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.geometry.perspective import perspective_with_partials
+from orip.geometry.projection import projected_with_partials
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageEquation
@@ -46,10 +46,11 @@ def predict_photo_coordinates(
     centre = orientation[None, :3]
     rotation = rotation_from_angles(orientation[None, 3:] * RADIANS_PER_DEGREE)
     rotation = np.swapaxes(ground.axes_at(centre), 1, 2) @ rotation
-    image = perspective_with_partials(
+    image = projected_with_partials(
         ground.to_local(xyz) - ground.to_local(centre),
         np.broadcast_to(rotation, (len(xyz), 3, 3)),
         np.full(len(xyz), parameters[0]),
+        np.full(len(xyz), camera.projection == "equidistant"),
     )
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a point far outside may overflow
         xy = np.stack(_image_equation(solution, camera, parameters).measured(*image.xy.T), axis=1)

@@ -72,10 +72,10 @@ def emulate_command(
 
     def listening(address: str, token: str | None) -> None:
         link = f"tcp://{address}" if token is None else f"tcp://{token}@{address}"
-        if terminal.json:
-            terminal.document({"command": "drive emulate", "listening": address, "link": link})
-        else:
-            terminal.data(f"listening on {address}" if token is None else f"listening on {address}; link {link}")
+        terminal.answer(
+            {"command": "drive emulate", "listening": address, "link": link},
+            f"listening on {address}" if token is None else f"listening on {address}; link {link}",
+        )
         terminal.flush()
 
     if allow_remote:

@@ -89,10 +89,7 @@ def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DE
     with observing(invocation.folder, bundle, link) as project:
         found = project.where()
         invocation.terminal.warn(project.warnings)
-    if invocation.terminal.json:
-        invocation.terminal.document(where_document(found))
-    else:
-        invocation.terminal.data("\n".join(where_lines(found)))
+    invocation.terminal.answer(where_document(found), "\n".join(where_lines(found)))
 
 
 def profile_command(
@@ -117,10 +114,7 @@ def profile_command(
     with operating(invocation.folder, bundle, link) as project:
         points = project.profile((x1, y1, z1), (x2, y2, z2), step)
         invocation.terminal.warn(project.warnings)
-    if invocation.terminal.json:
-        invocation.terminal.document(profile_document(points))
-    else:
-        invocation.terminal.data("\n".join(profile_lines(points)))
+    invocation.terminal.answer(profile_document(points), "\n".join(profile_lines(points)))
 
 
 def forward_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
@@ -166,8 +160,5 @@ def tell_driven(invocation: Invocation, verb: str, driven: Driven, condition: st
     """Say where the stages were driven to."""
     from orip.cli.drive.output import driven_document, driven_line
 
-    if invocation.terminal.json:
-        document = {"command": f"drive {verb}", **driven_document(driven), "condition": condition}
-        invocation.terminal.document(document)
-    else:
-        invocation.terminal.data(f"{driven_line(driven)}  {condition}")
+    document = {"command": f"drive {verb}", **driven_document(driven), "condition": condition}
+    invocation.terminal.answer(document, f"{driven_line(driven)}  {condition}")

@@ -98,12 +98,9 @@ def _set(invocation: Invocation, verb: str, link: str, setting: Callable[[PlateP
 
     with open_link(link) as processor:
         status = setting(processor)
-    if invocation.terminal.json:
-        set_to = {"model": status.model, "guide": status.guide, "condition": status.condition, "lock": status.lock}
-        switches = {"prisms": list(status.prisms), "automatic": status.automatic}
-        invocation.terminal.document({"command": f"drive {verb}", **set_to, **switches})
-    else:
-        invocation.terminal.data("\n".join(_lines(status)))
+    set_to = {"model": status.model, "guide": status.guide, "condition": status.condition, "lock": status.lock}
+    switches = {"prisms": list(status.prisms), "automatic": status.automatic}
+    invocation.terminal.answer({"command": f"drive {verb}", **set_to, **switches}, "\n".join(_lines(status)))
 
 
 def _lines(status: Status) -> Sequence[str]:

@@ -50,10 +50,7 @@ def watch_command(
     try:
         invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
         with _server(watch, port) as server:
-            if invocation.terminal.json:
-                invocation.terminal.document({"command": "drive watch", "url": server.url})
-            else:
-                invocation.terminal.data(server.url)
+            invocation.terminal.answer({"command": "drive watch", "url": server.url}, server.url)
             invocation.terminal.flush()
             invocation.terminal.say("Ctrl-C ends it")
             _serve(server, browser=browser)

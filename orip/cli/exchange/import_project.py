@@ -123,8 +123,8 @@ def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
         terminal.data(f"{one.name:{width}}  {one.title}")
 
 
-def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path) -> None:
-    """Print what was imported, how it fits and what is lost."""
+def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, is_last: bool = True) -> None:
+    """Print what was imported, how it fits and what is lost; where it was written if nothing else follows."""
     from orip.workflow.exchange.texts import summary_lines
 
     block = imported.block
@@ -134,6 +134,8 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path) -> 
         terminal.point("", line)
     for note in imported.content.notes:
         terminal.point("note", note)
+    if not is_last:
+        return
     terminal.point("wrote", f"{folder}: {', '.join(imported.content.texts)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
     terminal.point("next", f"orip -C {quoted} run", "bold")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -13,6 +15,10 @@ from orip.cli.drive.commands import tell_no_table, tell_table
 from orip.cli.observations import measure
 from orip.cli.options import Invocation, command
 from orip.cli.project import init
+from orip.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from orip.workflow.records.reconcile import Prefer
 
 
 def register(app: typer.Typer) -> None:
@@ -28,32 +34,39 @@ def register(app: typer.Typer) -> None:
 
         Example: orip -C zurich_city_hall run
         """
-        from orip.files.result.json_text import result_document, result_text
-        from orip.workflow.adjust.report import report_of
-        from orip.workflow.project.commit import commit
-        from orip.workflow.project.state import read_checked_project
-        from orip.workflow.records.initialise import INITIALISED_FROM
-        from orip.workflow.run import RunWatcher, run
+        code = run_project(invocation.terminal, invocation.folder, prefer, all_photos=all_photos, report=report)
+        raise typer.Exit(code)
 
-        terminal = invocation.terminal
-        watcher = RunWatcher(
-            initialised=partial(init.tell, terminal),
-            measured=partial(measure.tell, terminal),
-            solving=solve_watcher(terminal),
-            solved=partial(tell_solution, terminal),
-            tabled=partial(tell_table, terminal),
-            not_tabled=partial(tell_no_table, terminal),
-        )
-        with limited_threads(terminal):
-            state = read_checked_project(invocation.folder, *INITIALISED_FROM)
-            outcomes = run(state, prefer, watcher)
-        if report and outcomes:
-            state = state.read_again("definitions")
-            for outcome in outcomes:
-                tell_report(terminal, commit(report_of(state, outcome.solution, outcome.gates)).outcome)
-        solutions = [outcome.solution for outcome in outcomes]
-        if terminal.json and len(solutions) == 1:
-            terminal.data(result_text(solutions[0]))
-        elif terminal.json:
-            terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
-        raise typer.Exit(max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0))
+
+def run_project(
+    terminal: Terminal, folder: Path, prefer: Prefer | None = None, *, all_photos: bool = False, report: bool = True
+) -> int:
+    """Do all that `orip run` does in a folder, and return the exit code."""
+    from orip.files.result.json_text import result_document, result_text
+    from orip.workflow.adjust.report import report_of
+    from orip.workflow.project.commit import commit
+    from orip.workflow.project.state import read_checked_project
+    from orip.workflow.records.initialise import INITIALISED_FROM
+    from orip.workflow.run import RunWatcher, run
+
+    watcher = RunWatcher(
+        initialised=partial(init.tell, terminal),
+        measured=partial(measure.tell, terminal),
+        solving=solve_watcher(terminal),
+        solved=partial(tell_solution, terminal),
+        tabled=partial(tell_table, terminal),
+        not_tabled=partial(tell_no_table, terminal),
+    )
+    with limited_threads(terminal):
+        state = read_checked_project(folder, *INITIALISED_FROM)
+        outcomes = run(state, prefer, watcher)
+    if report and outcomes:
+        state = state.read_again("definitions")
+        for outcome in outcomes:
+            tell_report(terminal, commit(report_of(state, outcome.solution, outcome.gates)).outcome)
+    solutions = [outcome.solution for outcome in outcomes]
+    if terminal.json and len(solutions) == 1:
+        terminal.data(result_text(solutions[0]))
+    elif terminal.json:
+        terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
+    return max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0)

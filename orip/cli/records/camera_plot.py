@@ -47,10 +47,7 @@ def _register_plot(group: typer.Typer) -> None:
         from orip.workflow.records.distortion_curve import distortion_curve
 
         found = distortion_curve(read_project(invocation.folder, "definitions"), name, radius)
-        if invocation.terminal.json:
-            invocation.terminal.document(_document(found))
-        else:
-            invocation.terminal.data("\n".join(_plot(found, ascii_only=ascii_only)))
+        invocation.terminal.answer(_document(found), "\n".join(_plot(found, ascii_only=ascii_only)))
 
 
 def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:

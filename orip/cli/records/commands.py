@@ -68,14 +68,10 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         from orip.workflow.records.lists import list_records
 
         found = list_records(read_project(invocation.folder, "definitions"), kind, bundle)
-        if invocation.terminal.json:
-            rows = [
-                {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source}
-                for row in found.rows
-            ]
-            invocation.terminal.document({"command": f"{kind} list", "records": rows})
-        else:
-            invocation.terminal.data(found.text)
+        rows = [
+            {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source} for row in found.rows
+        ]
+        invocation.terminal.answer({"command": f"{kind} list", "records": rows}, found.text)
 
     @command(group, "show")
     def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
@@ -84,18 +80,14 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         from orip.workflow.records.lists import show_record
 
         found = show_record(read_project(invocation.folder, "definitions"), _record(kind, name, bundle))
-        if invocation.terminal.json:
-            invocation.terminal.document(
-                {
-                    "command": f"{kind} show",
-                    "record": found.row.table,
-                    "values": [value._asdict() for value in found.values],
-                    "from": found.row.source,
-                    "named_by": list(found.named_by),
-                }
-            )
-        else:
-            invocation.terminal.data(found.text)
+        document = {
+            "command": f"{kind} show",
+            "record": found.row.table,
+            "values": [value._asdict() for value in found.values],
+            "from": found.row.source,
+            "named_by": list(found.named_by),
+        }
+        invocation.terminal.answer(document, found.text)
 
 
 def _register_adding(group: typer.Typer, kind: RecordKind) -> None:

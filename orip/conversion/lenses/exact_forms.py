@@ -56,6 +56,15 @@ def isp_polynomial(p: Parameters) -> Polynomial | None:
     return Polynomial(p["f"], (p["cx"], p["cy"]), coefficients)
 
 
+def equidistant_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of OpenCV's fisheye model, whose argument is the angle; there is none as for `opencv`."""
+    c, affinity = p["fy"], p["fx"] / p["fy"] - 1.0
+    distortion = {"A3": p["k1"] / c**2, "A5": p["k2"] / c**4, "A7": p["k3"] / c**6, "A9": p["k4"] / c**8}
+    if affinity and any(distortion.values()):
+        return None
+    return _held(Polynomial(c, (p["cx"], p["cy"]), {**distortion, "B1": affinity}))
+
+
 def no_polynomial(_p: Parameters) -> Polynomial | None:
     """Return None: orip's polynomial comes near the lens, and no more."""
     return None

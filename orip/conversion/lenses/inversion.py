@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 
-_STEP = 1e-30
+STEP = 1e-30
 """f(x + ih) has the imaginary part h f'(x), to all digits (Squire and Trapp, SIAM Review 1998)."""
 
 _ITERATIONS = 50
@@ -53,9 +53,9 @@ def inverse_of(function: Map, image: FloatArray, start: FloatArray) -> FloatArra
 
 
 def _misfit(function: Map, place: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
-    by_x = np.stack(function(place[:, 0] + 1j * _STEP, place[:, 1] + 0j), axis=1)
-    by_y = np.stack(function(place[:, 0] + 0j, place[:, 1] + 1j * _STEP), axis=1)
-    return by_x.real - image, np.stack([by_x.imag, by_y.imag], axis=2) / _STEP
+    by_x = np.stack(function(place[:, 0] + 1j * STEP, place[:, 1] + 0j), axis=1)
+    by_y = np.stack(function(place[:, 0] + 0j, place[:, 1] + 1j * STEP), axis=1)
+    return by_x.real - image, np.stack([by_x.imag, by_y.imag], axis=2) / STEP
 
 
 def _solved(partials: FloatArray, misfit: FloatArray) -> FloatArray:

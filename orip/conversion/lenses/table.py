@@ -14,6 +14,7 @@ from orip.conversion.lenses.formulas import Parameters
 from orip.conversion.lenses.inversion import Map, inverse_of
 from orip.conversion.lenses.polynomial import Polynomial
 from orip.records.exchanged import ExchangedCamera, Lens
+from orip.records.project.camera import Projection
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +31,15 @@ class LensFormula:
         From parameters to orip's polynomial; None where it does not hold the lens exactly.
     gives_directions : bool
         The formula takes image coordinates and returns directions.
+    projection : {"perspective", "equidistant"}
+        Of orip's camera.
     """
 
     names: tuple[str, ...]
     formula: Callable[[Parameters, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
     polynomial: Callable[[Parameters], Polynomial | None]
     gives_directions: bool = False
+    projection: Projection = "perspective"
 
 
 _PLANE = ("fx", "fy", "cx", "cy")
@@ -59,7 +63,10 @@ LENSES: Mapping[Lens, LensFormula] = {
     "isp": LensFormula((*_LENGTHS, "r0", "a1", "a2", "a3"), formulas.isp_image, exact_forms.isp_polynomial),
     "division": LensFormula((*_PLANE, "k1"), formulas.division_direction, exact_forms.no_polynomial, True),
     "equidistant": LensFormula(
-        (*_PLANE, "k1", "k2", "k3", "k4"), formulas.equidistant_image, exact_forms.no_polynomial
+        (*_PLANE, "k1", "k2", "k3", "k4"),
+        formulas.equidistant_image,
+        exact_forms.equidistant_polynomial,
+        projection="equidistant",
     ),
 }
 

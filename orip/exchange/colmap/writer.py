@@ -27,7 +27,10 @@ from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPro
 _SAME_POSE = 1e-11
 """Of a quaternion and, relative to its size, of a translation: angles and centres were written and read again."""
 
-_MODELS_WRITTEN = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+_MODELS_WRITTEN = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE",
+)  # fmt: skip
 _UNKNOWN_ERROR = -1.0
 
 
@@ -90,9 +93,9 @@ def updated_model(original: ColmapModel, project: ExchangedProject) -> ColmapMod
 
     Points that the project has not, and rays that it leaves out, become keypoints without a point.
     """
-    photos = {photo.key: photo for photo in project.photos}
+    photos = {photo.name: photo for photo in project.photos}
     cameras = {camera.name: camera for camera in project.cameras}
-    images = tuple(_updated_image(image, photos.get(image.id)) for image in original.images)
+    images = tuple(_updated_image(image, photos.get(image.name)) for image in original.images)
     points, gone = _updated_points(original.points, project)
     model = ColmapModel(
         tuple(_updated_camera(camera, cameras.get(str(camera.id))) for camera in original.cameras), images, points
@@ -161,7 +164,7 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
     if not left_out.size:
         return model
     pairs = {
-        (project.photos[photo].key, project.points.names[point])
+        (project.photos[photo].name, project.points.names[point])
         for photo, point in zip(
             project.rays.photo[left_out].tolist(), project.rays.point[left_out].tolist(), strict=True
         )
@@ -170,7 +173,7 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
         replace(
             image,
             points=np.array(
-                [NO_POINT if (image.id, str(point)) in pairs else point for point in image.points.tolist()],
+                [NO_POINT if (image.name, str(point)) in pairs else point for point in image.points.tolist()],
                 dtype=np.int64,
             ),
         )

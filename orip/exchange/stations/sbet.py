@@ -1,8 +1,9 @@
 """Smoothed trajectories of GNSS and INS (SBET, Applanix) with their standard deviations (SMRMSG).
 
 SBET: records of 17 little-endian float64: seconds of the GPS week, latitude, longitude (radians), height above the
-ellipsoid (m), velocity, roll, pitch, platform heading, wander angle (radians), acceleration, rates. The wander angle is
-that of the platform's x axis counterclockwise from north, hence true heading = platform heading - wander angle.
+ellipsoid (m), velocity along x, y, z (m/s), roll, pitch, platform heading, wander angle (radians), acceleration, rates.
+The axes of the velocity are level: x is turned from north by the wander angle, counterclockwise, y is to its left, z
+up; hence true heading = platform heading - wander angle.
 
 SMRMSG: records of 10: seconds, deviations north, east, down (m), of the velocity, of roll, pitch, heading (minutes of
 arc).
@@ -23,7 +24,10 @@ from orip.records.observations.epochs import Epochs, epochs
 from orip.units import RADIANS_PER_DEGREE
 
 _FIELDS, _DEVIATION_FIELDS = 17, 10
-_TIME, _LATITUDE, _LONGITUDE, _HEIGHT, _ROLL, _HEADING, _WANDER = 0, 1, 2, 3, 7, 9, 10
+_TIME, _LATITUDE, _LONGITUDE, _HEIGHT, _VELOCITY, _ROLL, _HEADING, _WANDER = 0, 1, 2, 3, 4, 7, 9, 10
+
+_FASTEST = 1000.0
+"""m/s; what is faster is no velocity of an aeroplane."""
 
 
 def read_sbet(path: Path, shown: str, deviations: Path | None = None, shown_deviations: str = "") -> Parsed[Epochs]:
@@ -47,11 +51,18 @@ def read_sbet(path: Path, shown: str, deviations: Path | None = None, shown_devi
             has_week=False,
             place=records[:, [_LONGITUDE, _LATITUDE, _HEIGHT]],
             covariance=covariance,
+            velocity=_along_east_north_up(records[:, _VELOCITY:_ROLL], records[:, _WANDER]),
             angles=angles,
             angle_error=angle_errors,
         ),
         tuple(complaints),
     )
+
+
+def _along_east_north_up(velocity: FloatArray, wander: FloatArray) -> FloatArray:
+    """Return velocities (n, 3) in wander axes along east, north and up."""
+    (x, y, up), cosine, sine = velocity.T, np.cos(wander), np.sin(wander)
+    return np.column_stack([-x * sine - y * cosine, x * cosine - y * sine, up])
 
 
 def _records(path: Path, shown: str, fields: int, what: str) -> tuple[FloatArray, list[Complaint]]:
@@ -71,13 +82,14 @@ def _records(path: Path, shown: str, fields: int, what: str) -> tuple[FloatArray
 def _impossible(records: FloatArray, shown: str) -> list[Complaint]:
     limits = np.full(_FIELDS, np.inf)
     limits[[_LATITUDE, _LONGITUDE, _HEIGHT]] = 0.5 * np.pi, 2.0 * np.pi, LARGEST_PLACE
+    limits[_VELOCITY:_ROLL] = _FASTEST
     limits[_ROLL : _WANDER + 1] = 4.0 * np.pi
     with np.errstate(invalid="ignore"):
         fit = (np.isfinite(records) & (np.abs(records) <= limits)).all(axis=1)
     return [
         Complaint(
-            "this record has numbers that are no place and attitude; the file is damaged, or no SBET of little-endian "
-            "numbers",
+            "this record has numbers that are no place, velocity and attitude; the file is damaged, or no SBET of "
+            "little-endian numbers",
             shown,
             int(row) + 1,
         )

@@ -6,10 +6,14 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
+from orip.number_text import shortest_texts
 from orip.records.names import name_fault
 from orip.records.observations.control import PreliminaryPoint
 
@@ -70,6 +74,20 @@ def preliminary_text(points: Sequence[PreliminaryPoint]) -> str:
         aligned = [_aligned(number, *width) for number, width in zip(numbers, widths, strict=False)]
         lines.append("  ".join([name.ljust(name_width), *aligned]).rstrip() + "\n")
     return "".join(lines)
+
+
+def coordinates_text(names: Sequence[str], coordinates: FloatArray) -> str:
+    """Return the text of a .PRE file of many points without standard deviations, fields one blank apart.
+
+    Parameters
+    ----------
+    names : sequence of m str
+        Fit for points.
+    coordinates : array (m, 3)
+        Finite.
+    """
+    columns = [shortest_texts(np.ascontiguousarray(values), "nan") for values in coordinates.T]
+    return "".join(f"{name} {x} {y} {z}\n" for name, x, y, z in zip(names, *columns, strict=True))
 
 
 def _row(point: PreliminaryPoint) -> list[str]:

@@ -23,7 +23,7 @@ from orip.records.drive_table import (
     PlateUnit,
     StageLimits,
 )
-from orip.records.project.camera import AdditionalSet, DistortionArgument
+from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 from orip.records.project.photo import Stage
 
 Word = TypeVar("Word", bound=str)
@@ -39,6 +39,7 @@ _PRINTABLE = " !\"#$&'()*+,-./:;<=>?@[\\]^_`{|}~"
 """Besides letters and digits; not the percent sign, which begins a code."""
 
 _ARGUMENTS: dict[str, DistortionArgument] = {"IDEAL": "ideal", "MEASURED": "measured"}
+_PROJECTIONS: dict[str, Projection] = {"PERSPECTIVE": "perspective", "EQUIDISTANT": "equidistant"}
 
 
 def user_text(user: str) -> str:
@@ -70,7 +71,7 @@ class TableLines:
 
     def table(self) -> DriveTable:
         """Return the table; it means something only if there are no faults."""
-        self._literal("ORIPDRIVE 2")
+        self._literal("ORIPDRIVE 3")
         block, project, user = self._text("BLOCK"), self._text("PROJECT"), user_of(self._text("USER"))
         plate_unit, object_unit = self._units()
         upper, lower = self._limits("UPPER"), self._limits("LOWER")
@@ -87,9 +88,10 @@ class TableLines:
         )
 
     def _cameras(self) -> tuple[DriveCamera, ...]:
-        numbers: dict[str, list[float]] = {}
-        while self._starts("CAMERA", 7):
-            self._once(numbers, "camera", self._words[1], self._floats(2))
+        cameras: dict[str, tuple[Projection, list[float]]] = {}
+        while self._starts("CAMERA", 8):
+            projection = _PROJECTIONS.get(self._word(2, tuple(_PROJECTIONS)), "perspective")
+            self._once(cameras, "camera", self._words[1], (projection, self._floats(3)))
         distortions: dict[str, tuple[DistortionArgument, list[float]]] = {}
         while self._starts("DISTORTION", 12):
             argument = _ARGUMENTS.get(self._word(2, tuple(_ARGUMENTS)), "ideal")
@@ -99,13 +101,18 @@ class TableLines:
             base, *values = self._floats(3)
             parameters = DriveParameterSet(self._word(2, _SETS), base, tuple(values))
             self._once(sets, "set of camera", self._words[1], parameters)
-        self._same("camera", "DISTORTION", numbers, distortions)
-        self._known("SET", "camera", sets, numbers)
+        self._same("camera", "DISTORTION", cameras, distortions)
+        self._known("SET", "camera", sets, cameras)
         return tuple(
             DriveCamera(
-                name, (*first[:3], *distortions[name][1]), (first[3], first[4]), distortions[name][0], sets.get(name)
+                name,
+                (*first[:3], *distortions[name][1]),
+                (first[3], first[4]),
+                distortions[name][0],
+                sets.get(name),
+                projection,
             )
-            for name, first in numbers.items()
+            for name, (projection, first) in cameras.items()
             if name in distortions
         )
 

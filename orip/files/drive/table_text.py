@@ -1,13 +1,13 @@
 """The drive table's text, BUNDLE.DRV: written and read without loss, and refused if a byte of it is wrong.
 
-    ORIPDRIVE 2
+    ORIPDRIVE 3
     BLOCK <bundle>
     PROJECT <project>
     USER <user, percent-encoded where it is not ASCII; - for none>
     UNITS PLATE mm|px PHOTO mm OBJECT <ground unit>
     STAGE UPPER <x min> <x max> <y min> <y max> <least count>
     STAGE LOWER …
-    CAMERA <name> <C> <DX> <DY> <FX> <FY>
+    CAMERA <name> PERSPECTIVE|EQUIDISTANT <C> <DX> <DY> <FX> <FY>
     DISTORTION <camera> IDEAL|MEASURED <A1> <A3> <A5> <A7> <A9> <P1> <P2> <B1> <B2>
     SET <camera> EBNER|GRUEN <base> <values>
     TEMPLATE <name> UPPER|LOWER
@@ -103,7 +103,7 @@ def _damage(data: bytes) -> DriveFault | None:
 
 
 def _lines(table: DriveTable) -> Iterator[str]:
-    yield "ORIPDRIVE 2"
+    yield "ORIPDRIVE 3"
     yield f"BLOCK {table.block}"
     yield f"PROJECT {table.project}"
     yield f"USER {user_text(table.user)}"
@@ -111,7 +111,7 @@ def _lines(table: DriveTable) -> Iterator[str]:
     yield f"STAGE UPPER {_limits(table.upper)}"
     yield f"STAGE LOWER {_limits(table.lower)}"
     for camera in table.cameras:
-        yield f"CAMERA {camera.name} {_numbers(*camera.parameters[:3], *camera.frame)}"
+        yield f"CAMERA {camera.name} {camera.projection.upper()} {_numbers(*camera.parameters[:3], *camera.frame)}"
     for camera in table.cameras:
         yield f"DISTORTION {camera.name} {camera.distortion_at.upper()} {_numbers(*camera.parameters[3:])}"
     for camera in table.cameras:

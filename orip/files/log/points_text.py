@@ -46,6 +46,8 @@ def _end(error: str, is_active: bool) -> str:
 def _blocks(names: Sequence[str]) -> list[IntArray]:
     """Return the places of names in blocks in which none occurs twice."""
     left = list(range(len(names)))
+    if len(set(names)) == len(names):
+        return [np.arange(len(names))]
     blocks = []
     while left:
         seen: set[str] = set()

@@ -90,6 +90,8 @@ def _of_the_lens(camera: Camera) -> Iterator[tuple[str, str]]:
         yield "distortion_curve", "distortion_curve"
     if camera.distortion_at != "ideal":
         yield "distortion_at", "distortion_at"
+    if camera.projection != "perspective":
+        yield "projection", "projection"
     unknown = [name for name in camera.unknown if name not in OWN_PARAMETERS]
     if unknown:
         yield "unknown", f"{', '.join(unknown)} unknown"

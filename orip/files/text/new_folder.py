@@ -1,4 +1,4 @@
-"""A new folder of text files, created as a whole or not at all."""
+"""A new folder of files, created as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from orip.files.text.atomic import replace_text
+from orip.files.text.atomic import replace_bytes, replace_text
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
 from orip.files.text.regular_file import file_of
 
 
-def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write texts into a folder that does not exist yet, or is empty.
+def write_new_folder(folder: Path, texts: Mapping[str, str | bytes]) -> None:
+    """Write files into a folder that does not exist yet, or is empty.
 
     A new folder is made under a temporary name beside its place, and only then takes its own: killed at any instant,
     there is no folder or a whole one. An empty folder that exists stays the same folder (somebody may be working in
@@ -24,7 +24,7 @@ def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
     ----------
     folder : Path
         Folders above it are made.
-    texts : mapping of file name to text
+    texts : mapping of file name to text or bytes
         In the order of writing.
 
     Raises
@@ -48,12 +48,15 @@ def write_new_folder(folder: Path, texts: Mapping[str, str]) -> None:
         raise
 
 
-def _fill(folder: Path, texts: Mapping[str, str]) -> None:
+def _fill(folder: Path, texts: Mapping[str, str | bytes]) -> None:
     written = []
     try:
         for name, text in texts.items():
             written.append(folder / name)
-            replace_text(folder / name, text)
+            if isinstance(text, bytes):
+                replace_bytes(folder / name, text)
+            else:
+                replace_text(folder / name, text)
     except BaseException:
         for path in written:
             with suppress(OSError):

@@ -86,7 +86,11 @@ def regular_bytes(path: Path) -> bytes:
         As `open_regular`; also if the file has grown beyond `LARGEST_FILE`.
     """
     with open_regular(path) as stream:
-        data = stream.read(LARGEST_FILE + 1)
+        size = os.fstat(stream.fileno()).st_size
+        # room for the file alone: that of the largest one would be asked of the system for each
+        data = stream.read(size + 1)
+        if len(data) > size:
+            data += stream.read(LARGEST_FILE + 1 - len(data))
     if len(data) > LARGEST_FILE:
         raise _too_large()
     return data

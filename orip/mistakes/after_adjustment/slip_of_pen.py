@@ -7,6 +7,8 @@ from collections.abc import Iterator
 _NARROW = 0.2
 """Largest tolerance, as a part of the error of a value: with a larger one, some slip explains any value."""
 
+_DISPLACED = "its decimal point is displaced"
+
 
 def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
     """Return which slip in writing turns the value that the photos see into the one that was written.
@@ -30,7 +32,9 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
     if tolerance > _NARROW * abs(value - seen):
         return None
     for meant, how in _slips(value):
-        if abs(meant - seen) <= tolerance:
+        # every value is next to zero if its decimal point is displaced far enough
+        is_told_from_zero = tolerance <= _NARROW * abs(meant) or how != _DISPLACED
+        if abs(meant - seen) <= tolerance and is_told_from_zero:
             return f"is probably {meant:.10g}: {how}"
     return None
 
@@ -42,8 +46,8 @@ def _slips(value: float) -> Iterator[tuple[float, str]]:
     for meant in _with_two_digits_exchanged(text):
         yield meant, "two digits are exchanged"
     for power in (1, 2, 3):
-        yield value * 10.0**power, "its decimal point is displaced"
-        yield value / 10.0**power, "its decimal point is displaced"
+        yield value * 10.0**power, _DISPLACED
+        yield value / 10.0**power, _DISPLACED
     for place, digit in enumerate(text):
         for other in "0123456789" if digit.isdigit() else "":
             if other != digit:

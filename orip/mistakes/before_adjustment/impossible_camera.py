@@ -15,7 +15,7 @@ _LONGEST = 20.0
 """Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""
 
 _SHORTEST = 0.1
-"""Smallest such ratio: the angle of view is 157°, which no perspective lens has."""
+"""Smallest such ratio: the angle of view is 157°, of a fisheye 573° from corner to corner, which no lens has."""
 
 _SQUARE = 1.05
 """Largest ratio of the sides of a pixel; sensor sizes in data sheets are rounded to a hundredth."""
@@ -37,12 +37,17 @@ def _angle_of_view(camera: Camera) -> str:
     diagonal = float(np.hypot(width, height))
     if _is_possible(c, diagonal):
         return ""
-    angle = float(np.degrees(2.0 * np.arctan(0.5 * diagonal / c)))
+    angle = float(np.degrees(_angle_at(camera, c, diagonal)))
     shown = f"{angle:.0f}" if angle >= 10.0 else f"{angle:.2g}"
     return (
         f"C = {c:g} mm on a frame of {width:g} x {height:g} mm would be an angle of view of {shown}°; C is in mm"
         f"{_meant(camera, diagonal)}"
     )
+
+
+def _angle_at(camera: Camera, c: float, diagonal: float) -> float:
+    """Return the angle of view, radians."""
+    return diagonal / c if camera.projection == "equidistant" else float(2.0 * np.arctan(0.5 * diagonal / c))
 
 
 def _is_possible(c: float, diagonal: float) -> bool:

@@ -16,6 +16,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_points import given_coordinates
 from orip.errors import ProjectWarning
+from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
 from orip.mistakes.hypotheses.camera_parameters import with_camera, with_unknown
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
@@ -24,7 +25,7 @@ from orip.records.block import Block
 from orip.records.project.camera import Camera
 
 _NEAR_AXIS = 0.02
-"""Tangent of the angle from the camera's axis below which a point says nothing about the principal distance."""
+"""Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""
 
 _DIAGONAL_OF_35_MM_FILM = float(np.hypot(36.0, 24.0))
 
@@ -72,7 +73,7 @@ def _unit_clause(given: float, found: float, camera: Camera) -> str:
 
 
 def principal_distance_seen(block: Block, camera: int) -> float:
-    """Return the median ratio (mm) of photo coordinates to the tangents of the angles at which given points are seen.
+    """Return the median ratio (mm) of photo coordinates to those that given points would have with C = 1.
 
     Parameters
     ----------
@@ -91,10 +92,11 @@ def principal_distance_seen(block: Block, camera: int) -> float:
     photo = block.photo_points.photo[rows]
     orientation = block.photo_orientation[photo]
     u = np.einsum("ni,nij->nj", ground - orientation[:, :3], rotation_from_angles(orientation[:, 3:]))
+    projection = PROJECTIONS[block.cameras[camera].projection]
     with np.errstate(divide="ignore", invalid="ignore"):
-        tangents = u[:, :2] / -u[:, 2:]
+        tangents = np.stack(projection.ideal_coordinates(1.0, *u.T), axis=1)
     size = np.sum(tangents**2, axis=1)
-    counted = (u[:, 2] < 0.0) & (size > _NEAR_AXIS**2)
+    counted = projection.is_in_front(*u.T) & (size > _NEAR_AXIS**2)
     xy = block.photo_points.xy[rows] - np.array(own[1:3])
     found = np.sum(xy * tangents, axis=1)[counted] / size[counted]
     found = found[found > 0.0]

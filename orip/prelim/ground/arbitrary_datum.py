@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.rays.image_rays import ImageRays
 from orip.records.observations.control import ControlDistance
 from orip.wording import counted
+
+_SAME_PLACE = 0.01
+"""Of the longest base from the first photo: photos nearer than this were taken from one place, as from a tripod."""
 
 
 def with_arbitrary_datum(
@@ -26,7 +28,7 @@ def with_arbitrary_datum(
     rays : ImageRays
     distances : sequence of ControlDistance
         Ground units; only spatial distances between known points are used. Without any, the scale is such that the
-        mean distance from a photo to the nearest other one is 1.
+        first base is 1: that from the first photo to the next one at another place.
     reason : str
         Why there is no other datum.
 
@@ -42,8 +44,9 @@ def with_arbitrary_datum(
         scale = float(np.median(ratios))
         size = f"its scale comes from {counted(len(ratios), 'distance')}"
     else:
-        scale = 1.0 / _usual_base(grown.centres[grown.oriented])
-        size = "its scale is arbitrary: the mean distance between neighbouring photos is 1"
+        other, base = _first_base(grown, first)
+        scale = 1.0 / base
+        size = f"its scale is arbitrary: the base from photo {rays.photos[first]} to photo {rays.photos[other]} is 1"
     to_photo = grown.rotations[first].T
     similarity = Similarity(scale, to_photo, -scale * (to_photo @ grown.centres[first]))
     name = rays.photos[first]
@@ -65,7 +68,8 @@ def ratios_of_distances(grown: GrowingBlock, rays: ImageRays, distances: Sequenc
     return ratios
 
 
-def _usual_base(centres: FloatArray) -> float:
-    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
-    np.fill_diagonal(apart, np.inf)
-    return float(apart.min(axis=1).mean())
+def _first_base(grown: GrowingBlock, first: int) -> tuple[int, float]:
+    """Return the next photo that was not taken from the place of the first one, and its distance from it."""
+    apart = np.where(grown.oriented, np.linalg.norm(grown.centres - grown.centres[first], axis=1), 0.0)
+    other = int(np.flatnonzero(apart > _SAME_PLACE * apart.max())[0])
+    return other, float(apart[other])

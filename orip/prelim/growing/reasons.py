@@ -17,18 +17,7 @@ _SHARED_NEEDED, _KNOWN_NEEDED = 5, 3
 
 
 def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, grown: GrowingBlock, photo: int) -> str:
-    """Say what is missing for the orientation of a photo.
-
-    Parameters
-    ----------
-    rays : ImageRays
-    index : PhotoIndex
-    common : array (photos, photos)
-        Numbers of common points.
-    grown : GrowingBlock
-        What has been oriented.
-    photo : int
-    """
+    """Say what is missing for the orientation of a photo, with the numbers (photos, photos) of common points."""
     oriented = grown.oriented
     shared = common[photo].copy()
     shared[photo] = 0
@@ -45,15 +34,7 @@ def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, grown
 
 
 def doubtful_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> Iterator[str]:
-    """Yield a sentence for each photo that is probably in the wrong place.
-
-    Parameters
-    ----------
-    rays : ImageRays
-    grown : GrowingBlock
-    lengths : array (n,)
-        The system's `residual_lengths`.
-    """
+    """Yield a sentence for each photo that is probably in the wrong place; see `misplaced_photos`."""
     far_off = unfit(lengths)
     for photo in np.flatnonzero(misplaced_photos(rays, grown, lengths)):
         mine = (rays.photo == photo) & ~np.isnan(lengths)

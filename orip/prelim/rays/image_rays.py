@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.interior.image_vectors import image_vectors
+from orip.interior.image_vectors import image_vectors, suit_plane_image
 from orip.records.block import Block
 from orip.records.observations.repeated import measured_before
 
@@ -45,7 +45,7 @@ class ImageRays:
     xy : array (n, 2)
         Measured photo coordinates, fiducial system, mm.
     vectors : array (n, 3)
-        Image vectors (x, y, -C) in the photo system, ideal coordinates reduced to the principal point, mm.
+        See `image_vectors`, mm.
     error : array (n,)
         A-priori error of a photo coordinate, mm.
     cameras : UnknownCameras
@@ -101,8 +101,29 @@ def image_rays(block: Block) -> ImageRays:
     )
 
 
+def rays_of_plane_images(block: Block, rays: ImageRays) -> ImageRays:
+    """Return the rays of a block by which its photos can be oriented like photos with a plane image.
+
+    Of equidistant cameras those are left out that are far from the axis. The others keep their vectors: each is
+    compared in a plane of its own, at its component along the axis, where errors are larger by up to 1 / cos theta.
+    """
+    cameras = np.array([camera.projection == "equidistant" for camera in block.cameras], dtype=bool)
+    if not cameras.any():
+        return rays
+    is_equidistant = cameras[block.photo_camera[rays.photo]]
+    cosine = np.where(is_equidistant, -rays.vectors[:, 2] / np.linalg.norm(rays.vectors, axis=1), 1.0)
+    near = np.flatnonzero(suit_plane_image(rays.vectors, is_equidistant))
+    return replace(rays.of(near), error=rays.error[near] / cosine[near])
+
+
 def _unknown_cameras(block: Block) -> UnknownCameras:
-    unknown = np.array([[name in camera.unknown for name in _CORRECTED] for camera in block.cameras])
+    # the corrections are those of a plane image
+    unknown = np.array(
+        [
+            [name in camera.unknown and camera.projection == "perspective" for name in _CORRECTED]
+            for camera in block.cameras
+        ]
+    )
     rows = np.flatnonzero(unknown.any(axis=1))
     if not len(rows):
         return ALL_KNOWN

@@ -40,6 +40,7 @@ CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
 """Unit of each camera parameter; empty for a pure number."""
 
 DistortionArgument = Literal["ideal", "measured"]
+Projection = Literal["perspective", "equidistant"]
 AdditionalSet = Literal["EBNER", "GRUEN"]
 
 
@@ -110,6 +111,8 @@ class Camera:
         Additional parameters as weighted unknowns.
     same_lens_as : str or None
         Camera whose principal distance and distortion this one has: both are adjusted together.
+    projection : {"perspective", "equidistant"}
+        What the ideal coordinates are; equidistant are those of fisheye lenses.
     """
 
     name: Annotated[str, Field(example='"OLYMPUS"')]
@@ -144,6 +147,9 @@ class Camera:
     same_lens_as: Annotated[
         str | None, Field(names_record=True, example='"OLYMPUS"', key_after="name", column_after="name")
     ] = None
+    projection: Annotated[
+        Projection, Field(example='"equidistant"', key_after="same_lens_as", column_after="distortion_at")
+    ] = "perspective"
 
 
 def without_radial_distortion(camera: Camera) -> Camera:

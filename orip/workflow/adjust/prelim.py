@@ -68,17 +68,7 @@ class FoundValues:
 
 
 def prelim(bundle: BundleState) -> FoundValues:
-    """Find preliminary values of a bundle.
-
-    Parameters
-    ----------
-    bundle : BundleState
-        With definitions, marks and observations.
-
-    Raises
-    ------
-    InputError, UsageError
-    """
+    """Find preliminary values of a bundle; see `block_input`."""
     given = prelim_input(bundle)
     values = values_of(given)
     return FoundValues(given, values, listed_values(values, given.block.ground))

@@ -109,17 +109,7 @@ class SimilaritySteps:
 
 
 def prelim_input(bundle: BundleState) -> PrelimInput:
-    """Gather what preliminary values of a bundle are computed from.
-
-    Parameters
-    ----------
-    bundle : BundleState
-        With definitions, marks and observations.
-
-    Raises
-    ------
-    InputError
-    """
+    """Gather what preliminary values of a bundle are computed from; see `block_input`."""
     return PrelimInput(bundle, gather_bundle(block_input(bundle)))
 
 

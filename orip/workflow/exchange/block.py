@@ -9,14 +9,21 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.ground import in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.names import photo_names, point_names, unique_names
-from orip.conversion.reprojection import MOST_TYPICAL_PX, Reprojection, fitting_reading, said_of_reading
+from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
 from orip.errors import Complaint, InputError
 from orip.records.exchanged import ExchangedProject
 from orip.wording import counted
 
 _CAMERA = "CAMERA"
+
+_VISIBLE_PX = 0.001
+"""Differences of cameras that are worth a note."""
+
+_LARGEST_IMAGE, _LARGEST_PLACE = 1e7, 1e12
+"""Coordinates in a photo (pixels, mm) and on the ground beyond which a file is damaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,16 +100,25 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     InputError
         If a camera is not one that orip has, or no reading of the poses fits the measurements.
     """
-    if not project.photos:
-        message = "there are no photos in it"
-        raise InputError.single(message, shown)
+    faults = list(_impossible(project))
+    if faults:
+        raise InputError([Complaint(fault, shown) for fault in faults])
+    ground = local_ground(project)
+    if ground is not None:
+        project = in_local_ground(project, ground)
     cameras = _cameras(project, shown, settings)
     pixels = _pixels(project, cameras, shown, corrects_distortion=settings.corrects_distortion)
     found, is_declared = fitting_reading(project, cameras, pixels)
-    if not found.fits:
+    if not found.fits_coarsely:
         raise InputError.single(_misfit(found), shown)
     said = said_of_reading(found, is_declared=is_declared)
-    notes = [*project.notes, *([] if said is None else [f"{said[0].upper()}{said[1:]}."]), *_said_of_cameras(cameras)]
+    coarse = [] if found.fits else [_coarse(found)]
+    notes = [
+        *project.notes,
+        *coarse,
+        *([] if said is None else [f"{said[0].upper()}{said[1:]}."]),
+        *_said_of_cameras(cameras),
+    ]
     return ImportedBlock(
         project,
         cameras,
@@ -112,6 +128,25 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
         found,
         tuple(notes),
     )
+
+
+def _impossible(project: ExchangedProject) -> Iterator[str]:
+    """Yield what no project can have: a file that says it is damaged, or was read as what it is not."""
+    if not project.photos:
+        yield "there are no photos in it"
+    image = ~(np.abs(project.rays.image) <= _LARGEST_IMAGE).all(axis=1)
+    if image.any():
+        row = int(np.flatnonzero(image)[0])
+        of = project.photos[project.rays.photo[row]].name
+        point = project.points.names[project.rays.point[row]]
+        yield f"{counted(int(image.sum()), 'measurement')} cannot be: point {point} in photo {of} is far off any image"
+    far = np.abs(project.points.coordinates) > _LARGEST_PLACE
+    if far.any():
+        name = project.points.names[int(np.flatnonzero(far.any(axis=1))[0])]
+        yield f"{counted(int(far.any(axis=1).sum()), 'point')} cannot be where the file says: {name} first"
+    for photo in project.photos:
+        if any(not abs(value) <= _LARGEST_PLACE for value in (*photo.position, *photo.rotation)):
+            yield f"photo {photo.name} cannot be where the file says"
 
 
 def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) -> tuple[ConvertedCamera, ...]:
@@ -158,12 +193,19 @@ def _pixels(
     return pixels
 
 
+def _coarse(found: Reprojection) -> str:
+    return (
+        f"Half of the residuals exceed {found.typical:.0f} px: photos, points and measurements are not of one adjusted "
+        "state, or many of them are wrong."
+    )
+
+
 def _misfit(found: Reprojection) -> str:
     known = found.lengths
     typical = f"{found.typical:.0f} px" if known.size else "nothing, as all points are behind the photos"
     return (
         f"photos and points do not fit the measurements in any reading of the rotations: half of the residuals exceed "
-        f"{typical}, where {MOST_TYPICAL_PX:.0f} px are allowed, and {int(found.is_behind.sum())} of "
+        f"{typical}, where {MOST_COARSE_PX:.0f} px are allowed, and {int(found.is_behind.sum())} of "
         f"{len(found.is_behind)} rays have their point behind the camera; check whether all files are of one state of "
         "the project, and of the same images"
     )
@@ -171,7 +213,7 @@ def _misfit(found: Reprojection) -> str:
 
 def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
     for converted in cameras:
-        if not converted.is_exact:
+        if converted.worst_px >= _VISIBLE_PX:
             yield (
                 f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
                 f"the frame it differs by up to {converted.worst_px:.3f} px, in the mean by "

@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from orip.arrays import BoolArray
-from orip.conversion.names import TRACK_MARK
 from orip.conversion.poses import described_reading
+from orip.exchange.names_table import NAMES_FILE, SOURCE_FILE, TRACK_MARK, names_text
 from orip.files.control.control_text import distances_text, points_text
-from orip.files.control.preliminary_text import preliminary_text
+from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.log.points_text import points_blocks
 from orip.files.project.text import project_document, project_text
 from orip.files.project.toml_text import toml_table
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.observations.control import ControlDistance, ControlPoint, PreliminaryPoint
+from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
 from orip.wording import counted
 from orip.workflow.exchange.block import ImportedBlock
 
 BUNDLE = "MAIN"
-NAMES_FILE = "names.csv"
-SOURCE_FILE = "exchange.toml"
 README_FILE = "README.md"
 
 _LONGEST_TITLE = 20
 _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
-
-_HEADING = "kind", "orip", "original"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +63,8 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
     control = _control(block, notes)
     kept = _rays_kept(block, control, notes)
     definition = _definition(block, source, block.project.precision if precision is None else precision, control, kept)
-    texts = {f"{BUNDLE}.MEA": _measurements(block, source, kept)}
-    texts[f"{BUNDLE}.PRE"] = _preliminary(block, control, kept)
+    texts = {f"{BUNDLE}.MEA": _measurements(block, source, kept.rows)}
+    texts[f"{BUNDLE}.PRE"] = _preliminary(block, control, kept.rows)
     base = definition.control_files
     if control:
         texts[f"{base}.PNT"] = points_text(control)
@@ -85,16 +80,15 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
 
 
 def _definition(
-    block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: BoolArray
+    block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: _Kept
 ) -> ProjectDefinition:
     title = _title(source.title)
     is_free = not any(point.kind == "control" for point in control) and not _usable_stations(block)
-    repeated = _has_repetitions(block, kept)
     bundle = BundleDefinition(
         BUNDLE,
         Precision(precision, "px"),
         datum="free" if is_free else "control",
-        repeated_points="both" if repeated else "replace",
+        repeated_points="both" if kept.has_repetitions else "replace",
     )
     return ProjectDefinition(
         name=title,
@@ -147,24 +141,29 @@ def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]
     return tuple(control)
 
 
-def _rays_kept(block: ImportedBlock, control: Sequence[ControlPoint], notes: list[str]) -> BoolArray:
+class _Kept(NamedTuple):
+    """Which rays are written, array (k,) of bool, and whether a photo shows one of their points twice."""
+
+    rows: BoolArray
+    has_repetitions: bool
+
+
+def _rays_kept(block: ImportedBlock, control: Sequence[ControlPoint], notes: list[str]) -> _Kept:
     """Return which rays are written: those of a point that only one photo shows say nothing unless it is control."""
     rays = block.project.rays
-    count = len(block.points)
-    pairs = np.unique(rays.point * max(1, len(block.photos)) + rays.photo)
-    photos_of_point = np.bincount(pairs // max(1, len(block.photos)), minlength=count)
-    is_control = np.isin(np.array(block.points, dtype=object), [point.name for point in control])
-    kept: BoolArray = (photos_of_point >= 2)[rays.point] | is_control[rays.point]
+    photos = max(1, len(block.photos))
+    pairs = np.sort(rays.point * photos + rays.photo)
+    point = pairs // photos
+    is_first = np.diff(pairs, prepend=-1) != 0
+    photos_of_point = np.bincount(point[is_first], minlength=len(block.points))
+    names = {one.name for one in control}
+    is_control = np.array([name in names for name in block.points], dtype=np.bool_)
+    is_kept = (photos_of_point >= 2) | is_control
+    kept: BoolArray = is_kept[rays.point]
     lost = int((~kept).sum())
     if lost:
         notes.append(f"{counted(lost, 'ray')} left out, as no other photo shows the point.")
-    return kept
-
-
-def _has_repetitions(block: ImportedBlock, kept: BoolArray) -> bool:
-    rays = block.project.rays
-    pairs = (rays.point * max(1, len(block.photos)) + rays.photo)[kept]
-    return len(np.unique(pairs)) < len(pairs)
+    return _Kept(kept, bool((~is_first & is_kept[point]).any()))
 
 
 def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -> str:
@@ -211,11 +210,9 @@ def _preliminary(block: ImportedBlock, control: Sequence[ControlPoint], kept: Bo
     measured = np.zeros(len(block.points), dtype=np.bool_)
     measured[block.project.rays.point[kept]] = True
     given = {point.name for point in control}
-    rows = np.flatnonzero(measured & np.isfinite(coordinates).all(axis=1)).tolist()
-    places = coordinates.tolist()
-    return preliminary_text(
-        [PreliminaryPoint(block.points[row], tuple(places[row])) for row in rows if block.points[row] not in given]
-    )
+    wanted = measured & np.isfinite(coordinates).all(axis=1)
+    rows = [row for row in np.flatnonzero(wanted).tolist() if block.points[row] not in given]
+    return coordinates_text([block.points[row] for row in rows], coordinates[rows])
 
 
 def _usable_stations(block: ImportedBlock) -> bool:
@@ -251,18 +248,15 @@ def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
 
 def _names(block: ImportedBlock) -> str:
     """Return the table of names that are not the original ones; a track is T and its number unless it is listed."""
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(_HEADING)
-    rows.writerows(("camera", converted.camera.name, converted.source.name) for converted in block.cameras)
-    rows.writerows(("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True))
     points = block.project.points
-    rows.writerows(
+    rows = [("camera", converted.camera.name, converted.source.name) for converted in block.cameras]
+    rows += [("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True)]
+    rows += [
         ("point", name, original)
         for name, original, is_track in zip(block.points, points.names, points.is_track.tolist(), strict=True)
         if name != (TRACK_MARK + original if is_track else original)
-    )
-    return stream.getvalue()
+    ]
+    return names_text(rows)
 
 
 def summary_lines(block: ImportedBlock) -> list[str]:

@@ -21,14 +21,14 @@ def measured_stores(project: ProjectFolder) -> tuple[Path, ...]:
 def read_marks(project: ProjectFolder, stores: Stores) -> Measured:
     """Return the orientations by marks that the stores hold; no photo observations."""
     return Measured(
-        templates.read_orientations(stores[project.templates]), photos.read_orientations(stores[project.photos])
+        templates.ORIENTATIONS.read(stores[project.templates]), photos.ORIENTATIONS.read(stores[project.photos])
     )
 
 
 def write_measured(project: ProjectFolder, stores: Stores, measured: Measured) -> None:
     """Replace what the stores hold of measurements."""
-    templates.write_orientations(stores[project.templates], measured.templates.values())
-    photos.write_orientations(stores[project.photos], measured.photos.values())
+    templates.ORIENTATIONS.write(stores[project.templates], measured.templates.values())
+    photos.ORIENTATIONS.write(stores[project.photos], measured.photos.values())
     for bundle in project.bundle_names:
         found = measured.observations.get(record_key(bundle), no_observations(bundle))
         observations.write(stores[project.observations(bundle)], found)

@@ -75,18 +75,18 @@ _NewName = Callable[[str], str | None]
 
 def _write_templates(project: ProjectFolder, stores: Stores, new_name: _NewName) -> None:
     store = stores[project.templates]
-    old = list(templates.read_orientations(store).values())
+    old = list(templates.ORIENTATIONS.read(store).values())
     new = [replace(reading, template=name) for reading in old if (name := new_name(reading.template)) is not None]
     if [reading.template for reading in new] != [reading.template for reading in old]:
-        templates.write_orientations(store, new)
+        templates.ORIENTATIONS.write(store, new)
 
 
 def _write_photos(project: ProjectFolder, stores: Stores, bundles: Sequence[str], new_name: _NewName) -> None:
     store = stores[project.photos]
-    old = list(photos.read_orientations(store).values())
+    old = list(photos.ORIENTATIONS.read(store).values())
     new = [replace(reading, photo=name) for reading in old if (name := new_name(reading.photo)) is not None]
     if [reading.photo for reading in new] != [reading.photo for reading in old]:
-        photos.write_orientations(store, new)
+        photos.ORIENTATIONS.write(store, new)
     for bundle, measured in _observed(project, stores, bundles):
         found = _with_photos(measured, new_name)
         if found.photos != measured.photos:

@@ -19,6 +19,17 @@ OFF = None
 """An iteration at which nobody starts to reduce weights."""
 
 
+MAX_LOST = 12.0
+
+SHAPES = {
+    "blocks": {},
+    "fixed coordinates": {"fixed": (9, 13, 14, 21, 22, 23)},
+    "more than a panel": {"reduced": 70, "blocks": 60},
+    "no blocks": {"blocks": 0},
+    "no reduced unknowns left": {"reduced": 4, "fixed": (0, 1, 2, 3)},
+}
+
+
 def random_equations(
     seed: int, *, reduced: int = 9, blocks: int = 12, per_block: int = 6, fixed: tuple[int, ...] = ()
 ) -> tuple[Equations, Layout]:
@@ -145,3 +156,12 @@ def adjusted(problem: CurvedProblem, start: np.ndarray, chosen: IterationSetting
 
 def converged(found: Adjustment) -> bool:
     return found.reason is TerminationReason.CONVERGED
+
+
+def singular_equations(seed):
+    """Return equations in which unknowns 3 and 8 are the same, and two equations are left of the first block."""
+    equations, layout = random_equations(seed)
+    design = equations.design.toarray()
+    design[:, 8] = 2.0 * design[:, 3]
+    design[np.flatnonzero(design[:, 9:12].any(axis=1))[2:]] = 0.0
+    return equations_of(design, equations.residual), layout

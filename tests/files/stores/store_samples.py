@@ -335,11 +335,11 @@ def filled_stores(folder):
         photos.write(
             store, stored(Photo("P1", "Größe", "T1", None, known, ("X0",), Scan((0.01, 0.02))), Photo("p2", "C"))
         )
-        photos.write_orientations(store, two_orientations)
+        photos.ORIENTATIONS.write(store, two_orientations)
 
     def fill_templates(store):
         templates.write(store, stored(Template("T1", "TT", "LOWER", ("P1", "p2"), Scan((0.01, 0.01), "centre"))))
-        templates.write_orientations(store, [TemplateOrientation("T1", "C", "UPPER", marks_of("1", "2", "3"))])
+        templates.ORIENTATIONS.write(store, [TemplateOrientation("T1", "C", "UPPER", marks_of("1", "2", "3"))])
 
     def fill_exterior(store):
         models = (StereoModel("M1", "P1", "p2", 1, 1), StereoModel("M2", "p2", "P3", 1, 2))

@@ -89,8 +89,8 @@ def test_equal_data_give_equal_dumps_whatever_the_order_of_writing(tmp_path, nam
     module = {"Z.PHO": photos, "Z.TEM": templates}[name]
     before = list(dump(path))
     with writing([path]) as stores:
-        orientations = list(module.read_orientations(stores[path]).values())
-        module.write_orientations(stores[path], reversed(orientations))
+        orientations = list(module.ORIENTATIONS.read(stores[path]).values())
+        module.ORIENTATIONS.write(stores[path], reversed(orientations))
     assert list(dump(path)) == before
 
 
@@ -117,7 +117,7 @@ def test_any_store_survives_dump_and_load(definitions, orientations, observed):
         pho, exo = Path(folder) / "Z.PHO", Path(folder) / "A.EXO"
         with writing([pho, exo]) as stores:
             photos.write(stores[pho], definitions)
-            photos.write_orientations(stores[pho], orientations)
+            photos.ORIENTATIONS.write(stores[pho], orientations)
             observations.write(stores[exo], observed)
         for path, other in ((pho, Path(folder) / "Y.PHO"), (exo, Path(folder) / "B.EXO")):
             load(dump(path), other)

@@ -57,20 +57,20 @@ def test_definitions_come_back_exactly_and_in_order(file_name, data):
     assert [record_digest(item.record) for item in found] == [record_digest(item.record) for item in written]
 
 
-@exactly
-@given(samples.photo_orientations())
-def test_photo_orientations_come_back_exactly(written):
-    found = round_trip("Z.PHO", lambda store: photos.write_orientations(store, written), photos.read_orientations)
-    expected = {record_key(item.photo): item for item in written}
-    assert found.keys() == expected.keys()
-    assert all(samples.same(found[key], expected[key]) for key in expected)
+ORIENTATIONS = {
+    "Z.PHO": (photos, samples.photo_orientations(), "photo"),
+    "Z.TEM": (templates, samples.template_orientations(), "template"),
+}
 
 
 @exactly
-@given(samples.template_orientations())
-def test_template_orientations_come_back_exactly(written):
-    found = round_trip("Z.TEM", lambda store: templates.write_orientations(store, written), templates.read_orientations)
-    expected = {record_key(item.template): item for item in written}
+@given(st.data())
+@pytest.mark.parametrize("file_name", ORIENTATIONS)
+def test_orientations_come_back_exactly(file_name, data):
+    module, orientations, name = ORIENTATIONS[file_name]
+    written = data.draw(orientations)
+    found = round_trip(file_name, lambda store: module.ORIENTATIONS.write(store, written), module.ORIENTATIONS.read)
+    expected = {record_key(getattr(item, name)): item for item in written}
     assert found.keys() == expected.keys()
     assert all(samples.same(found[key], expected[key]) for key in expected)
 
@@ -148,7 +148,7 @@ def test_writing_definitions_keeps_orientations_and_solutions(tmp_path):
         exterior.write(stores[ext], [StoredRecord(BundleDefinition("other"))])
     with reading([pho, ext]) as stores:
         assert [item.record.name for item in photos.read(stores[pho])] == ["other"]
-        assert list(photos.read_orientations(stores[pho])) == ["P1", "P2"]
+        assert list(photos.ORIENTATIONS.read(stores[pho])) == ["P1", "P2"]
         assert solutions.bundles(stores[ext]) == ("MAIN",)
 
 

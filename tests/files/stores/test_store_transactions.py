@@ -65,7 +65,7 @@ def test_a_missing_store_is_read_as_empty_and_not_created(tmp_path):
     with reading(paths) as stores:
         assert not any(stores[path].present for path in paths)
         assert cameras.read(stores[tmp_path / "C.CAM"]) == ()
-        assert photos.read_orientations(stores[tmp_path / "Z.PHO"]) == {}
+        assert photos.ORIENTATIONS.read(stores[tmp_path / "Z.PHO"]) == {}
         assert provenance.run_of(stores[tmp_path / "Z.PHO"]) is None
     assert list(tmp_path.iterdir()) == []
 

@@ -1,15 +1,25 @@
-"""Measured marks (fiducials, ticks): lists that several stores have."""
+"""Measured marks (fiducials, ticks), and the orientations of photos and templates that consist of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import get_args
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar, get_args
 
 import numpy as np
 
-from orip.files.stores.store import Row
+from orip.files.stores.contents.definitions import refuse_case_twins
+from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreTable, flag, list_table, real, text
-from orip.records.observations.measurement import MeasuredMarks, TransformationKind
+from orip.records.names import record_key
+from orip.records.observations.measurement import (
+    MeasuredMarks,
+    PhotoOrientation,
+    TemplateOrientation,
+    TransformationKind,
+)
+
+Orientation = TypeVar("Orientation", bound=PhotoOrientation | TemplateOrientation)
 
 TRANSFORMATION = text("transformation", get_args(TransformationKind))
 
@@ -39,3 +49,41 @@ def measured_of(rows: Sequence[Row]) -> MeasuredMarks:
         disregarded=np.array([row[3] for row in rows], dtype=np.bool_),
         given=numbers[:, 2:].copy(),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class OrientationTables(Generic[Orientation]):
+    """How orientations by marks lie in their tables; columns have the names of the record's fields, marks come last.
+
+    Orientations refer to no definition: they are what replaying the measurements left, whatever is defined now.
+
+    Parameters
+    ----------
+    kind : type of the records
+    table : StoreTable
+        Its first column is the name of the photo or template.
+    marks : StoreTable
+        From `measured_marks_table`.
+    """
+
+    kind: Callable[..., Orientation]
+    table: StoreTable
+    marks: StoreTable
+
+    def read(self, store: Store) -> dict[str, Orientation]:
+        """Return the orientations by the `record_key` of their photo or template, sorted by name."""
+        marks = store.lists(self.marks)
+        return {
+            record_key(name): self.kind(name, *values, measured_of(marks.get(record_key(name), [])))
+            for name, *values in store.rows(self.table)
+        }
+
+    def write(self, store: Store, orientations: Iterable[Orientation]) -> None:
+        """Replace all orientations."""
+        everything, columns = tuple(orientations), self.table.column_names
+        names = [getattr(item, columns[0]) for item in everything]
+        refuse_case_twins(store, self.table.name, names)
+        store.delete(self.table)
+        store.insert(self.table, (tuple(getattr(item, column) for column in columns) for item in everything))
+        for name, item in zip(names, everything, strict=True):
+            store.insert(self.marks, ((name, place, *row) for place, row in enumerate(measured_rows(item.marks))))

@@ -1,0 +1,46 @@
+"""`orip adjust`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from orip.cli.exchange.export_project import tell_export
+from orip.cli.exchange.import_project import WORDS, SourceOptions, settings_of, split_words, tell_import
+from orip.cli.options import Invocation, command
+from orip.cli.project.run import run_project
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "adjust")
+    def adjust_command(
+        invocation: Invocation, source: SourceOptions, words: Annotated[list[str] | None, WORDS] = None
+    ) -> None:
+        """Adjust a project of another program: import, run, report, and the result written back, in one command.
+
+        The new folder appears when all of it is there; nothing is written into the original.
+
+        Example: orip adjust castle/sparse/0 castle_adjusted
+        """
+        from orip.workflow.exchange.exported import EXPORTED_FROM, export, write_export
+        from orip.workflow.exchange.imported import read_source, write_project
+        from orip.workflow.exchange.temporary import folder_in_the_making
+        from orip.workflow.project.bundle_state import read_bundle
+
+        terminal = invocation.terminal
+        name, given, folder = split_words(words or [], "adjust")
+        imported = read_source(name, invocation.folder / given, settings_of(source))
+        target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
+        with folder_in_the_making(target) as temporary:
+            write_project(imported, temporary)
+            tell_import(terminal, imported, target, is_last=False)
+            code = run_project(terminal, temporary)
+            if imported.format.write is not None and imported.format.conventions is not None:
+                exported = export(read_bundle(temporary, None, *EXPORTED_FROM), imported.format.name, None)
+                write_export(exported)
+                tell_export(terminal, exported, is_last=False)
+        terminal.point("wrote", f"{target}: the project with report.html, result.json and what was exported", "bold")
+        raise typer.Exit(code)

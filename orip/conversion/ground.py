@@ -1,0 +1,189 @@
+"""Ground coordinates of other programs in one plain system: east, north and up at a place, metres.
+
+Programs that adjust on the earth do so in geocentric coordinates, or in those of a plane that touches the ellipsoid,
+and have control and positions of photos in longitude and latitude or on a map. All of them are taken to the touching
+plane's system, which is Cartesian: nothing is distorted, and no `crs` is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.poses import exchanged_poses, orip_poses
+from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
+from orip.geometry.other_crs import geographic_from_crs
+from orip.records.exchanged import ExchangedProject, GroundFrame
+from orip.records.observations.control import ControlPoint
+from orip.records.observations.station import IN_PROJECT, NOT_GIVEN, Station
+
+_WGS84 = (6_378_137.0, 6_356_752.314245)
+"""Semi-axes, metres."""
+
+_ON_WGS84 = "EPSG:32631"
+"""A projected system on WGS 84; what is taken from it is its datum."""
+
+_PLACES = 4
+"""Decimals of a degree to which a new origin is rounded, so that it is the same when the project is read again."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalGround:
+    """A system of east, north and up.
+
+    Parameters
+    ----------
+    geographic : array (3,)
+        Longitude, latitude (radians) and ellipsoidal height (m) of its origin, WGS 84.
+    """
+
+    geographic: FloatArray
+
+    @property
+    def origin(self) -> FloatArray:
+        """Return the geocentric coordinates (3,) of the origin."""
+        return np.asarray(geocentric_from_geographic(self.geographic[None], _WGS84)[0])
+
+    @property
+    def axes(self) -> FloatArray:
+        """Return east, north and up in the rows of a matrix (3, 3), geocentric."""
+        return np.asarray(place_axes(self.geographic[None])[0])
+
+    def from_geocentric(self, geocentric: FloatArray) -> FloatArray:
+        """Return east, north and up (n, 3) of geocentric coordinates (n, 3)."""
+        return np.asarray((geocentric - self.origin) @ self.axes.T)
+
+    def to_geocentric(self, local: FloatArray) -> FloatArray:
+        """Return geocentric coordinates (n, 3) of east, north and up (n, 3)."""
+        return np.asarray(local @ self.axes + self.origin)
+
+    def from_crs(self, xyz: FloatArray, crs: str) -> FloatArray:
+        """Return east, north and up (n, 3) of coordinates (n, 3) in another system, x or longitude first.
+
+        Raises
+        ------
+        InputError
+            If the system is not known, or has no such places.
+        """
+        geographic, _ = geographic_from_crs(xyz, crs, _ON_WGS84)
+        return self.from_geocentric(geocentric_from_geographic(geographic, _WGS84))
+
+
+def local_ground(project: ExchangedProject) -> LocalGround | None:
+    """Return the local system of a project on the earth; None of one in a plain system."""
+    if project.frame.kind == "topocentric":
+        longitude, latitude, height = project.frame.origin
+        return LocalGround(np.array([np.radians(longitude), np.radians(latitude), height]))
+    if project.frame.kind == "plain":
+        return None
+    _, centres = orip_poses(project.photos, project.readings[0])
+    known = centres[np.isfinite(centres).all(axis=1)]
+    if not len(known):
+        return None
+    place = geographic_from_geocentric(np.median(known, axis=0)[None], _WGS84)[0]
+    degrees = np.round(np.degrees(place[:2]), _PLACES)
+    return LocalGround(np.array([*np.radians(degrees), np.round(place[2])]))
+
+
+def in_local_ground(project: ExchangedProject, ground: LocalGround) -> ExchangedProject:
+    """Return a project with everything in a local system.
+
+    Raises
+    ------
+    InputError
+        If control or positions are in a system that is not known.
+    """
+    is_geocentric = project.frame.kind == "geocentric"
+    turned = _turned(project, ground) if is_geocentric else project
+    reference = project.station_reference
+    stations = project.stations
+    if reference.crs or is_geocentric:
+        places = np.array([station.position for station in stations]).reshape(-1, 3)
+        stations = _stations(stations, _local(places, ground, reference.crs))
+    return replace(
+        turned,
+        control=_control(project.control, ground, project.control_crs, is_geocentric=is_geocentric),
+        control_crs="",
+        stations=stations,
+        station_reference=IN_PROJECT,
+        crs=None,
+        ground_unit="m",
+        frame=GroundFrame(),
+        notes=(*project.notes, _said(ground)),
+    )
+
+
+def from_local_ground(project: ExchangedProject, ground: LocalGround) -> ExchangedProject:
+    """Return photos and points of a project in a local system in geocentric coordinates; its readings are kept."""
+    rotations, centres = orip_poses(project.photos, project.readings[0])
+    return _placed(
+        project,
+        ground.axes.T @ rotations,
+        ground.to_geocentric(centres),
+        ground.to_geocentric(project.points.coordinates),
+    )
+
+
+def _turned(project: ExchangedProject, ground: LocalGround) -> ExchangedProject:
+    rotations, centres = orip_poses(project.photos, project.readings[0])
+    points = ground.from_geocentric(project.points.coordinates)
+    return _placed(project, ground.axes @ rotations, ground.from_geocentric(centres), points)
+
+
+def _placed(
+    project: ExchangedProject, rotations: FloatArray, centres: FloatArray, points: FloatArray
+) -> ExchangedProject:
+    """Return a project with other rotations, projection centres and points; their deviations are those of before."""
+    numbers, positions = exchanged_poses(rotations, centres, project.readings[0])
+    photos = tuple(
+        replace(photo, rotation=tuple(numbers[n].tolist()), position=tuple(positions[n].tolist()))
+        if photo.rotation and photo.position
+        else photo
+        for n, photo in enumerate(project.photos)
+    )
+    return replace(project, photos=photos, points=replace(project.points, coordinates=points))
+
+
+def _local(places: FloatArray, ground: LocalGround, crs: str) -> FloatArray:
+    if not len(places):
+        return places
+    return ground.from_crs(places, crs) if crs else ground.from_geocentric(places)
+
+
+def _control(
+    control: Sequence[ControlPoint], ground: LocalGround, crs: str, *, is_geocentric: bool
+) -> tuple[ControlPoint, ...]:
+    """Return control in the local system; points without all coordinates keep those that they have.
+
+    Where the height is not known, X and Y are converted at the height of the origin.
+    """
+    if not control or not (crs or is_geocentric):
+        return tuple(control)
+    height = float(ground.geographic[2])
+    complete = [point for point in control if point.coordinates[0] is not None and point.coordinates[1] is not None]
+    places = np.array(
+        [[height if value is None else value for value in point.coordinates] for point in complete], dtype=np.float64
+    ).reshape(-1, 3)
+    found = []
+    for point, (x, y, z) in zip(complete, _local(places, ground, crs).tolist(), strict=True):
+        found.append(replace(point, coordinates=(x, y, None if point.coordinates[2] is None else z)))
+    return tuple(found)
+
+
+def _stations(stations: Sequence[Station], places: FloatArray) -> tuple[Station, ...]:
+    return tuple(
+        replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
+        for station, (x, y, z) in zip(stations, places.tolist(), strict=True)
+    )
+
+
+def _said(ground: LocalGround) -> str:
+    longitude, latitude = np.degrees(ground.geographic[:2]).tolist()
+    return (
+        f"Coordinates are east, north and up, in metres, at longitude {longitude:.9f}, latitude {latitude:.9f}, "
+        f"ellipsoidal height {ground.geographic[2]:.3f} m; heights of control and photos count as ellipsoidal unless "
+        "their system says otherwise."
+    )

@@ -1,0 +1,159 @@
+"""Orip's camera as a lens of another program: by closed formulas where that holds it, else fitted over the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.lenses.inversion import STEP
+from orip.conversion.lenses.polynomial import Polynomial
+from orip.conversion.lenses.table import LENSES
+from orip.records.exchanged import Lens
+
+_EXACT = 1e-9
+"""Of the largest coordinate: a hundred thousandth of a pixel."""
+
+_STEPS = 30
+_NO_EFFECT = 1e-12
+"""Singular values below this part of the largest one change nothing that can be seen."""
+
+_NOT_FITTED = ("ex", "ey", "c4", "c5", "p3", "p4", "r0")
+"""Parameters that others stand for, or that are better left alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class LensOfCamera:
+    """Parameters of a lens that stands for a camera.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        All of the lens, by name.
+    residuals : array (n, 2)
+        What the lens leaves over the frame, in its unit; zeros where it is exact.
+    """
+
+    parameters: Mapping[str, float]
+    residuals: FloatArray
+
+
+def lens_of_polynomial(polynomial: Polynomial, lens: Lens, directions: FloatArray, image: FloatArray) -> LensOfCamera:
+    """Return the parameters of a lens that images directions where a camera does.
+
+    Parameters
+    ----------
+    polynomial : Polynomial
+        The camera, in the axes of the lens.
+    lens : Lens
+        One whose formula gives image coordinates, or ``measured``.
+    directions, image : arrays (n, 2)
+        Over the frame.
+    """
+    formula = LENSES[lens]
+    start = dict.fromkeys(formula.names, 0.0)
+    start |= {name: value for name, value in _CLOSED[lens](polynomial).items() if name in start}
+
+    def misfit(values: Mapping[str, Any]) -> Any:
+        given, wanted = (image, directions) if formula.gives_directions else (directions, image)
+        found = np.stack(formula.formula(values, *given.T), axis=1) - wanted
+        return found * polynomial.c if formula.gives_directions else found
+
+    residuals = misfit(start)
+    if np.abs(residuals).max() <= _EXACT * np.abs(image).max():
+        return LensOfCamera(start, np.zeros_like(residuals))
+    fitted = _fitted(start, misfit)
+    return LensOfCamera(fitted, misfit(fitted))
+
+
+def _fitted(start: Mapping[str, float], misfit: Callable[[Mapping[str, Any]], Any]) -> dict[str, float]:
+    """Return the parameters with the least sum of squared misfits, by Gauss-Newton steps from a start nearby."""
+    names = [name for name in start if name not in _NOT_FITTED]
+    values = dict(start)
+    with np.errstate(all="ignore"):  # a step may go too far; the next ones come back, or nothing is changed
+        for _ in range(_STEPS):
+            partials = np.stack(
+                [misfit({**values, name: values[name] + 1j * STEP}).imag.ravel() / STEP for name in names], axis=1
+            )
+            scale = np.linalg.norm(partials, axis=0)
+            scale[scale == 0.0] = 1.0
+            step, *_ = np.linalg.lstsq(partials / scale, -misfit(values).ravel(), rcond=_NO_EFFECT)
+            if not np.isfinite(step).all():
+                return dict(start)
+            values |= {name: values[name] + float(change) for name, change in zip(names, step / scale, strict=True)}
+            if np.abs(step).max() <= _EXACT:
+                break
+    return values
+
+
+def _opencv(p: Polynomial) -> dict[str, float]:
+    term, grown, c = _terms(p)
+    return {
+        "fx": grown + c * term("B1"), "fy": grown, "cx": p.point[0], "cy": p.point[1],
+        "k1": term("A3") * c**3 / grown, "k2": term("A5") * c**5 / grown, "k3": term("A7") * c**7 / grown,
+        "p1": term("P2") * c**2 / grown, "p2": term("P1") * c**2 / grown,
+    }  # fmt: skip
+
+
+def _agisoft(p: Polynomial) -> dict[str, float]:
+    term, grown, c = _terms(p)
+    return {
+        "f": grown, "cx": p.point[0], "cy": p.point[1], "b1": c * term("B1"), "b2": c * term("B2"),
+        "k1": term("A3") * c**3 / grown, "k2": term("A5") * c**5 / grown, "k3": term("A7") * c**7 / grown,
+        "k4": term("A9") * c**9 / grown, "p1": term("P1") * c**2 / grown, "p2": term("P2") * c**2 / grown,
+    }  # fmt: skip
+
+
+def _fraser(p: Polynomial) -> dict[str, float]:
+    term, grown, c = _terms(p)
+    part = c / grown
+    return {
+        "f": grown, "cx": p.point[0], "cy": p.point[1], "b1": part * term("B1"), "b2": part * term("B2"),
+        "c1": term("A3") * part**3, "c2": term("A5") * part**5, "c3": term("A7") * part**7, "c4": term("A9") * part**9,
+        "p1": term("P1") * part**2, "p2": term("P2") * part**2,
+    }  # fmt: skip
+
+
+def _measured(p: Polynomial) -> dict[str, float]:
+    sign = -1.0
+    found = {"f": p.c, "cx": p.point[0], "cy": p.point[1]}
+    for name, own in (("A3", "k1"), ("A5", "k2"), ("A7", "k3"), ("P1", "p1"), ("P2", "p2"), ("B1", "b1"), ("B2", "b2")):
+        found[own] = sign * p.coefficients.get(name, 0.0)
+    return found
+
+
+def _equidistant(p: Polynomial) -> dict[str, float]:
+    term, grown, c = _terms(p)
+    radial = {f"k{n}": term(f"A{2 * n + 1}") * c ** (2 * n + 1) / grown for n in (1, 2, 3, 4)}
+    return {"fx": grown + c * term("B1"), "fy": grown, "cx": p.point[0], "cy": p.point[1], **radial}
+
+
+def _pinhole(p: Polynomial) -> dict[str, float]:
+    return {"f": p.c, "fx": p.c, "fy": p.c, "cx": p.point[0], "cy": p.point[1]}
+
+
+def _terms(p: Polynomial) -> tuple[Callable[[str], float], float, float]:
+    """Return the terms of a polynomial at ideal coordinates by name, C (1 + A1), and C.
+
+    One at measured coordinates has them, for small distortions, with the other sign.
+    """
+    sign = -1.0 if p.at_measured else 1.0
+
+    def term(name: str) -> float:
+        return sign * p.coefficients.get(name, 0.0)
+
+    return term, p.c * (1.0 + term("A1")), p.c
+
+
+_CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
+    "opencv": _opencv,
+    "agisoft": _agisoft,
+    "fraser": _fraser,
+    "measured": _measured,
+    "isp": _pinhole,
+    "division": _pinhole,
+    "equidistant": _equidistant,
+}

@@ -1,0 +1,178 @@
+"""BINGO: ``project.dat`` aside, ``image.dat`` with measurements, ``geoin.dat`` with cameras and control, ``itera.dat``.
+
+Image coordinates are millimetres from the centre of the image, y up. Orientations have phi, omega, kappa in gon; as
+programs differ in that, the measurements decide. Lines that begin with ``*`` or ``C`` are comments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint
+from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import numbered_words, text_lines
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
+from orip.records.observations.control import ControlPoint
+from orip.wording import counted
+
+READING = PoseReading("y_up", "to_ground", "phi_omega_kappa", "gon", "centre")
+
+_AXES = ImageAxes("mm", "frame_centre", "up")
+_FILES = ("image.dat", "geoin.dat", "itera.dat")
+_COMMENTS = "*"
+_END = "-99"
+_CAMERA, _CONTROL, _CHECK, _ORIENTATION, _POINT = "CAPA", "CONT", "CHCK", "ORIA", "CORD"
+_PRECISION_PX = 0.005 / PIXEL_MM
+"""A-priori error of a measurement: 5 micrometres."""
+
+_CHECK_ERROR = -0.01
+"""Where a check point has no errors; a negative one makes a point a check point."""
+
+
+@dataclass(slots=True)
+class _Ground:
+    """What ``geoin.dat`` has: cameras by name, control, and keywords that are not read."""
+
+    cameras: dict[str, ExchangedCamera] = field(default_factory=dict)
+    control: list[ControlPoint] = field(default_factory=list)
+    others: dict[str, int] = field(default_factory=dict)
+
+
+def is_bingo(source: Path) -> bool:
+    """Return whether a folder has the files."""
+    return source.is_dir() and all((source / name).is_file() for name in _FILES)
+
+
+def read_bingo(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read a folder with image.dat, geoin.dat and itera.dat."""
+    if not is_bingo(source):
+        return Parsed(None, (Complaint(f"the folder should have {', '.join(_FILES)}", shown),))
+    complaints: list[Complaint] = []
+
+    def rows_of(name: str) -> tuple[Iterator[tuple[int, list[str]]], Faults]:
+        faults = Faults(f"{shown}/{name}", complaints)
+        return numbered_words(text_lines(source / name, faults), _COMMENTS), faults
+
+    ground = _read_ground(*rows_of("geoin.dat"))
+    points, rays = CollectedPoints(), CollectedRays()
+    rows, faults = rows_of("itera.dat")
+    poses = _poses(rows, points, faults)
+    cameras = tuple(ground.cameras.values())
+    places = {name: n for n, name in enumerate(ground.cameras)}
+    rows, faults = rows_of("image.dat")
+    photos = _photos(rows, places, poses, points, rays, faults)
+    if not photos and not complaints:
+        complaints.append(Complaint("there is no photo in image.dat", shown))
+    if complaints:
+        return Parsed(None, tuple(complaints))
+    found = rays.rays()
+    notes = [_said_of_keywords(ground.others)] if ground.others else []
+    of_ray = np.array([photo.camera for photo in photos])[found.photo]
+    framed = [with_assumed_frame(camera, found.image[of_ray == n]) for n, camera in enumerate(cameras)]
+    notes += [note for _, note in framed]
+    return Parsed(
+        ExchangedProject(
+            "", tuple(camera for camera, _ in framed), tuple(photos), points.points(), found, (READING,),
+            tuple(ground.control), ground_unit="m", precision=_PRECISION_PX, notes=tuple(notes),
+        )
+    )  # fmt: skip
+
+
+def _said_of_keywords(others: dict[str, int]) -> str:
+    said = ", ".join(f"{key} ({counted(number, 'line')})" for key, number in others.items())
+    return f"Keywords of geoin.dat that are not read: {said}."
+
+
+def _read_ground(rows: Iterator[tuple[int, list[str]]], faults: Faults) -> _Ground:
+    found = _Ground()
+    for number, words in rows:
+        key = words[0].upper()
+        if key == _CAMERA and len(words) > 5:
+            c, x, y = (faults.decimal(word, "principal distance and point", number) for word in words[-3:])
+            parameters = {"f": c, "cx": x, "cy": y}
+            found.cameras[words[1]] = ExchangedCamera(words[1], 0, 0, "isp", parameters, "BINGO", _AXES, _AXES)
+        elif key in (_CONTROL, _CHECK):
+            point = _control(words, number, key, faults)
+            found.control += [point] if point is not None else []
+        elif key != "C":
+            found.others[key] = found.others.get(key, 0) + 1
+    return found
+
+
+def _control(words: list[str], number: int, key: str, faults: Faults) -> ControlPoint | None:
+    if len(words) not in (5, 8):
+        faults.complain(f"{len(words)} fields, and 5 or 8 should be here: {key} point E N H [deviations]", number)
+        return None
+    x, y, z, *given = (faults.decimal(word, "E N H and their deviations", number) for word in words[2:])
+    if key == _CHECK:
+        errors = [-abs(value) or _CHECK_ERROR for value in given] or [_CHECK_ERROR] * 3
+        return ControlPoint(words[1], (x, y, z), (errors[0], errors[1], errors[2]), line=number)
+    if not given:
+        return ControlPoint(words[1], (x, y, z), (None, None, None), line=number)
+    return ControlPoint(words[1], (x, y, z), (given[0], given[1], given[2]), line=number)
+
+
+def _poses(
+    rows: Iterator[tuple[int, list[str]]], points: CollectedPoints, faults: Faults
+) -> dict[str, tuple[float, ...]]:
+    """Return X Y Z, omega, phi, kappa by photo; adjusted points are added."""
+    poses: dict[str, tuple[float, ...]] = {}
+    for number, words in rows:
+        key = words[0].upper()
+        if key not in (_ORIENTATION, _POINT):
+            continue
+        count = 6 if key == _ORIENTATION else 3
+        values = faults.decimals(" ".join(words[2 : 2 + count]), count, key, number)
+        if values is None:
+            continue
+        if key == _POINT:
+            points.add(words[1], values)
+        else:
+            x, y, z, phi, omega, kappa = values
+            poses[words[1]] = (x, y, z, omega, phi, kappa)
+    return poses
+
+
+def _photos(
+    rows: Iterator[tuple[int, list[str]]],
+    cameras: dict[str, int],
+    poses: dict[str, tuple[float, ...]],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    faults: Faults,
+) -> list[ExchangedPhoto]:
+    """Return the photos of image.dat; a photo begins with its name and camera, and ends with -99."""
+    photos: list[ExchangedPhoto] = []
+    is_open = False
+    for number, words in rows:
+        if words[0] == _END:
+            is_open = False
+        elif not is_open or len(words) == 2:
+            is_open = True
+            camera = cameras.get(words[1]) if len(words) > 1 else None
+            if camera is None:
+                faults.complain("a photo should begin with its name and a camera of geoin.dat (CAPA)", number)
+            pose = poses.get(words[0], ())
+            photos.append(ExchangedPhoto(words[0], camera or 0, pose[3:], pose[:3], key=len(photos)))
+        else:
+            _add_ray(words, number, len(photos) - 1, points, rays, faults)
+    return photos
+
+
+def _add_ray(
+    words: list[str], number: int, photo: int, points: CollectedPoints, rays: CollectedRays, faults: Faults
+) -> None:
+    """Add a measurement; a minus before the name of a point says that it is not used."""
+    if len(words) < 3:
+        faults.complain("the line should be: point x y", number)
+        return
+    x, y = (faults.decimal(word, "x and y", number) for word in words[1:3])
+    name = words[0].removeprefix("-")
+    rays.add(photo, points.add(name or words[0]), (x, y), is_active=not words[0].startswith("-"))

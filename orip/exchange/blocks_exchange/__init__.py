@@ -1,0 +1,1 @@
+"""Blocks Exchange XML of Bentley ContextCapture and iTwin Capture."""

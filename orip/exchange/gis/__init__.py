@@ -1,0 +1,1 @@
+"""Results for GIS and CAD: tables, GeoPackage, DXF. Coordinates are those of the project."""

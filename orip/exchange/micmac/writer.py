@@ -1,0 +1,64 @@
+"""A project as a folder of orientations of MicMac (first version): a file for each photo, and one for each camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
+
+_HEAD = '<?xml version="1.0" ?>\n<ExportAPERO>\n'
+_RADIAL = ("c1", "c2", "c3", "c4")
+
+
+def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:  # noqa: ARG001  # new files
+    """Return the files of a folder ``Ori-NAME``; distances of photos from the ground are not known and are left out."""
+    names = [f"{_calibration(camera.name)}.xml" for camera in project.cameras]
+    files = {name: _camera_text(camera) for name, camera in zip(names, project.cameras, strict=True)}
+    for photo in project.photos:
+        if photo.rotation:
+            file = photo.name.replace("\\", "/").rsplit("/", 1)[-1]
+            files[f"Orientation-{file}.xml"] = _orientation_text(photo, names[photo.camera])
+    return {name: text.encode() for name, text in files.items()}
+
+
+def _calibration(name: str) -> str:
+    fit = "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
+    return fit if fit.startswith("AutoCal") else f"AutoCal_{fit}"
+
+
+def _camera_text(camera: ExchangedCamera) -> str:
+    value = camera.parameters
+    point = f"{value['cx']!r} {value['cy']!r}"
+    centre = f"{value['cx'] + value.get('ex', 0.0)!r} {value['cy'] + value.get('ey', 0.0)!r}"
+    radial = "".join(f"<CoeffDist>{value.get(name, 0.0)!r}</CoeffDist>" for name in _RADIAL)
+    terms = "".join(
+        f"<{tag}>{value.get(name, 0.0)!r}</{tag}>"
+        for tag, name in (("P1", "p1"), ("P2", "p2"), ("b1", "b1"), ("b2", "b2"))
+    )
+    is_one = str(point == centre).lower()
+    return (
+        f"{_HEAD}<CalibrationInternConique>\n<KnownConv>eConvApero_DistM2C</KnownConv>\n<PP>{point}</PP>\n"
+        f"<F>{value['f']!r}</F>\n<SzIm>{camera.columns} {camera.rows}</SzIm>\n<CalibDistortion><ModPhgrStd>\n"
+        f"<RadialePart><CDist>{centre}</CDist>{radial}<PPaEqPPs>{is_one}</PPaEqPPs></RadialePart>\n{terms}\n"
+        "</ModPhgrStd></CalibDistortion>\n</CalibrationInternConique>\n</ExportAPERO>\n"
+    )
+
+
+def _orientation_text(photo: ExchangedPhoto, calibration: str) -> str:
+    rows = [photo.rotation[3 * n : 3 * n + 3] for n in range(3)]
+    matrix = "".join(f"<L{n}>{_numbers(row)}</L{n}>\n" for n, row in enumerate(rows, start=1))
+    deviation = photo.position_deviation or (1.0, 1.0, 1.0)
+    return (
+        f"{_HEAD}<OrientationConique>\n<OrIntImaM2C><I00>0 0</I00><V10>1 0</V10><V01>0 1</V01></OrIntImaM2C>\n"
+        "<TypeProj>eProjStenope</TypeProj>\n<ZoneUtileInPixel>true</ZoneUtileInPixel>\n"
+        f"<FileInterne>{escape(calibration)}</FileInterne>\n<RelativeNameFI>true</RelativeNameFI>\n<Externe>\n"
+        f"<KnownConv>eConvApero_DistM2C</KnownConv>\n<Centre>{_numbers(photo.position)}</Centre>\n"
+        f"<IncCentre>{_numbers(deviation)}</IncCentre>\n<ParamRotation><CodageMatr>\n{matrix}"
+        "</CodageMatr></ParamRotation>\n</Externe>\n</OrientationConique>\n</ExportAPERO>\n"
+    )
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)

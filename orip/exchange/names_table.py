@@ -1,0 +1,80 @@
+"""What a project folder remembers of the project that it was imported from: names, and where the original is."""
+
+from __future__ import annotations
+
+import csv
+import io
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from orip.files.text.lines import read_bytes
+from orip.records.names import record_key
+
+NAMES_FILE = "names.csv"
+SOURCE_FILE = "exchange.toml"
+TRACK_MARK = "T"
+
+_HEADING = ["kind", "orip", "original"]
+_RECORDS = ("camera", "photo")
+
+
+@dataclass(frozen=True, slots=True)
+class NamesTable:
+    """Original names by orip's; those of cameras and photos by `record_key`.
+
+    Names that are not listed are the original ones; a tie point T17 is track 17.
+    """
+
+    cameras: Mapping[str, str] = field(default_factory=dict)
+    photos: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, str] = field(default_factory=dict)
+
+    def original_point(self, name: str) -> tuple[str, bool]:
+        """Return the original name of a point, and whether it is the number of a track."""
+        if name in self.points:
+            return self.points[name], False
+        number = name.removeprefix(TRACK_MARK)
+        is_track = number != name and number.isascii() and number.isdigit()
+        return (number if is_track else name), is_track
+
+
+@dataclass(frozen=True, slots=True)
+class Original:
+    """The format and the path of the project that was imported."""
+
+    format: str
+    path: Path
+
+
+def names_text(rows: Iterable[tuple[str, str, str]]) -> str:
+    """Return a table of (kind, orip's name, original name) as text."""
+    stream = io.StringIO()
+    table = csv.writer(stream, lineterminator="\n")
+    table.writerow(_HEADING)
+    table.writerows(rows)
+    return stream.getvalue()
+
+
+def read_names(folder: Path) -> NamesTable:
+    """Read the table of a project folder; rows that are no names are passed over, and so is a table that is absent."""
+    data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
+    found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
+    try:
+        for row in csv.reader((data or b"").decode("utf-8-sig").splitlines()):
+            if len(row) == len(_HEADING) and row[0] in found:
+                found[row[0]][record_key(row[1]) if row[0] in _RECORDS else row[1]] = row[2]
+    except (UnicodeDecodeError, csv.Error):
+        return NamesTable()
+    return NamesTable(found["camera"], found["photo"], found["point"])
+
+
+def read_original(folder: Path) -> Original | None:
+    """Read where a project folder was imported from; None where it does not say."""
+    data, _ = read_bytes(folder / SOURCE_FILE, SOURCE_FILE, may_be_absent=True)
+    try:
+        table = tomllib.loads((data or b"").decode("utf-8")).get("source", {})
+        return Original(table["format"], Path(table["path"]))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError):
+        return None

@@ -1,0 +1,200 @@
+"""A project as a reconstruction of OpenSfM: a new one, or the result in a copy of the one that it was imported from."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orip.errors import InputError
+from orip.exchange.opensfm.source import reconstruction_file
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.held_terms import require_without
+from orip.exchange.sources.json_tree import read_json
+from orip.records.exchanged import ExchangedCamera, ExchangedProject
+
+_NAME = "reconstruction.json"
+_SAME = 1e-11
+"""Relative; numbers that were written and read again differ by less."""
+
+_RADIAL = ("k1", "k2", "k3")
+_DECENTRING = ("p1", "p2")
+_SCALE = 0.001
+"""Size of a feature; it has no part in OpenSfM's adjustment unless it is asked for."""
+
+_GREY = [128.0, 128.0, 128.0]
+
+
+def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
+    """Return reconstruction.json; without an original also tracks.csv, in which all points are tracks.
+
+    Points have their covariances (m²) as ``covariance``, which OpenSfM passes over.
+
+    Raises
+    ------
+    InputError
+        If the original is damaged or gone.
+    """
+    path = None if original is None else reconstruction_file(original)
+    if path is None:
+        return {_NAME: _encoded([_new(project)]), "tracks.csv": _tracks(project)}
+    faults = Faults(str(path))
+    document = read_json(path, faults)
+    if document is None:
+        raise InputError(faults.complaints)
+    parts = [part for part in document.value if isinstance(part, dict) and isinstance(part.get("shots"), dict)]
+    if not parts:
+        message = "there is no reconstruction with shots in the original"
+        raise InputError.single(message, str(path))
+    _update(max(parts, key=lambda part: len(part["shots"])), project)
+    data = document.source.data
+    ending = data[len(data.rstrip()) :]
+    return {path.name: _encoded(document.value, is_indented=data[:3].split() == [b"["]) + ending}
+
+
+def _encoded(document: object, *, is_indented: bool = False) -> bytes:
+    """Return a document as OpenSfM writes it, with indentation or without."""
+    return json.dumps(document, indent=4 if is_indented else None, ensure_ascii=False).encode()
+
+
+def _new(project: ExchangedProject) -> dict[str, Any]:
+    cameras = {camera.name: _brown(camera) for camera in project.cameras}
+    shots = {
+        photo.name: {
+            "rotation": list(photo.rotation),
+            "translation": list(photo.position),
+            "camera": project.cameras[photo.camera].name,
+        }
+        for photo in project.photos
+        if photo.rotation
+    }
+    found: dict[str, Any] = {"cameras": cameras, "shots": shots, "points": {}}
+    names = _track_names(project)
+    for row, values in _points(project).items():
+        found["points"][names[row]] = {"color": _GREY, **values}
+    return found
+
+
+def _track_names(project: ExchangedProject) -> list[str]:
+    """Return the names of all points as tracks; those that are no tracks are different from those that are."""
+    points = project.points
+    tracks = {name for name, is_track in zip(points.names, points.is_track.tolist(), strict=True) if is_track}
+    return [
+        name if is_track or name not in tracks else f"point {name}"
+        for name, is_track in zip(points.names, points.is_track.tolist(), strict=True)
+    ]
+
+
+def _tracks(project: ExchangedProject) -> bytes:
+    """Return the measurements as ``tracks.csv``; a feature has its number among all of them."""
+    rays, names = project.rays, _track_names(project)
+    lines = ["OPENSFM_TRACKS_VERSION_v2"]
+    for feature in np.flatnonzero(rays.is_active).tolist():
+        photo = project.photos[int(rays.photo[feature])]
+        camera = project.cameras[photo.camera]
+        longer = max(camera.columns, camera.rows)
+        x, y = rays.image[feature].tolist()
+        place = f"{(x - camera.columns / 2.0) / longer!r}\t{(y - camera.rows / 2.0) / longer!r}"
+        track = names[int(rays.point[feature])]
+        lines.append(f"{photo.name}\t{track}\t{feature}\t{place}\t{_SCALE}\t128\t128\t128\t-1\t-1")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _update(part: dict[str, Any], project: ExchangedProject) -> None:
+    """Put poses, cameras and coordinates into a reconstruction; points that the project has not are taken out."""
+    for camera in project.cameras:
+        old = part["cameras"].get(camera.name)
+        part["cameras"][camera.name] = _brown(camera) if old is None else _updated_camera(old, camera)
+    for photo in project.photos:
+        shot = part["shots"].get(photo.name)
+        if shot is None or not photo.rotation:
+            continue
+        before = _pose(shot)
+        for key, values in (("rotation", photo.rotation), ("translation", photo.position)):
+            shot[key] = _kept(shot.get(key), values)
+        if before != _pose(shot):
+            _follow(part.get("rig_instances"), photo.name, before, shot)
+    points = {
+        project.points.names[row]: values for row, values in _points(project).items() if project.points.is_track[row]
+    }
+    kept = {name: point for name, point in part.get("points", {}).items() if name in points}
+    for name, point in kept.items():
+        coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
+        point.update(points[name] | {"coordinates": coordinates})
+    part["points"] = kept
+
+
+def _points(project: ExchangedProject) -> dict[int, dict[str, Any]]:
+    """Return coordinates of points by their places, and covariances where they are known."""
+    points = project.points
+    covariances = points.covariance
+    found: dict[int, dict[str, Any]] = {}
+    for row, xyz in enumerate(points.coordinates.tolist()):
+        if not all(map(math.isfinite, xyz)):
+            continue
+        found[row] = {"coordinates": xyz}
+        if covariances is not None and np.isfinite(covariances[row]).all():
+            found[row]["covariance"] = covariances[row].tolist()
+    return found
+
+
+def _follow(instances: object, name: str, before: tuple[Any, Any], shot: dict[str, Any]) -> None:
+    """Give a rig instance that stood where its only photo stood the photo's new pose."""
+    for instance in instances.values() if isinstance(instances, dict) else ():
+        ids = instance.get("rig_camera_ids") if isinstance(instance, dict) else None
+        if not isinstance(ids, dict) or list(ids) != [name] or before[0] is None or before[1] is None:
+            continue
+        rotation, translation = _pose(instance)
+        if _is_same(rotation, before[0]) and _is_same(translation, before[1]):
+            instance["rotation"], instance["translation"] = shot["rotation"], shot["translation"]
+
+
+def _pose(owner: dict[str, Any]) -> tuple[Any, Any]:
+    return owner.get("rotation"), owner.get("translation")
+
+
+def _kept(old: Any, new: Any) -> list[float]:
+    """Return the old numbers if the new ones are equal but for rounding."""
+    return list(old) if _is_same(old, new) else list(new)
+
+
+def _is_same(old: Any, new: Any) -> bool:
+    if not isinstance(old, list) or len(old) != len(new):
+        return False
+    size = max(1.0, *(abs(value) for value in new))
+    return all(abs(first - second) <= _SAME * size for first, second in zip(old, new, strict=True))
+
+
+def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
+    """Return the camera in its own projection type if that holds it, else as ``brown``."""
+    brown = _brown(camera)
+    own = {key: brown[key] for key in old if key in brown and key not in ("projection_type", "width", "height")}
+    if old.get("projection_type") == "perspective":
+        own["focal"] = brown["focal_x"]
+        extra = ("c_x", "c_y", "k3", "p1", "p2")
+        if brown["focal_x"] != brown["focal_y"] or any(abs(brown[key]) > _SAME for key in extra):
+            return brown
+    elif old.get("projection_type") != "brown":
+        return brown
+    same = {key: old[key] for key, value in own.items() if _is_same([old.get(key)], [value])}
+    return old | own | same
+
+
+def _brown(camera: ExchangedCamera) -> dict[str, Any]:
+    longer = max(camera.columns, camera.rows)
+    value = camera.parameters
+    require_without(camera, ("k4", "k5", "k6"), "OpenSfM")
+    return {
+        "projection_type": "brown",
+        "width": camera.columns,
+        "height": camera.rows,
+        "focal_x": value["fx"] / longer,
+        "focal_y": value["fy"] / longer,
+        "c_x": (value["cx"] - camera.columns / 2.0) / longer,
+        "c_y": (value["cy"] - camera.rows / 2.0) / longer,
+        **{name: value.get(name, 0.0) for name in (*_RADIAL, *_DECENTRING)},
+    }

@@ -1,0 +1,182 @@
+"""PAT-B: ``.ori`` orientations, ``.im`` measurements, ``.con`` control points, of one name in a folder.
+
+An orientation has the projection centre and a rotation matrix in fixed columns, whose sense no description says: the
+measurements decide. Image coordinates are micrometres or millimetres, y up, from the principal point. Lists end with
+-99. The camera of a project is in its ``.pro``, which is not read: ``camera.txt`` beside it has the principal distance,
+``c = 153.24``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orip.errors import Complaint
+from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import numbered_words, text_lines
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
+from orip.records.observations.control import ControlPoint
+
+READINGS = (
+    PoseReading("y_up", "to_ground", "matrix", "radian", "centre"),
+    PoseReading("y_up", "to_camera", "matrix", "radian", "centre"),
+)
+
+_AXES = ImageAxes("mm", "frame_centre", "up")
+_SUFFIXES = (".ori", ".im", ".con")
+_CAMERA = "camera.txt"
+_SETTING = re.compile(r"^\s*c\s*=\s*(\S+)", re.IGNORECASE)
+_END = "-99"
+_COLUMN = 16
+"""Characters of a number of the matrix."""
+
+_PRECISION_PX = 0.005 / PIXEL_MM
+"""A-priori error of a measurement: 5 micrometres."""
+
+_MICROMETRES = 1000.0
+"""No image coordinate in millimetres is as large."""
+
+
+def files_of(source: Path) -> dict[str, Path]:
+    """Return the files of a block by suffix: those of a folder, or those of a file's name."""
+    folder = source if source.is_dir() else source.parent
+    stem = None if source.is_dir() else source.stem
+    found = sorted(path for path in folder.glob("*") if path.suffix.lower() in _SUFFIXES)
+    return {path.suffix.lower(): path for path in found if stem is None or path.stem == stem}
+
+
+def is_patb(source: Path) -> bool:
+    """Return whether there are orientations and measurements of a block."""
+    return source.exists() and {".ori", ".im"} <= set(files_of(source))
+
+
+def read_patb(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read a block: a folder, or one of its files."""
+    files = files_of(source)
+    folder = source if source.is_dir() else source.parent
+    if not {".ori", ".im"} <= set(files) or not (folder / _CAMERA).is_file():
+        message = (
+            f"there should be a .ori, a .im, and {_CAMERA}: write the principal distance into it, in mm, as c = 153.24"
+        )
+        return Parsed(None, (Complaint(message, shown),))
+    complaints: list[Complaint] = []
+    named = Path(shown) if source.is_dir() else Path(shown).parent
+
+    def faults_of(path: Path) -> Faults:
+        return Faults(str(named / path.name), complaints)
+
+    camera = _camera(folder / _CAMERA, faults_of(folder / _CAMERA))
+    poses = _orientations(files[".ori"], faults_of(files[".ori"]))
+    points, rays = CollectedPoints(), CollectedRays()
+    photos = _measurements(files[".im"], poses, points, rays, faults_of(files[".im"]))
+    control = list(_control(files[".con"], faults_of(files[".con"]))) if ".con" in files else []
+    if not photos and not complaints:
+        complaints.append(Complaint("there is no photo in the .im", shown))
+    if complaints or camera is None:
+        return Parsed(None, tuple(complaints))
+    found = rays.rays()
+    is_micrometres = bool(len(found.image)) and float(np.abs(found.image).max()) > _MICROMETRES
+    if is_micrometres:
+        found = replace(found, image=found.image / _MICROMETRES)
+    framed, note = with_assumed_frame(camera, found.image)
+    said = f"Image coordinates count as {'micrometres' if is_micrometres else 'millimetres'}."
+    return Parsed(
+        ExchangedProject(
+            "", (framed,), tuple(photos), points.points(), found, READINGS, tuple(control),
+            ground_unit="m", precision=_PRECISION_PX, notes=(said, note),
+        )
+    )  # fmt: skip
+
+
+def _camera(path: Path, faults: Faults) -> ExchangedCamera | None:
+    for number, line in enumerate(text_lines(path, faults), start=1):
+        match = _SETTING.match(line)
+        if match:
+            c = faults.decimal(match[1], "c", number)
+            if c > 0:
+                return ExchangedCamera("camera", 0, 0, "isp", {"f": c}, "PAT-B", _AXES, _AXES)
+            faults.complain("the principal distance has to be above 0", number)
+            return None
+    faults.complain("there is no line with the principal distance, such as c = 153.24", 1)
+    return None
+
+
+def _orientations(path: Path, faults: Faults) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Return projection centre and matrix by photo: three lines of 4, 5 and 4 fields, which may touch."""
+    lines = [
+        (number, line)
+        for number, line in enumerate(text_lines(path, faults), start=1)
+        if line.strip() and not line.lstrip().startswith(("%", "#", _END))
+    ]
+    poses: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    for start in range(0, len(lines) - 2, 3):
+        (number, first), (_, second), (_, third) = lines[start : start + 3]
+        name, *rest = first.split()
+        centre = faults.decimals(" ".join(rest[-3:]), 3, "X0 Y0 Z0", number)
+        words = " ".join([*_numbers(second, 5), *_numbers(third, 4)])
+        matrix = faults.decimals(words, 9, "a11 ... a33 in two lines", number + 1)
+        if centre is not None and matrix is not None:
+            poses[name] = (centre, matrix)
+    if len(lines) % 3:
+        faults.complain("an orientation has three lines; the last one is not whole", lines[-1][0])
+    return poses
+
+
+def _numbers(line: str, count: int) -> list[str]:
+    """Return the numbers of a line; where they touch, they are in fixed columns."""
+    words = line.split()
+    return words if len(words) == count else [line[_COLUMN * n : _COLUMN * (n + 1)].strip() for n in range(count)]
+
+
+def _measurements(
+    path: Path,
+    poses: dict[str, tuple[tuple[float, ...], tuple[float, ...]]],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    faults: Faults,
+) -> list[ExchangedPhoto]:
+    photos: list[ExchangedPhoto] = []
+    is_open = False
+    for number, words in numbered_words(text_lines(path, faults)):
+        if words[0] == _END:
+            is_open = False
+        elif not is_open:
+            is_open = True
+            centre, matrix = poses.get(words[0], ((), ()))
+            photos.append(ExchangedPhoto(words[0], 0, matrix, centre, key=len(photos)))
+        elif len(words) < 3:
+            faults.complain("the line should be: point x y [group]; a photo ends with -99", number)
+        else:
+            x, y = (faults.decimal(word, "x and y", number) for word in words[1:3])
+            rays.add(len(photos) - 1, points.add(words[0]), (x, y))
+    return photos
+
+
+def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
+    """Return the points of the list of X, Y and of the list of Z, in this order; a full point is in both."""
+    plan: dict[str, tuple[float, float, int]] = {}
+    heights: dict[str, tuple[float, int]] = {}
+    is_plan = True
+    for number, words in numbered_words(text_lines(path, faults)):
+        if words[0] == _END:
+            is_plan = False
+        elif len(words) < (3 if is_plan else 2):
+            faults.complain(f"the line should be: point {'X Y' if is_plan else 'Z'} [group]", number)
+        elif is_plan:
+            x, y = (faults.decimal(word, "X and Y", number) for word in words[1:3])
+            plan[words[0]] = (x, y, number)
+        else:
+            heights[words[0]] = (faults.decimal(words[1], "Z", number), number)
+    for name in {**plan, **heights}:
+        place, height = plan.get(name), heights.get(name)
+        line = place[2] if place is not None else height[1] if height is not None else 0
+        plane = (None, None) if place is None else (place[0], place[1])
+        z = None if height is None else height[0]
+        yield ControlPoint(name, (*plane, z), (None, None, None), line=line)

@@ -1,0 +1,118 @@
+"""`orip export`: the result of an adjustment in the format of another program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from orip.errors import UsageError
+from orip.exchange.format import Format
+from orip.exchange.formats import FORMATS, format_named
+from orip.exchange.names_table import read_names, read_original
+from orip.files.text.atomic import replace_bytes, reporting_failure
+from orip.files.text.new_folder import write_new_folder
+from orip.records.exchanged import ExchangedProject
+from orip.workflow.exchange.result import exchanged_result
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.state import Part
+
+EXPORTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "heads", "solutions")
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedResult:
+    """What an export writes.
+
+    Parameters
+    ----------
+    format : Format
+    project : ExchangedProject
+    files : mapping of str to bytes
+        By their names in the folder, or the only one.
+    target : Path
+        Folder, or file if the format is a file.
+    original : Path or None
+        The project that the result is written into a copy of.
+    notes : tuple of str
+    """
+
+    format: Format
+    project: ExchangedProject
+    files: Mapping[str, bytes]
+    target: Path
+    original: Path | None
+    notes: tuple[str, ...]
+
+
+def export(
+    bundle: BundleState, format_name: str | None, target: Path | None, original: Path | None = None
+) -> ExportedResult:
+    """Return the last solution of a bundle in the format of another program; nothing is written.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With `EXPORTED_FROM`.
+    format_name : str or None
+        None: that of the project that was imported.
+    target : Path or None
+        None: named after the format, in the project's folder.
+    original : Path or None
+        None: where the project was imported from, if it is still there.
+
+    Raises
+    ------
+    UsageError
+        If the format is not known, or is read only.
+    InputError
+        If the bundle has not been adjusted, or the original is damaged.
+    """
+    folder = bundle.project.folder
+    imported = read_original(folder)
+    found = format_named(_named(format_name, None if imported is None else imported.format))
+    if found.write is None or found.conventions is None:
+        message = f"the format '{found.name}' is read, not written; 'orip export --list' shows those that are written"
+        raise UsageError(message)
+    if original is None and imported is not None and imported.format == found.name and imported.path.exists():
+        original = imported.path
+    project = exchanged_result(bundle, read_names(folder), found.conventions)
+    notes = list(project.notes)
+    if original is None and imported is not None and imported.format == found.name:
+        notes.append(f"The original ({imported.path}) is not there; what is written has the result alone.")
+    files = found.write(project, original)
+    default = folder / (next(iter(files)) if found.is_file else f"{found.name}_adjusted")
+    return ExportedResult(found, project, files, target or default, original, tuple(notes))
+
+
+def write_export(exported: ExportedResult) -> None:
+    """Write what is exported: a file in the place of an old one, or a whole new folder.
+
+    Raises
+    ------
+    UsageError
+        If the folder has something in it, or a folder has the name of the file.
+    OripError
+        If it cannot be written.
+    """
+    target = exported.target
+    with reporting_failure(str(target), "name another one"):
+        if exported.format.is_file:
+            replace_bytes(target, next(iter(exported.files.values())))
+            return
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            message = (
+                f"{target} has something in it already; a result is exported into a new or empty folder: name another"
+            )
+            raise UsageError(message)
+        write_new_folder(target, dict(exported.files))
+
+
+def _named(name: str | None, imported: str | None) -> str:
+    if name is not None:
+        return name
+    if imported is not None:
+        return imported
+    written = ", ".join(one.name for one in FORMATS if one.write is not None)
+    message = f"name the format: 'orip export FORMAT', one of {written}"
+    raise UsageError(message)

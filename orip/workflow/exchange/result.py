@@ -1,0 +1,255 @@
+"""The result of an adjustment in the conventions of another program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.cameras import ExportedCamera, export_camera
+from orip.conversion.error_ellipses import error_ellipses
+from orip.conversion.image_axes import axes_from_pixels
+from orip.conversion.poses import exchanged_poses
+from orip.exchange.format import Conventions
+from orip.exchange.names_table import NamesTable
+from orip.geometry.ground_frame import GroundFrame, ground_frame
+from orip.geometry.rotation import rotation_from_angles
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
+from orip.records.names import record_key
+from orip.records.observations.control import ControlPoint
+from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.records.project.camera import Camera
+from orip.records.results.solution import Solution
+from orip.units import RADIANS_PER_DEGREE
+from orip.wording import counted
+from orip.workflow.project.bundle_state import BundleState
+
+_LARGE_MISFIT_PX = 0.001
+"""Differences of a camera that are worth a note."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjusted:
+    """A solution with what it refers to.
+
+    Parameters
+    ----------
+    solution : Solution
+    cameras : mapping of record_key to Camera
+        With adjusted values.
+    camera_of_photo : mapping of record_key to record_key
+    """
+
+    solution: Solution
+    cameras: Mapping[str, Camera]
+    camera_of_photo: Mapping[str, str]
+
+
+def exchanged_result(bundle: BundleState, names: NamesTable, conventions: Conventions) -> ExchangedProject:
+    """Return the last solution of a bundle as another program has it; its notes say what is lost.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With definitions, observations and solutions.
+    names : NamesTable
+    conventions : Conventions
+
+    Raises
+    ------
+    InputError
+        If the bundle has not been adjusted.
+    UnsuitableCameraError
+        If a camera has no sensor.
+    """
+    adjusted = _adjusted(bundle)
+    exported = _cameras(adjusted, names, conventions)
+    notes = [*_notes_on_cameras(exported), *_notes_on_staleness(bundle)]
+    frame = _local_frame(bundle, adjusted.solution) if conventions.is_cartesian else None
+    if frame is not None:
+        place = ", ".join(f"{value:.3f}" for value in frame.origin)
+        notes.append(f"Coordinates are east, north and up at {place} of {bundle.project.definition.crs}.")
+    rays, left_out = _rays(bundle, adjusted, list(exported), conventions)
+    if left_out:
+        notes.append(f"{counted(left_out, 'measurement')} left out, as photo or point was not adjusted.")
+    definition = bundle.project.definition
+    return ExchangedProject(
+        definition.name,
+        tuple(one.camera for one in exported.values()),
+        _photos(adjusted, names, list(exported), conventions, frame),
+        _points(adjusted, names, frame),
+        rays,
+        (conventions.reading,),
+        control=_control(bundle, names),
+        crs=definition.crs if frame is None else None,
+        ground_unit=definition.ground_unit,
+        notes=tuple(notes),
+    )
+
+
+def _adjusted(bundle: BundleState) -> _Adjusted:
+    solution = bundle.adjusted
+    records = bundle.records
+    of_photo = {
+        record_key(name): record_key(records.photos[record_key(name)].camera)
+        for name in solution.photos.names
+        if record_key(name) in records.photos
+    }
+    values = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values.tolist(), strict=True))
+    cameras = {
+        key: replace(records.cameras[key], parameters=tuple(values.get(key, records.cameras[key].parameters)))
+        for key in dict.fromkeys(of_photo.values())
+    }
+    return _Adjusted(solution, cameras, of_photo)
+
+
+def _cameras(adjusted: _Adjusted, names: NamesTable, conventions: Conventions) -> dict[str, ExportedCamera]:
+    found = {}
+    for key, camera in adjusted.cameras.items():
+        name = names.cameras.get(key, camera.name)
+        is_fisheye = camera.projection == "equidistant" and conventions.fisheye_lens is not None
+        lens = conventions.fisheye_lens if is_fisheye else conventions.lens
+        if lens is None:
+            found[key] = ExportedCamera(ExchangedCamera(name, 0, 0, "unsupported", {}), 0.0, 0.0)
+        else:
+            found[key] = export_camera(camera, name, lens, conventions.lens_axes, conventions.ray_axes)
+    return found
+
+
+def _notes_on_cameras(exported: Mapping[str, ExportedCamera]) -> list[str]:
+    return [
+        f"Camera {one.camera.name} is fitted to the model of the format: it differs by up to {one.worst_px:.3f} px."
+        for one in exported.values()
+        if one.worst_px > _LARGE_MISFIT_PX
+    ]
+
+
+def _notes_on_staleness(bundle: BundleState) -> list[str]:
+    status = bundle.adjusted.status
+    return [] if status in {"converged", "doubtful"} else [f"The adjustment has not converged ({status})."]
+
+
+def _local_frame(bundle: BundleState, solution: Solution) -> GroundFrame | None:
+    definition = bundle.project.definition
+    if definition.crs is None:
+        return None
+    places = solution.points.values if len(solution.points.values) else solution.photos.values[:, :3]
+    return ground_frame(definition.crs, definition.ground_unit, np.median(places, axis=0))
+
+
+def _photos(
+    adjusted: _Adjusted, names: NamesTable, cameras: Sequence[str], conventions: Conventions, frame: GroundFrame | None
+) -> tuple[ExchangedPhoto, ...]:
+    solution = adjusted.solution
+    centres = solution.photos.values[:, :3]
+    rotations = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
+    if frame is not None:
+        rotations = np.swapaxes(frame.axes_at(centres), -1, -2) @ rotations
+        centres = frame.to_local(centres)
+    numbers, positions = exchanged_poses(rotations, centres, conventions.reading)
+    found = []
+    rows = zip(
+        solution.photos.names, numbers.tolist(), positions.tolist(), solution.photos.sd[:, :3].tolist(), strict=True
+    )
+    for name, rotation, position, deviation in rows:
+        key = record_key(name)
+        if key not in adjusted.camera_of_photo:
+            continue
+        x, y, z = deviation
+        is_known = bool(np.isfinite(deviation).all())
+        found.append(
+            ExchangedPhoto(
+                names.photos.get(key, name),
+                cameras.index(adjusted.camera_of_photo[key]),
+                tuple(rotation),
+                tuple(position),
+                (x, y, z) if is_known else None,
+            )
+        )
+    return tuple(found)
+
+
+def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
+    solution = adjusted.solution
+    original = [names.original_point(name) for name in solution.points.names]
+    covariance = _covariances(solution)
+    return ExchangedPoints(
+        tuple(name for name, _ in original),
+        solution.points.values if frame is None else frame.to_local(solution.points.values),
+        np.array([is_track for _, is_track in original], dtype=np.bool_),
+        covariance,
+        error_ellipses(covariance),
+        _residual_lengths(adjusted),
+    )
+
+
+def _covariances(solution: Solution) -> FloatArray:
+    """Return the covariances (m, 3, 3) of points, NaN where a coordinate has no standard deviation."""
+    deviations = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
+    correlation = np.broadcast_to(np.eye(3), (len(deviations), 3, 3)).copy()
+    if len(solution.point_correlations):
+        for (i, j), values in zip(((0, 1), (0, 2), (1, 2)), solution.point_correlations.T, strict=True):
+            correlation[:, i, j] = correlation[:, j, i] = values
+    covariance: FloatArray = deviations[:, :, None] * correlation * deviations[:, None, :]
+    return covariance
+
+
+def _residual_lengths(adjusted: _Adjusted) -> FloatArray:
+    """Return the mean lengths (m,) of the residuals of points, pixels; NaN where there are none."""
+    found = adjusted.solution.residuals
+    size = {key: _pixel_size(camera) for key, camera in adjusted.cameras.items()}
+    rows = np.array([kind == PHOTO_POINT.name for kind in found.kind], dtype=np.bool_)
+    axis = np.array([component == "y" for component in found.component], dtype=np.int64)
+    pixel = np.array(
+        [size[adjusted.camera_of_photo[record_key(photo)]] if used else (1.0, 1.0)
+         for photo, used in zip(found.photo, rows.tolist(), strict=True)]
+    ).reshape(-1, 2)  # fmt: skip
+    # what was disregarded has no weight factor
+    used_residual = np.where(np.isfinite(found.weight_factor), found.residual, np.nan)
+    in_pixels = (used_residual / pixel[np.arange(len(axis)), axis])[rows]
+    # x and y of a ray follow each other
+    squares = np.square(in_pixels).reshape(-1, 2).sum(axis=1)
+    place = {name: n for n, name in enumerate(adjusted.solution.points.names)}
+    points = [point.split(" ")[0] for point, used in zip(found.point, rows.tolist(), strict=True) if used][::2]
+    number = np.array([place.get(point, -1) for point in points], dtype=np.int64)
+    known = (number >= 0) & np.isfinite(squares)
+    sums = np.bincount(number[known], np.sqrt(squares[known]), len(place))
+    counts = np.bincount(number[known], minlength=len(place))
+    return np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), np.nan))
+
+
+def _pixel_size(camera: Camera) -> tuple[float, float]:
+    sensor = camera.sensor
+    return (1.0, 1.0) if sensor is None else (sensor.width / sensor.columns, sensor.height / sensor.rows)
+
+
+def _rays(
+    bundle: BundleState, adjusted: _Adjusted, cameras: Sequence[str], conventions: Conventions
+) -> tuple[ExchangedRays, int]:
+    """Return the measurements of what was adjusted, and how many others there are."""
+    observed = bundle.observations
+    solution = adjusted.solution
+    photo_place = {record_key(name): n for n, name in enumerate(solution.photos.names)}
+    point_place = {name: n for n, name in enumerate(solution.points.names)}
+    photo = np.array([photo_place.get(record_key(name), -1) for name in observed.photos], dtype=np.int64)
+    point = np.array([point_place.get(name, -1) for name in observed.points], dtype=np.int64)
+    kept = (photo >= 0) & (point >= 0)
+    photo, point = photo[kept], point[kept]
+    image = observed.measured[kept].copy()
+    camera_of_photo = [adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names]
+    of_ray = np.array(camera_of_photo, dtype=object)[photo] if len(photo) else np.zeros(0, dtype=object)
+    for key in cameras:
+        sensor = adjusted.cameras[key].sensor
+        rows = np.flatnonzero(of_ray == key)
+        if sensor is not None:
+            frame, size = (sensor.columns, sensor.rows), (sensor.width, sensor.height)
+            image[rows] = axes_from_pixels(image[rows], conventions.ray_axes, frame, size)
+    rays = ExchangedRays(photo, point, image, np.full(len(photo), np.nan), ~observed.disregarded[kept])
+    return rays, int((~kept).sum())
+
+
+def _control(bundle: BundleState, names: NamesTable) -> tuple[ControlPoint, ...]:
+    given = bundle.state.texts.control.value.points
+    return tuple(replace(point, name=names.original_point(point.name)[0]) for point in given)

@@ -1,0 +1,102 @@
+"""Whatever is in the files of a COLMAP model, it is read or complained of; nothing else happens."""
+
+from __future__ import annotations
+
+import random
+import tracemalloc
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conversion.exchanged_blocks import OBLIQUE, block
+from exchange.colmap_samples import written
+from exchange.test_colmap import blob, database
+from hostile.fuzzing import mutated, require_words
+
+from orip.errors import OripError
+from orip.exchange.colmap.folder import Form
+from orip.exchange.colmap.reader import READING, read_model
+from orip.exchange.colmap.writer import new_model
+from orip.workflow.exchange.block import ExchangeSettings, imported_block
+from orip.workflow.exchange.texts import ImportSource, imported_texts
+
+_SETTINGS = ExchangeSettings(corrects_distortion=True)
+_SOURCE = ImportSource("colmap", "x", "x")
+_RIGS = {
+    "bin": b"\1" + bytes(7) + b"\1\0\0\0\2\0\0\0" + bytes(4) + b"\1\0\0\0" + bytes(4) + b"\2\0\0\0\1" + bytes(56),
+    "txt": b"# rigs\n1 2 CAMERA 1 CAMERA 2 1 1 0 0 0 0 0 0\n",
+}
+
+_ALLOCATED = 50
+"""Bytes for each byte of the files, and half a megabyte: numbers of a text take some times the room of their digits."""
+
+
+def sound_model(folder: Path, form: Form) -> Path:
+    """Write a small model with rigs, and a database with priors of its photos."""
+    project = block(READING, OBLIQUE[:3])
+    strong = replace(project.cameras[0], parameters={**project.cameras[0].parameters, "k1": -0.01, "p1": 1e-4})
+    written(folder, new_model(replace(project, cameras=(strong,))), form)
+    (folder / f"rigs.{form}").write_bytes(_RIGS[form])
+    cartesian = (1, blob(1.0, 2.0, 3.0), blob(*np.eye(3).ravel()), 1)
+    database(folder / "database.db", [cartesian, (2, *cartesian[1:])], is_new=True)
+    return folder
+
+
+def fuzz(folder: Path, form: Form, count: int, seed: int) -> None:
+    """Read a model that often, with one of its files changed, and convert what has been read."""
+    chance = random.Random(seed)
+    source = sound_model(folder, form)
+    files = sorted(source.iterdir())
+    sound = {path: path.read_bytes() for path in files}
+    assert not read_model(source, "model").complaints
+    for _ in range(count):
+        path = chance.choice(files)
+        data = mutated(sound[path], chance)
+        path.write_bytes(data)
+        try:
+            with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
+                warnings.simplefilter("error")
+                parsed = read_model(source, "model")
+                assert (parsed.value is None) == bool(parsed.complaints)
+                for complaint in parsed.complaints:
+                    require_words(str(complaint))
+                if parsed.value is not None:
+                    imported_texts(imported_block(parsed.value, "model", _SETTINGS), _SOURCE, None)
+        except OripError as error:
+            require_words(str(error))
+        except Exception as error:
+            message = f"{path.name} of {data[:3000]!r} ended in {type(error).__name__}: {error}"
+            raise AssertionError(message) from error
+        finally:
+            path.write_bytes(sound[path])
+
+
+@pytest.mark.parametrize("form", ["bin", "txt"])
+def test_some_mutated_files(tmp_path: Path, form: Form) -> None:
+    fuzz(tmp_path, form, 60, 7)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("form", ["bin", "txt"])
+def test_fifty_thousand_mutated_files(tmp_path: Path, form: Form) -> None:
+    fuzz(tmp_path, form, 50_000, 8)
+
+
+def test_a_wrong_count_takes_no_memory(tmp_path: Path) -> None:
+    source = sound_model(tmp_path, "bin")
+    size = sum(path.stat().st_size for path in source.iterdir())
+    chance = random.Random(3)
+    for name in ("cameras.bin", "images.bin", "points3D.bin", "rigs.bin"):
+        path = source / name
+        sound = path.read_bytes()
+        for _ in range(5):
+            place = 0 if name == "cameras.bin" else chance.randrange(len(sound) - 8)
+            path.write_bytes(sound[:place] + b"\xff\xff\xff\xff\xff\xff\xff\x0f" + sound[place + 8 :])
+            tracemalloc.start()
+            read_model(source, "model")
+            peak = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+            assert peak < _ALLOCATED * size + 500_000
+        path.write_bytes(sound)

@@ -1,0 +1,147 @@
+"""Whatever is in a file of another program's project, it is read or complained of; nothing else happens."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conversion.exchanged_blocks import OBLIQUE, block
+from exchange import (
+    test_aerial,
+    test_blocks_exchange,
+    test_gubaio,
+    test_metashape,
+    test_metric,
+    test_micmac,
+    test_opensfm,
+    test_vision,
+)
+from exchange.imported import written
+from hostile.fuzzing import mutated, require_words
+
+from orip.errors import OripError
+from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
+from orip.exchange.formats import format_named
+from orip.exchange.metashape import source as metashape
+from orip.exchange.opensfm import reconstruction
+from orip.exchange.vision import bundler, nvm
+from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.workflow.exchange.block import ExchangeSettings, imported_block
+
+SETTINGS = ExchangeSettings(frame=(4000, 3000), corrects_distortion=True)
+
+
+def small(reading: PoseReading) -> ExchangedProject:
+    return block(reading, OBLIQUE[:2])
+
+
+def _opensfm(folder: Path) -> Path:
+    project = small(reconstruction.READING)
+    written(folder / "reconstruction.json", json.dumps(test_opensfm.reconstruction_of(project)))
+    written(folder / "tracks.csv", test_opensfm.tracks_of(project, 2))
+    written(folder / "gcp_list.txt", "EPSG:4326\n10 20 30 5 6 0.jpg A\n10 20 NaN 5 6 1.jpg B\n")
+    written(folder / "geo.txt", "EPSG:25833\n0.jpg 1 2 3 nan nan nan 0.02 0.05\n")
+    return folder
+
+
+def _file(name: str, text: Callable[[ExchangedProject], str], reading: PoseReading) -> Callable[[Path], Path]:
+    return lambda folder: written(folder / name, text(small(reading)))
+
+
+def _folder(files: Callable[[Path, ExchangedProject], Path], reading: PoseReading) -> Callable[[Path], Path]:
+    return lambda folder: files(folder, small(reading))
+
+
+SOUND: dict[str, Callable[[Path], Path]] = {
+    "opensfm": _opensfm,
+    "micmac": test_micmac.project_folder,
+    "metashape": _file("cameras.xml", test_metashape.document, metashape.READING),
+    "blocks": _file("a.xml", test_blocks_exchange.text, test_blocks_exchange.MATRIX_DOWN),
+    "bundler": _file("bundle.out", test_vision.bundler, bundler.BUNDLER),
+    "bal": _file("a.txt", test_vision.bal, bundler.BAL),
+    "nvm": _file("a.nvm", test_vision.nvm, nvm.READING),
+    "photomodeler": _file("a.txt", test_metric.photomodeler_text, photomodeler.READING),
+    "aicon": _folder(test_metric.aicon_files, aicon.READING),
+    "pix4d": _folder(test_metric.pix4d_files, pix4d.READING),
+    "ign": _folder(test_metric.ign_files, ign.READING),
+    "gubaio": test_gubaio.folder_of,
+    "bingo": _folder(test_aerial.bingo_files, bingo.READING),
+    "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
+}
+"""Of each format a project that is read without complaints."""
+
+
+def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
+    """Read a project that often, with one of its files changed; and convert what has been read."""
+    chance = random.Random(seed)
+    source = SOUND[name](folder)
+    files = [source] if source.is_file() else sorted(path for path in source.rglob("*") if path.is_file())
+    sound = {path: path.read_bytes() for path in files}
+    read = format_named(name).read
+    assert read is not None
+    assert not read(source, name).complaints
+    for _ in range(count):
+        path = chance.choice(files)
+        data = mutated(sound[path], chance)
+        path.write_bytes(data)
+        try:
+            with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
+                warnings.simplefilter("error")
+                parsed = read(source, name)
+                assert (parsed.value is None) == bool(parsed.complaints)
+                for complaint in parsed.complaints:
+                    require_words(str(complaint))
+                if parsed.value is not None:
+                    imported_block(parsed.value, name, SETTINGS)
+        except OripError as error:
+            require_words(str(error))
+        except Exception as error:
+            message = f"{name}: {path.name} of {data[:3000]!r} ended in {type(error).__name__}: {error}"
+            raise AssertionError(message) from error
+        finally:
+            path.write_bytes(sound[path])
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_some_mutated_files(tmp_path: Path, name: str) -> None:
+    fuzz(tmp_path, name, 15, 7)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SOUND)
+def test_a_hundred_thousand_mutated_files(tmp_path: Path, name: str) -> None:
+    fuzz(tmp_path, name, 100_000 // len(SOUND), 8)
+
+
+def test_entities_are_refused_before_they_expand(tmp_path: Path) -> None:
+    bomb = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;">]><document><chunk>&b;</chunk></document>'
+    for name in ("metashape", "blocks"):
+        path = written(tmp_path / name / "cameras.xml", bomb)
+        read = format_named(name).read
+        assert read is not None
+        assert "document type" in read(path, name).complaints[0].message
+    shutil.rmtree(tmp_path / "blocks")
+
+
+def test_deep_nesting_is_refused(tmp_path: Path) -> None:
+    read = format_named("metashape").read
+    assert read is not None
+    deep = written(tmp_path / "a.xml", "<document>" + "<chunk>" * 100_000)
+    assert "more elements in one another" in read(deep, "a.xml").complaints[0].message
+    read = format_named("opensfm").read
+    assert read is not None
+    deep = written(tmp_path / "reconstruction.json", "[" * 100_000)
+    assert "no JSON" in read(deep, "a.json").complaints[0].message
+
+
+def test_every_format_recognises_its_own_files_alone(tmp_path: Path) -> None:
+    for name, files in SOUND.items():
+        source = files(tmp_path / name)
+        found = [other for other in SOUND if format_named(other).recognises(source)]
+        assert found == [name]

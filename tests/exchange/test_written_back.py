@@ -1,0 +1,138 @@
+"""What is imported, written and imported again is the same; what has not changed stays as it was."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conversion.exchanged_blocks import block
+from exchange import test_opensfm
+from exchange.imported import read_well, sample
+
+from orip.conversion.cameras import convert_camera, export_camera, pixels_of_directions
+from orip.conversion.poses import exchanged_poses, orip_poses
+from orip.errors import InputError
+from orip.exchange.format import Conventions
+from orip.exchange.formats import FORMATS, format_named
+from orip.exchange.opensfm.source import read_opensfm
+from orip.exchange.opensfm.writer import write_opensfm
+from orip.records.exchanged import ExchangedCamera, ExchangedProject, PoseReading
+from orip.records.observations.control import ControlPoint
+from orip.records.project.camera import Camera
+
+LENS = ExchangedCamera(
+    "Lens 1", 4000, 3000, "opencv",
+    {"fx": 3000.0, "fy": 3000.0, "cx": 2010.0, "cy": 1490.0,
+     "k1": -0.1, "k2": 0.02, "k3": -0.003, "p1": 1e-4, "p2": -2e-4},
+    sensor_mm=(24.0, 18.0),
+)  # fmt: skip
+READING = PoseReading("y_up", "to_ground", "matrix", "radian", "centre")
+
+
+def in_conventions(conventions: Conventions) -> ExchangedProject:
+    """Return a block with a real lens and control in the conventions of a format; measurements stay where they are."""
+    given = replace(block(READING), cameras=(LENS,))
+    camera = convert_camera(LENS, "C").camera
+    exported = export_camera(camera, LENS.name, conventions.lens, conventions.lens_axes, conventions.ray_axes).camera
+    numbers, positions = exchanged_poses(*orip_poses(given.photos, READING), conventions.reading)
+    photos = [
+        replace(photo, rotation=tuple(numbers[n].tolist()), position=tuple(positions[n].tolist()))
+        for n, photo in enumerate(given.photos)
+    ]
+    shift = 0.5 if conventions.ray_axes.origin == "first_pixel" else 0.0
+    return replace(
+        given,
+        cameras=(exported,),
+        photos=tuple(photos),
+        rays=replace(given.rays, image=given.rays.image - shift),
+        readings=(conventions.reading,),
+        control=(ControlPoint("A & B", (1.0, 2.0, None), (-0.5, -0.5, None)),),
+    )
+
+
+@pytest.mark.parametrize("name", ["opensfm", "micmac", "blocks"])
+def test_what_is_written_is_read_again(tmp_path: Path, name: str) -> None:
+    found = format_named(name)
+    assert found.write is not None
+    assert found.read is not None
+    assert found.conventions is not None
+    given = in_conventions(found.conventions)
+    files = found.write(given, None)
+    for file, data in files.items():
+        (tmp_path / file).write_bytes(data)
+    again = read_well(found.read, tmp_path / next(iter(files)) if found.is_file else tmp_path)
+    place = {photo.name: n for n, photo in enumerate(again.photos)}
+    order = [place[photo.name] for photo in given.photos]
+    for expected, seen in zip(
+        orip_poses(given.photos, given.readings[0]), orip_poses(again.photos, again.readings[0]), strict=True
+    ):
+        assert seen[order] == pytest.approx(expected, abs=1e-10)
+    expected_camera, camera = convert_camera(given.cameras[0], "C").camera, convert_camera(again.cameras[0], "C").camera
+    assert _at_edge(camera) == pytest.approx(_at_edge(expected_camera), abs=1e-7)
+    if name != "micmac":
+        assert np.array_equal(again.points.coordinates[again.points.is_track], given.points.coordinates)
+    if name == "opensfm":
+        assert again.rays.image == pytest.approx(given.rays.image, abs=1e-9)
+    if name == "blocks":
+        assert again.control[0].name == "A & B"
+        assert again.control[0].coordinates == (1.0, 2.0, None)
+        assert again.control[0].errors == (-0.5, -0.5, None)
+        order = np.lexsort((given.rays.photo, given.rays.point))  # the file goes from point to point
+        assert again.rays.image == pytest.approx(given.rays.image[order], abs=1e-12)
+
+
+def _at_edge(camera: Camera) -> np.ndarray:
+    return pixels_of_directions(camera, np.array([[0.6, 0.4], [-0.6, 0.4], [-0.3, -0.45], [0.0, 0.0]]))
+
+
+def test_a_copy_of_opensfm_keeps_what_has_not_changed(tmp_path: Path) -> None:
+    folder = test_opensfm.project_folder(tmp_path)
+    before = (folder / "reconstruction.json").read_bytes()
+    project = read_well(read_opensfm, folder)
+    assert write_opensfm(project, folder)["reconstruction.json"] == before
+    moved = replace(project.photos[0], position=(1.0, 2.0, 3.0))
+    covariance = np.broadcast_to(np.eye(3) * 0.25, (len(project.points.names), 3, 3))
+    kept = np.arange(1, len(project.points.names))
+    points = replace(
+        project.points,
+        names=project.points.names[1:],
+        coordinates=project.points.coordinates[kept],
+        is_track=project.points.is_track[kept],
+        covariance=covariance[kept],
+    )
+    changed = replace(project, photos=(moved, *project.photos[1:]), points=points)
+    after = json.loads(write_opensfm(changed, folder)["reconstruction.json"])[1]
+    original = json.loads(before)[1]
+    assert after["shots"]["0.jpg"]["translation"] == [1.0, 2.0, 3.0]
+    assert after["shots"]["1.jpg"] == original["shots"]["1.jpg"]
+    assert after["cameras"] == original["cameras"]
+    assert sorted(after["points"]) == sorted(set(original["points"]) - {"0"})
+    assert after["points"]["1"]["covariance"] == [[0.25, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.25]]
+    assert after["points"]["1"]["color"] == [1.0, 2.0, 3.0]
+
+
+def test_the_sample_of_opensfm_comes_back_byte_by_byte(tmp_path: Path) -> None:
+    folder = sample("opensfm", "berlin")
+    shutil.copy(folder / "reconstruction_example.json", tmp_path / "reconstruction.json")
+    project = read_well(read_opensfm, tmp_path)
+    written = write_opensfm(project, tmp_path)["reconstruction.json"]
+    assert written == (tmp_path / "reconstruction.json").read_bytes()
+
+
+def test_terms_without_a_place_are_refused() -> None:
+    found = format_named("blocks")
+    assert found.write is not None
+    assert found.conventions is not None
+    given = in_conventions(found.conventions)
+    camera = replace(given.cameras[0], parameters={**given.cameras[0].parameters, "b1": 0.5})
+    with pytest.raises(InputError, match="no place for its terms b1"):
+        found.write(replace(given, cameras=(camera,)), None)
+
+
+def test_formats_that_are_written_say_how() -> None:
+    for found in FORMATS:
+        assert (found.write is None) == (found.conventions is None), found.name

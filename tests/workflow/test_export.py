@@ -1,0 +1,246 @@
+"""Results of adjustments in the formats of other programs."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import sqlite3
+import struct
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli.command_line import orip
+from exchange.colmap_samples import genuine, small_model, written
+
+from orip.conversion.cameras import convert_camera
+from orip.conversion.error_ellipses import error_ellipses
+from orip.conversion.reprojection import fitting_reading
+from orip.exchange.colmap.folder import read_folder
+from orip.exchange.colmap.reader import read_model
+from orip.workflow.project.bundle_state import read_bundle
+
+
+@pytest.fixture(scope="module")
+def adjusted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small model with a large error in one measurement, imported and adjusted."""
+    folder = tmp_path_factory.mktemp("export")
+    model = small_model()
+    first = model.images[0]
+    keypoints = first.keypoints.copy()
+    keypoints[5] += 40.0
+    model = replace(model, images=(replace(first, keypoints=keypoints), *model.images[1:]))
+    written(folder / "given", model, "bin")
+    assert orip(folder, "import", "given", "project").code == 0
+    (folder / "project" / "EDITS.MEA").write_text("DISREGARD POINT MAIN Bild_ä T6\n", encoding="utf-8")
+    assert orip(folder / "project", "run", "--no-report").code == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A block in a map projection, adjusted, with its results for GIS and CAD."""
+    folder = tmp_path_factory.mktemp("drone")
+    assert orip(folder, "init", "--sample", "drone_rtk", "drone").code == 0
+    assert orip(folder / "drone", "run", "--no-report").code == 0
+    for name in ("geopackage", "dxf", "csv"):
+        assert orip(folder / "drone", "export", name).code == 0
+    return folder / "drone"
+
+
+def test_the_result_is_written_into_a_copy_of_the_original(adjusted: Path) -> None:
+    said = orip(adjusted / "project", "export", "--json")
+    assert said.code == 0, said.err
+    assert said.document["original"] == str(adjusted / "given")
+    before, after = (
+        read_folder(folder, "m").value for folder in (adjusted / "given", adjusted / "project" / "colmap_adjusted")
+    )
+    solution = read_bundle(adjusted / "project", None, "heads", "solutions").adjusted
+    place = {name: n for n, name in enumerate(solution.points.names)}
+    rows = [place[f"T{identity}"] for identity in after.points.ids.tolist()]
+    assert np.array_equal(after.points.coordinates, solution.points.values[rows])
+    assert np.array_equal(after.points.ids, before.points.ids)
+    assert np.array_equal(after.points.colours, before.points.colours)
+    assert [image.name for image in after.images] == [image.name for image in before.images]
+    # what was disregarded is a keypoint without a point now
+    assert before.images[0].points[5] == 6
+    assert after.images[0].points[5] == -1
+    assert np.array_equal(after.images[0].keypoints, before.images[0].keypoints)
+    assert after.points.lengths.sum() == before.points.lengths.sum() - 1
+
+
+def test_what_was_exported_fits_the_measurements_as_well_as_the_solution(adjusted: Path) -> None:
+    assert orip(adjusted / "project", "export", "colmap", "again").code == 0
+    project = read_model(adjusted / "project" / "again", "again").value
+    assert project is not None
+    camera = convert_camera(project.cameras[0], "K1")
+    found, _ = fitting_reading(project, [camera], camera.pixels(project.rays.image))
+    solution = read_bundle(adjusted / "project", None, "heads", "solutions").adjusted
+    rows = [kind == "photo" and np.isfinite(weight) for kind, weight in
+            zip(solution.residuals.kind, solution.residuals.weight_factor, strict=True)]  # fmt: skip
+    in_pixels = solution.residuals.residual[rows] / (36.0 / 4000.0)
+    assert found.rms == pytest.approx(np.sqrt(2.0 * np.mean(in_pixels**2)), rel=1e-9)
+    assert project.stated is not None
+    assert project.stated.value == pytest.approx(found.mean_of_points(project.rays.point), rel=1e-9)
+    pycolmap = pytest.importorskip("pycolmap")
+    opened = pycolmap.Reconstruction(str(adjusted / "project" / "again"))
+    opened.update_point_3d_errors()
+    assert opened.compute_mean_reprojection_error() == pytest.approx(project.stated.value, rel=1e-9)
+
+
+def test_without_the_original_a_model_of_the_result_alone_is_written(adjusted: Path, tmp_path: Path) -> None:
+    shutil.copytree(adjusted / "project", tmp_path / "project")
+    text = (tmp_path / "project" / "exchange.toml").read_text().replace("given", "gone")
+    (tmp_path / "project" / "exchange.toml").write_text(text)
+    said = orip(tmp_path / "project", "export", "colmap", "new")
+    assert said.code == 0, said.err
+    assert "is not there; what is written has the result alone" in said.err
+    project = read_model(tmp_path / "project" / "new", "new").value
+    assert project is not None
+    assert (len(project.photos), len(project.points.names), len(project.rays.photo)) == (6, 60, 359)
+    assert project.photos[0].name == "left side/Bild ä.jpg"
+    said = orip(tmp_path / "project", "export", "colmap", "copy", "--original", str(adjusted / "given"))
+    assert "in a copy of" in said.err
+
+
+def test_what_cannot_be_exported(adjusted: Path, tmp_path: Path) -> None:
+    assert orip(adjusted, "import", "given", str(tmp_path / "fresh")).code == 0
+    said = orip(tmp_path / "fresh", "export", "colmap")
+    assert said.code == 3
+    assert orip(tmp_path / "fresh", "run", "--no-report").code == 0
+    for words, message in (
+        (["nvm"], "the format 'nvm' is read, not written"),
+        (["nothing"], "there is no format 'nothing'"),
+        (["colmap", "."], "has something in it already"),
+    ):
+        said = orip(tmp_path / "fresh", "export", *words)
+        assert (said.code, message in said.err) == (2, True), said.err
+    assert "colmap " in orip(tmp_path, "export", "--list").out
+
+
+def test_one_command_from_a_model_to_a_report(adjusted: Path, tmp_path: Path) -> None:
+    said = orip(tmp_path, "adjust", str(adjusted / "given"), "new")
+    assert said.code == 0, said.err
+    made = {path.name for path in (tmp_path / "new").iterdir()}
+    assert {"report.html", "result.json", "residuals.csv", "colmap_adjusted", "README.md"} <= made
+    assert "up to date" in orip(tmp_path / "new", "status").out
+    assert orip(tmp_path, "adjust", str(adjusted / "given"), "new").code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]
+
+
+def test_an_adjustment_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:
+    model = small_model()
+    # one photo alone determines no point
+    source = written(tmp_path / "given", replace(model, images=model.images[:1]), "bin")
+    said = orip(tmp_path, "adjust", str(source), "new")
+    assert said.code in {3, 4}
+    assert [path.name for path in tmp_path.iterdir()] == ["given"]
+
+
+def test_a_block_in_a_map_projection_is_exported_in_a_local_system(drone: Path) -> None:
+    said = orip(drone, "export", "colmap", "out")
+    assert said.code == 0, said.err
+    assert "Coordinates are east, north and up at" in said.err
+    project = read_model(drone / "out", "out").value
+    assert project is not None
+    cameras = [convert_camera(camera, f"K{n}") for n, camera in enumerate(project.cameras)]
+    found, _ = fitting_reading(project, cameras, cameras[0].pixels(project.rays.image))
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    rows = [kind == "photo" for kind in solution.residuals.kind]
+    sensor = cameras[0].source
+    pixel = read_bundle(drone, None, "definitions").records.cameras.values()
+    width = next(iter(pixel)).sensor.width / sensor.columns
+    in_pixels = solution.residuals.residual[rows] / width
+    # the adjustment is made in such a system; its origin is another one, and rounding is all that is left
+    assert found.rms == pytest.approx(np.sqrt(2.0 * np.mean(in_pixels**2)), rel=1e-4)
+
+
+def test_a_genuine_model_from_colmap_and_back(tmp_path: Path) -> None:
+    genuine("sceaux-9-text", tmp_path / "sceaux")
+    said = orip(tmp_path, "adjust", "sceaux", "new")
+    assert said.code == 0, said.err
+    out = tmp_path / "new" / "colmap_adjusted"
+    before, after = ((folder / "images.txt").read_bytes().split(b"\n") for folder in (tmp_path / "sceaux", out))
+    changed = [n for n, (one, other) in enumerate(zip(before, after, strict=True)) if one != other]
+    # the poses of the nine photos, and no line of keypoints
+    assert changed == list(range(4, 4 + 2 * 9, 2))
+    pycolmap = pytest.importorskip("pycolmap")
+    opened = pycolmap.Reconstruction(str(out))
+    assert (opened.num_reg_images(), opened.num_points3D(), opened.compute_num_observations()) == (9, 6319, 25548)
+    stated = opened.compute_mean_reprojection_error()
+    opened.update_point_3d_errors()
+    assert opened.compute_mean_reprojection_error() == pytest.approx(stated, rel=1e-9)
+    config = pycolmap.BundleAdjustmentConfig()
+    for number in opened.images:
+        config.add_image(number)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    options = pycolmap.BundleAdjustmentOptions()
+    options.print_summary = False
+    found = pycolmap.create_default_bundle_adjuster(options, config, opened).solve().ceres_summary
+    # COLMAP's own adjustment of the same unknowns finds nothing to improve, and has the square sum of orip
+    assert found.final_cost == pytest.approx(found.initial_cost, rel=1e-10)
+    solution = read_bundle(tmp_path / "new", None, "heads", "solutions").adjusted
+    assert 2.0 * found.final_cost == pytest.approx(solution.sigma0_all**2 * solution.redundancy, rel=1e-9)
+
+
+def test_tables_have_all_digits(drone: Path) -> None:
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    with (drone / "csv_adjusted" / "points.csv").open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["name"] for row in rows] == list(solution.points.names)
+    assert [float(row["X"]) for row in rows] == solution.points.values[:, 0].tolist()
+    assert [float(row["sZ"]) for row in rows] == pytest.approx(solution.points.sd[:, 2].tolist())
+
+
+def test_the_layers_of_a_geopackage(drone: Path) -> None:
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    path = drone / "orip.gpkg"
+    with closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+        assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        layers = connection.execute("SELECT table_name, srs_id FROM gpkg_contents").fetchall()
+        assert {system for _, system in layers} == {25832}
+        geometry, name, deviation = connection.execute("SELECT geom, name, sX FROM points").fetchone()
+        assert struct.unpack("<2sBBiBI", geometry[:13]) == (b"GP", 0, 1, 25832, 1, 1001)
+        assert struct.unpack("<3d", geometry[13:]) == tuple(solution.points.values[0])
+        assert (name, deviation) == (solution.points.names[0], pytest.approx(solution.points.sd[0, 0]))
+        (ellipses,) = [layer for layer, _ in layers if layer.startswith("error_ellipses")]
+        outline = connection.execute(f'SELECT geom FROM "{ellipses}" WHERE name = ?', [name]).fetchone()[0]
+    corners = np.frombuffer(outline[21:], "<f8").reshape(-1, 2)
+    factor = float(ellipses.removeprefix("error_ellipses_").removesuffix("x"))
+    # the box round a standard error ellipse has the standard deviations as half its sides
+    half = np.ptp(corners, axis=0) / 2.0
+    assert half == pytest.approx(factor * solution.points.sd[0, :2], rel=0.01)
+    pyogrio = pytest.importorskip("pyogrio")
+    assert len(pyogrio.list_layers(path)) == 3
+
+
+def test_the_entities_of_a_drawing(drone: Path) -> None:
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    path = drone / "orip.dxf"
+    lines = path.read_text(encoding="ascii").splitlines()
+    pairs = list(zip(map(int, lines[::2]), lines[1::2], strict=True))
+    kinds = [value for code, value in pairs if code == 0]
+    assert kinds[0] == "SECTION"
+    assert kinds[-1] == "EOF"
+    assert kinds.count("SECTION") == kinds.count("ENDSEC") == 2
+    assert kinds.count("POINT") == len(solution.points.names) + len(solution.photos.names)
+    assert kinds.count("POLYLINE") == kinds.count("SEQEND")
+    assert (10, repr(float(solution.points.values[0, 0]))) in pairs
+    assert (1, solution.points.names[0]) in pairs
+    ezdxf = pytest.importorskip("ezdxf")
+    assert len(ezdxf.readfile(path).modelspace().query("POINT")) == kinds.count("POINT")
+
+
+def test_error_ellipses_are_the_eigenvectors_of_covariances() -> None:
+    random = np.random.default_rng(4)
+    factor = random.normal(size=(20, 3, 3))
+    covariance = factor @ np.swapaxes(factor, 1, 2)
+    found = error_ellipses(covariance)
+    values, vectors = np.linalg.eigh(covariance[:, :2, :2])
+    assert np.allclose(found[:, :2] ** 2, values[:, ::-1])
+    along = np.column_stack([np.cos(found[:, 2]), np.sin(found[:, 2])])
+    assert np.allclose(np.abs(np.sum(along * vectors[:, :, 1], axis=1)), 1.0)
