@@ -176,8 +176,8 @@ def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, r
         raise UnsuitableCameraError(message)
     if camera.projection != LENSES[lens].projection:
         message = (
-            f"camera {camera.name} has {_PROJECTION_NAMES[camera.projection]}, the camera model of the format "
-            f"{_PROJECTION_NAMES[LENSES[lens].projection]}; export to a format that has such lenses"
+            f"camera {camera.name} has {_PROJECTION_NAMES[camera.projection]}, but cameras of the format are written "
+            f"as those of {_PROJECTION_NAMES[LENSES[lens].projection]}; export to another format"
         )
         raise UnsuitableCameraError(message)
     frame, size = (sensor.columns, sensor.rows), (sensor.width, sensor.height)

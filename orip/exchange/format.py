@@ -32,6 +32,8 @@ class Conventions:
     is_cartesian : bool
         The format has a rectangular system: eastings, northings and heights of a map projection are taken to a local
         one.
+    fisheye_lens : Lens or None
+        Of fisheye cameras, if the format has any.
     """
 
     lens: Lens | None
@@ -39,6 +41,7 @@ class Conventions:
     lens_axes: ImageAxes = PIXELS
     ray_axes: ImageAxes = PIXELS
     is_cartesian: bool = True
+    fisheye_lens: Lens | None = None
 
 
 @dataclass(frozen=True, slots=True)

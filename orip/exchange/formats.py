@@ -41,7 +41,7 @@ FORMATS: tuple[Format, ...] = (
         read_model,
         is_model,
         write_model,
-        Conventions("opencv", COLMAP),
+        Conventions("opencv", COLMAP, fisheye_lens="equidistant"),
     ),
     Format(
         "opensfm",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import PINHOLE
@@ -263,3 +265,12 @@ def test_a_fisheye_is_not_exported_as_a_perspective() -> None:
         export_camera(converted, "1", "opencv", axes, axes)
     found = export_camera(converted, "1", "equidistant", axes, axes)
     assert found.worst_px < 1e-6
+
+
+def test_a_fisheye_camera_is_exported_exactly() -> None:
+    camera = replace(orip_camera(A3=-1e-3, A5=4e-6, A9=1e-11), projection="equidistant")
+    exported = export_camera(camera, "7", "equidistant", CORNER, CORNER)
+    assert exported.worst_px == 0.0
+    again = convert_camera(exported.camera, "K1")
+    assert again.is_exact
+    assert again.camera.parameters == pytest.approx(camera.parameters, abs=1e-20)

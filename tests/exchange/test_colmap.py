@@ -23,7 +23,7 @@ from orip.exchange.colmap.reader import is_model, project_of_model, read_model
 from orip.exchange.colmap.text import cameras_from_text, images_from_text, points_from_text
 from orip.exchange.colmap.writer import new_model, updated_model, write_model
 from orip.exchange.formats import guessed_format
-from orip.records.exchanged import ExchangedProject
+from orip.records.exchanged import ExchangedProject, Lens
 
 SCEAUX_9 = ("sceaux-9-text", "sceaux-9-colmap4/text", "sceaux-9-colmap4/binary")
 
@@ -131,18 +131,22 @@ def test_points_that_the_project_has_not_become_keypoints_without_a_point() -> N
 
 
 @pytest.mark.parametrize(
-    ("parameters", "model"),
+    ("lens", "parameters", "model"),
     [
-        ({"fx": 5.0, "fy": 5.0, "cx": 1.0, "cy": 1.0}, "SIMPLE_PINHOLE"),
-        ({"fx": 5.0, "fy": 6.0, "cx": 1.0, "cy": 1.0}, "PINHOLE"),
-        ({"fx": 5.0, "fy": 5.0, "k1": 0.1}, "SIMPLE_RADIAL"),
-        ({"fx": 5.0, "fy": 5.0, "k1": 0.1, "p1": 0.1}, "OPENCV"),
-        ({"fx": 5.0, "fy": 5.0, "k3": 0.1}, "FULL_OPENCV"),
+        ("opencv", {"fx": 5.0, "fy": 5.0, "cx": 1.0, "cy": 1.0}, "SIMPLE_PINHOLE"),
+        ("opencv", {"fx": 5.0, "fy": 6.0, "cx": 1.0, "cy": 1.0}, "PINHOLE"),
+        ("opencv", {"fx": 5.0, "fy": 5.0, "k1": 0.1}, "SIMPLE_RADIAL"),
+        ("opencv", {"fx": 5.0, "fy": 5.0, "k1": 0.1, "p1": 0.1}, "OPENCV"),
+        ("opencv", {"fx": 5.0, "fy": 5.0, "k3": 0.1}, "FULL_OPENCV"),
+        ("equidistant", {"fx": 5.0, "fy": 5.0, "k1": 0.1}, "SIMPLE_RADIAL_FISHEYE"),
+        ("equidistant", {"fx": 5.0, "fy": 6.0, "k4": 0.1}, "OPENCV_FISHEYE"),
     ],
 )
-def test_the_smallest_model_that_holds_a_camera_is_written(parameters: dict[str, float], model: str) -> None:
+def test_the_smallest_model_that_holds_a_camera_is_written(
+    lens: Lens, parameters: dict[str, float], model: str
+) -> None:
     project, _ = project_of_model(small_model())
-    camera = replace(project.cameras[0], parameters=parameters, model="")
+    camera = replace(project.cameras[0], lens=lens, parameters=parameters, model="")
     assert new_model(replace(project, cameras=(camera,))).cameras[0].model == model
 
 

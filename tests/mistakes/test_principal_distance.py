@@ -30,3 +30,11 @@ def test_it_is_that_of_the_photos_whatever_the_record_has(factor: float):
 def test_without_control_it_is_that_of_the_record():
     block = replace(with_c(MADE.block, 7.0), control_points=(), photo_orientation=MADE.orientations)
     assert principal_distance_seen(block, 0) == 7.0
+
+
+def test_the_principal_distance_that_a_fisheye_shows() -> None:
+    made = synthetic_block("room", "principal distance", control="constant")
+    true = made.block.cameras[0].parameters
+    block = replace(made.block, cameras=(replace(made.block.cameras[0], parameters=(7.0, *true[1:])),))
+    # orientations are true; without distortion and noise it is exact
+    assert principal_distance_seen(block, 0) == pytest.approx(true[0], rel=1e-9)

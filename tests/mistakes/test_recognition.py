@@ -57,6 +57,11 @@ def test_a_camera_that_makes_sense() -> None:
     # a fisheye of 8 mm on small-frame film, and a long aerial lens
     assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 11), frame=(36.0, 24.0))))
     assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 11), frame=(230.0, 230.0))))
+    # a circular fisheye of 220 degrees, with black corners in its square frame
+    fisheye = Camera("F", (1.25, *[0.0] * 11), frame=(4.8, 4.8), projection="equidistant")
+    assert not list(camera_warnings(fisheye))
+    (said,) = camera_warnings(replace(fisheye, parameters=(0.4, *[0.0] * 11)))
+    assert "angle of view of 972°" in str(said)
     (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 11), sensor=Sensor(6000, 4000, 35.9, 23.9)))
     assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
 

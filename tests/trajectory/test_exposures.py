@@ -95,6 +95,17 @@ def test_events_on_a_trajectory_have_its_place_and_the_camera_its_offset() -> No
     assert all(found.is_used)
 
 
+def test_velocities_that_contradict_the_positions_are_said_and_not_used() -> None:
+    flown = trajectory()
+    right, wrong = (np.tile([x, 0.0, 0.0], (len(flown), 1)) for x in (2.0, -2.0))
+    sources = [Sources(replace(flown, velocity=given), events(), photo_times=photos(TIMES)) for given in (right, wrong)]
+    (expected, nothing), (found, said) = (find_exposures(source, Matching(tolerance=0.2)) for source in sources)
+    np.testing.assert_allclose(found.place, expected.place, atol=1e-12)
+    assert nothing == ()
+    (warning,) = said
+    assert (warning.code, warning.where.rpartition(":")[0]) == ("velocities", "t.pos")
+
+
 def test_gaps_the_end_and_floats_are_said_with_their_lines() -> None:
     numbered = events(number=np.arange(1, 7))
     flown = trajectory({8: "float", 17: "code"})

@@ -125,6 +125,12 @@ def _measured(p: Polynomial) -> dict[str, float]:
     return found
 
 
+def _equidistant(p: Polynomial) -> dict[str, float]:
+    term, grown, c = _terms(p)
+    radial = {f"k{n}": term(f"A{2 * n + 1}") * c ** (2 * n + 1) / grown for n in (1, 2, 3, 4)}
+    return {"fx": grown + c * term("B1"), "fy": grown, "cx": p.point[0], "cy": p.point[1], **radial}
+
+
 def _pinhole(p: Polynomial) -> dict[str, float]:
     return {"f": p.c, "fx": p.c, "fy": p.c, "cx": p.point[0], "cy": p.point[1]}
 
@@ -149,5 +155,5 @@ _CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
     "measured": _measured,
     "isp": _pinhole,
     "division": _pinhole,
-    "equidistant": _pinhole,
+    "equidistant": _equidistant,
 }

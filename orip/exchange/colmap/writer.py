@@ -27,7 +27,10 @@ from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPro
 _SAME_POSE = 1e-11
 """Of a quaternion and, relative to its size, of a translation: angles and centres were written and read again."""
 
-_MODELS_WRITTEN = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+_MODELS_WRITTEN = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE",
+)  # fmt: skip
 _UNKNOWN_ERROR = -1.0
 
 

@@ -172,10 +172,10 @@ def _add_tracks(
     photo_of_row, point_of_row = photo[tracks.shot], point[tracks.track]
     used = (photo_of_row >= 0) & (point_of_row >= 0)
     cameras = [reconstruction.cameras[item.camera] for item in reconstruction.photos]
-    for at, to, (x, y) in zip(
-        photo_of_row[used].tolist(), point_of_row[used].tolist(), tracks.coordinates[used].tolist(), strict=True
-    ):
-        rays.add(at, to, _pixel(cameras[at], x, y))
+    size = np.array([(camera.columns, camera.rows) for camera in cameras], dtype=np.float64).reshape(-1, 2)
+    of_ray = size[photo_of_row[used]]
+    image = tracks.coordinates[used] * of_ray.max(axis=1, initial=0.0)[:, None] + of_ray / 2.0
+    rays.extend(photo_of_row[used], point_of_row[used], image)
     lost = len(used) - int(used.sum())
     return (
         [f"{counted(lost, 'feature')} of tracks without a point, or in photos not oriented, left out."] if lost else []

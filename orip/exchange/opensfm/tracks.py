@@ -87,11 +87,12 @@ def _fields_of_version(first: str, faults: Faults) -> int:
 
 
 def _row(line: str, number: int, fields: int, faults: Faults) -> tuple[str, str, int, float, float] | None:
-    words = line.split("\t")
-    if len(words) != fields:
+    found = line.count("\t") + 1
+    if found != fields:
         form = "photo, track, feature, x, y and others, separated by tabs"
-        faults.complain(f"{len(words)} fields, and {fields} should be here: {form}", number)
+        faults.complain(f"{found} fields, and {fields} should be here: {form}", number)
         return None
+    words = line.split("\t", _Y + 1)
     try:
         feature, x, y = int(words[_FEATURE]), float(words[_X]), float(words[_Y])
     except ValueError:

@@ -1,1 +1,1 @@
-"""How foreign files are read whatever their format: rows of text, trees of XML and JSON, members of zip files."""
+"""How foreign files are read, whatever their format: lines of text, trees of XML and JSON, and their faults."""

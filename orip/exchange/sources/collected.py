@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orip.arrays import FloatArray, IntArray
 from orip.records.exchanged import ExchangedPoints, ExchangedRays
 
 _UNKNOWN = (math.nan, math.nan, math.nan)
@@ -61,6 +62,13 @@ class CollectedRays:
         self._places.extend((photo, point))
         self._image.extend((image[0], image[1], deviation))
         self._active.append(is_active)
+
+    def extend(self, photo: IntArray, point: IntArray, image: FloatArray) -> None:
+        """Add n measurements: places (n,) of photos and points, image coordinates (n, 2); no deviations."""
+        count = len(photo)
+        self._places.frombytes(np.column_stack([photo, point]).astype(np.int64).tobytes())
+        self._image.frombytes(np.column_stack([image, np.full(count, math.nan)]).astype(np.float64).tobytes())
+        self._active.frombytes(np.ones(count, dtype=np.int8).tobytes())
 
     def rays(self) -> ExchangedRays:
         """Return all rays."""

@@ -15,10 +15,7 @@ _LONGEST = 20.0
 """Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""
 
 _SHORTEST = 0.1
-"""Smallest such ratio: the angle of view is 157°, which no perspective lens has."""
-
-_SHORTEST_OF_FISHEYE = 0.1
-"""Of an equidistant camera: the diagonal would show 573°, which no lens does even across its black corners."""
+"""Smallest such ratio: the angle of view is 157°, of a fisheye 573° from corner to corner, which no lens has."""
 
 _SQUARE = 1.05
 """Largest ratio of the sides of a pixel; sensor sizes in data sheets are rounded to a hundredth."""
@@ -38,7 +35,7 @@ def _angle_of_view(camera: Camera) -> str:
         return ""
     width, height = (corners[1] - corners[0]).tolist()
     diagonal = float(np.hypot(width, height))
-    if _is_possible(camera, c, diagonal):
+    if _is_possible(c, diagonal):
         return ""
     angle = float(np.degrees(_angle_at(camera, c, diagonal)))
     shown = f"{angle:.0f}" if angle >= 10.0 else f"{angle:.2g}"
@@ -53,9 +50,7 @@ def _angle_at(camera: Camera, c: float, diagonal: float) -> float:
     return diagonal / c if camera.projection == "equidistant" else float(2.0 * np.arctan(0.5 * diagonal / c))
 
 
-def _is_possible(camera: Camera, c: float, diagonal: float) -> bool:
-    if camera.projection == "equidistant":
-        return _SHORTEST_OF_FISHEYE < c / diagonal < _LONGEST
+def _is_possible(c: float, diagonal: float) -> bool:
     return _SHORTEST < c / diagonal < _LONGEST
 
 
@@ -65,7 +60,7 @@ def _meant(camera: Camera, diagonal: float) -> str:
     listed = ", ".join(
         f"if it is in {unit}: C = {c * size:.4g} mm"
         for unit, size in millimetres_per_unit(camera).items()
-        if _is_possible(camera, c * size, diagonal)
+        if _is_possible(c * size, diagonal)
     )
     return f" ({listed})" if listed else ""
 

@@ -109,11 +109,12 @@ def _cameras(adjusted: _Adjusted, names: NamesTable, conventions: Conventions) -
     found = {}
     for key, camera in adjusted.cameras.items():
         name = names.cameras.get(key, camera.name)
-        found[key] = (
-            ExportedCamera(ExchangedCamera(name, 0, 0, "unsupported", {}), 0.0, 0.0)
-            if conventions.lens is None
-            else export_camera(camera, name, conventions.lens, conventions.lens_axes, conventions.ray_axes)
-        )
+        is_fisheye = camera.projection == "equidistant" and conventions.fisheye_lens is not None
+        lens = conventions.fisheye_lens if is_fisheye else conventions.lens
+        if lens is None:
+            found[key] = ExportedCamera(ExchangedCamera(name, 0, 0, "unsupported", {}), 0.0, 0.0)
+        else:
+            found[key] = export_camera(camera, name, lens, conventions.lens_axes, conventions.ray_axes)
     return found
 
 
