@@ -72,6 +72,7 @@ def test_killed_at_some_steps(what: What, before: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("what", ["cameras", "photos", "points"])
 def test_a_process_killed_at_every_step(what: What, before: Path, tmp_path: Path) -> None:
     _, states = _updated(what, before, tmp_path)
