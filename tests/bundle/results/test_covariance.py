@@ -176,7 +176,7 @@ def test_several_records_make_one_matrix() -> None:
     found = solved(CONTROLLED["self-calibration"])
     camera, photo, _, point, other = records(found)
     joint = covariance(found, [camera, point, other], [photo, point])
-    assert joint.shape == (11 + 3 + 3, 6 + 3)
+    assert joint.shape == (12 + 3 + 3, 6 + 3)
     whole = covariance(found, [point, photo], [point, photo])
     deviations = np.sqrt(np.diag(whole))
     difference = joint[11:14, :6] - covariance(found, [point], [photo])
