@@ -194,7 +194,7 @@ def _controlled_step(
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
                 history = accelerated.history.applied(step)
-                return _Step(normals, before, moved, factor < 1.0, False, control.relaxed(normals), history)
+                return _Step(normals, before, moved, factor < 1.0, False, control.relaxed(), history)
             control = control.refused()
             if control.is_far(normals):
                 moved = _linearised(problem, problem.with_blocks_recomputed(moved.state))
@@ -202,7 +202,7 @@ def _controlled_step(
         accepted = _is_accepted(now, weights, normals, moved.equations, control.accepts_fitted)
         if accepted or not control.can_damp_more:
             damped = control.damping > 0.0
-            return _Step(normals, before, moved, True, damped, control.relaxed(normals), Acceleration())
+            return _Step(normals, before, moved, True, damped, control.relaxed(), Acceleration())
         control = control.refused().strengthened()
         # the next attempt needs their memory
         del normals, moved

@@ -90,9 +90,9 @@ class StepControl:
         """Return the control after an attempt was refused."""
         return replace(self, undamped=-1)
 
-    def relaxed(self, normals: SolvedNormals) -> StepControl:
-        """Return the control after a step was taken: the next correction is damped less, near the end not at all."""
-        weaker = 0.0 if self._enp(normals) >= _NEAR_ENP else self.damping / _STEP
+    def relaxed(self) -> StepControl:
+        """Return the control after a step was taken: the next correction is damped less, or not at all."""
+        weaker = self.damping / _STEP
         return replace(self, undamped=self.undamped + 1, damping=weaker if weaker >= _LEAST else 0.0)
 
     def strengthened(self) -> StepControl:

@@ -114,6 +114,7 @@ GIVES_NONE = {
     "orip.bundle.point_consensus.PointRays.least_squares": "moves of points",
     "orip.bundle.point_consensus.PointRays.of_pair": "some of the rows, unchanged",
     "orip.bundle.point_consensus.moves_of_points": "moves of points",
+    "orip.bundle.point_consensus.with_steady_weights": "moves of points",
     "orip.bundle.results.ground._project_cofactors": "cofactors",
     "orip.bundle.results.ground._rotation_deviations": "standard deviations",
     "orip.bundle.problem.BlockProblem._pattern": "places of unknowns",

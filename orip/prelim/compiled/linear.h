@@ -183,13 +183,16 @@ static inline double median_of(double *a, int64_t n)
     return 0.5 * (lower + upper);
 }
 
+/* Weighted square of a residual that is of no influence, as in orip/adjustment/weights.py. */
+#define NO_INFLUENCE 0.01
+
 /* Danish weight of a standard residual (Krarup, Juhl and Kubik 1980); floor as in orip/adjustment/weights.py. */
 static inline double danish_weight(double u, double limit, double floor)
 {
     if (u <= limit)
         return 1.0;
-    const double w = exp(-u / limit);
-    return w > floor ? w : floor;
+    const double w = exp(-u / limit), largest = fmax(u, 1.0), least = fmin(floor, NO_INFLUENCE / (largest * largest));
+    return w > least ? w : least;
 }
 
 /* Project: residual computed minus measured (2), partials by rotation and projection centre (2 x 6); whether in front. */
