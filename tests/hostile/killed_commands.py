@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-FILM, OPERATED, DRIVABLE, JOINED = "film", "operated", "drivable", "joined"
+FILM, OPERATED, DRIVABLE, JOINED, EXCHANGED = "film", "operated", "drivable", "joined", "exchanged"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
 adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
-their stores."""
+their stores; adjusted, with what it is in another program."""
 
 MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
 """Those of the joined project; with the other stores it has seventeen."""
@@ -71,6 +71,7 @@ _OTHERS = {
         "bundle delete B03 --with-referents --yes", "observations rename point left P1 P2 --bundle B03",
         "observations kill mark left '*' --yes",
     ),
+    EXCHANGED: ("import colmap model imported", "export colmap written", "adjust model"),
 }  # fmt: skip
 
 ONLY_READING = frozenset(

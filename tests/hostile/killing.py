@@ -28,7 +28,7 @@ from unittest.mock import patch
 from cli.command_line import commands_put_together_once
 from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
-from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
+from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, EXCHANGED, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
 from workflow.killed_orip import Steps, counted
 from workflow.small_projects import film_project, many_bundles, replace_in
 
@@ -107,6 +107,10 @@ def prepared(folder: Path) -> Iterator[list[Case]]:
     _load_modules(folder)
     _done(folder / FILM, "init", "--sample", "small_frame_block", str(folder / DRIVABLE))
     _done(folder / DRIVABLE, "run")
+    _load_modules(folder)
+    _done(folder, "init", "--sample", "zurich_city_hall", str(folder / EXCHANGED))
+    _done(folder / EXCHANGED, "run", "--no-report")
+    _done(folder / EXCHANGED, "export", "colmap", "model")
     _load_modules(folder)
     for name in ("MAIN.DRV", "report.html"):
         (folder / DRIVABLE / name).unlink()
@@ -216,8 +220,8 @@ def check(case: Case, place: Path) -> None:
         if case.is_digitising and path.suffix == ".MEA":
             assert not read_measurements(path, path.name).complaints
         else:
-            wholes = [_content(stage / path.name) for stage in case.stages]
-            assert _content(path) in wholes, f"{case.words}: {path.name} is neither old nor new"
+            wholes = [_content(stage / path.name, stage) for stage in case.stages]
+            assert _content(path, place) in wholes, f"{case.words}: {path.name} is neither old nor new"
 
 
 def _is_leftover(path: Path) -> bool:
@@ -225,11 +229,17 @@ def _is_leftover(path: Path) -> bool:
     return path.name.startswith(".orip-") or path.name.endswith(_UNFINISHED) or "-mj" in path.name
 
 
-def _content(path: Path) -> object:
-    """Return the bytes of a file, or those of the files of a folder; one without any is as good as none."""
+def _content(path: Path, project: Path) -> object:
+    """Return the bytes of a file, or those of the files of a folder; one without any is as good as none.
+
+    An imported project says where its source is, which does not count here; of an adjusted one, whose run ids depend on
+    it, the names alone count.
+    """
     if path.is_dir():
-        return {file.name: _content(file) for file in path.iterdir() if not file.name.startswith(".orip-")} or None
-    return path.read_bytes() if path.exists() else None
+        files = [file for file in path.iterdir() if not file.name.startswith(".orip-")]
+        is_adjusted_elsewhere = path.name.endswith("_orip")
+        return {file.name: None if is_adjusted_elsewhere else _content(file, project) for file in files} or None
+    return path.read_bytes().replace(bytes(project), b"") if path.exists() else None
 
 
 def _bytes_of(folder: Path) -> dict[str, bytes]:
