@@ -188,7 +188,7 @@ class Problem(Protocol[StateT]):
     ) -> StateT | None:
         """Return the state without blocks that the observations that fit do not determine; None if there are none.
 
-        `weights` (n,) are those of the normal equations.
+        Blocks that fewer than two observations with some weight, of the weights (n,), are left with go as well.
         """
 
     def with_all_blocks(self, state: StateT) -> StateT:

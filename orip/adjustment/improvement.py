@@ -36,7 +36,7 @@ def next_attempt(
     if tried.attempts > _MOST_ATTEMPTS or not (equations.active & (weights < 1.0)).any():
         return None
     # where much is wrong, too much would have to be exchanged
-    if not (tried.exchange or now.weighing.crowded):
+    if not (tried.exchange or now.weighing.of_tracks):
         tried = replace(tried, exchange=True)
         exchange = better_exchange(equations, weights, normals, problem.layout, limit)
         if exchange is not None:

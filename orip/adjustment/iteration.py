@@ -164,7 +164,8 @@ def _determined(
             return now, weights, normals
         scale = now.weighing.scale_in(equations, iteration)
         if now.weighing.has_begun_in(iteration):
-            fewer = problem.without_contradictory_blocks(now.current.state, normals.blocks, scale, weights)
+            fits = weights if now.weighing.of_tracks else np.ones(len(weights))
+            fewer = problem.without_contradictory_blocks(now.current.state, normals.blocks, scale, fits)
         else:
             fewer = problem.without_undetermined_blocks(now.current.state, normals.blocks, scale)
         if fewer is None:
@@ -212,11 +213,11 @@ def _controlled_step(
 def _moves_to_steady_weights(
     problem: Problem[StateT], now: IterationState[StateT], moved: Linearised[StateT]
 ) -> FloatArray:
-    """Return corrections (m + 3 b,) of blocks that do not fit after a step, where many do not; else zeros.
+    """Return corrections (m + 3 b,) of blocks that do not fit after a step, in tracks; else zeros.
 
     Weights and residuals of a block change each other slowly, and the block by itself is solved quickly.
     """
-    if not now.weighing.is_crowded_with_danish_weights_in(len(now.records) + 1):
+    if not now.weighing.has_begun_with_tracks_in(len(now.records) + 1):
         return np.zeros(problem.layout.size)
     return problem.moves_to_steady_weights(moved.state, moved.equations, now.weighing.final_limit)
 
@@ -318,7 +319,7 @@ def _settled(
     equations = now.current.equations
     if not has_many_reduced(equations, weights):
         return _with_all_blocks(problem, now)
-    now = replace(now, weighing=replace(now.weighing, crowded=True))
+    now = replace(now, weighing=now.weighing.with_many_reduced(equations, weights))
     weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage)
     state = problem.with_doubtful_blocks_placed(now.current.state, equations, weighing.final_limit)
     return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())

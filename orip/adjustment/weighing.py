@@ -36,6 +36,10 @@ _MANY, _MANY_PART = 40, 0.0025
 """Observations that do not fit, at least, and the part of all, as in tracks of feature matching: so many carry blocks
 and others away. Fewer are left to the weights."""
 
+_TRACKS = 200
+"""Observations that do not fit, at least, where they come from feature matching: what was measured as one is wrong as a
+whole then. In blocks of some hundred observations it would depend on the starting values."""
+
 _TESTABLE, _LEAST_REDUNDANCY = 0.05, 100.0
 """Least redundancy number of a residual that the scale is estimated from, and the least sum of these numbers: the scale
 is then known to 12 % (the standard deviation of such a median is 1.17 / sqrt(redundancy))."""
@@ -57,8 +61,8 @@ class Weighing:
         Exceptionally large residuals lose weight before the Danish method; else all weights are 1 until then.
     scale : float
         Of the observations, in a-priori errors: 1 unless these are far off.
-    crowded : bool
-        Many observations did not fit when the state had settled.
+    crowded, of_tracks : bool
+        Many observations did not fit when the state had settled; so many that they come from feature matching.
     """
 
     limit: float
@@ -67,6 +71,7 @@ class Weighing:
     early: bool = True
     scale: float = 1.0
     crowded: bool = False
+    of_tracks: bool = False
 
     @property
     def final_limit(self) -> float:
@@ -90,11 +95,12 @@ class Weighing:
 
     def _grouped(self, equations: Equations, iteration: int, limit: float) -> Equations:
         """Return the equations with the groups of observations that lose weight together in an iteration."""
-        many = self.crowded
-        if not self.has_begun_in(iteration):
+        if self.has_begun_in(iteration):
+            as_wholes = self.of_tracks
+        else:
             judged = _judged(equations)
-            many = _are_many(equations.sizes(equations.residual, judged)[judged] > limit)
-        return equations.with_wider_groups() if many else equations
+            as_wholes = _are_of_tracks(equations.sizes(equations.residual, judged)[judged] > limit)
+        return equations.with_wider_groups() if as_wholes else equations
 
     def cost_in(self, equations: Equations, iteration: int, residuals: FloatArray) -> float:
         """Return the cost that an iteration from some equations minimises, at residuals (n,) of these.
@@ -104,10 +110,10 @@ class Weighing:
         judged = _judged(equations)
         if self.start is None:
             return float(np.sum(residuals[judged] ** 2) / 2.0)
-        grouped = equations.with_wider_groups()
+        limit = self.limit * self.scale_in(equations, iteration)
+        grouped = self._grouped(equations, iteration, limit)
         size = grouped.sizes(residuals, judged)[judged]
-        costs = danish_costs if self.has_begun_in(iteration) else wide_costs
-        parts = costs(size, self.limit * self.scale_in(equations, iteration))
+        parts = (danish_costs if self.has_begun_in(iteration) else wide_costs)(size, limit)
         return float((parts * grouped.shares(judged)[judged]).sum())
 
     def scale_in(self, equations: Equations, iteration: int) -> float:
@@ -120,9 +126,9 @@ class Weighing:
         """Return whether many observations do not fit: in an iteration with some weights, and once settled for good."""
         return self.crowded if self.has_begun_in(iteration) else has_many_reduced(equations, weights)
 
-    def is_crowded_with_danish_weights_in(self, iteration: int) -> bool:
-        """Return whether an iteration has the weights of the Danish method, and many observations do not fit."""
-        return self.crowded and self.has_begun_in(iteration)
+    def has_begun_with_tracks_in(self, iteration: int) -> bool:
+        """Return whether an iteration has the weights of the Danish method for tracks of feature matching."""
+        return self.of_tracks and self.has_begun_in(iteration)
 
     def has_begun_in(self, iteration: int) -> bool:
         """Return whether an iteration has the weights of the Danish method."""
@@ -136,11 +142,15 @@ class Weighing:
         judged = _judged(equations)
         if self.start is None:
             return float(np.sum(equations.residual[judged] ** 2) / 2.0)
-        grouped = equations.with_wider_groups() if self.crowded else equations
+        grouped = equations.with_wider_groups() if self.of_tracks else equations
         of_judged = danish_costs(grouped.sizes(equations.residual, judged)[judged], self.final_limit)
         of_judged *= grouped.shares(judged)[judged]
         lost = int(np.count_nonzero(~equations.active))
         return float(of_judged.sum()) + lost * greatest_danish_cost(self.final_limit)
+
+    def with_many_reduced(self, equations: Equations, weights: FloatArray) -> Weighing:
+        """Return the weighing of a block that has settled with many weights (n,) reduced."""
+        return replace(self, crowded=True, of_tracks=_are_of_tracks(weights[_judged(equations)] < 1.0))
 
     def after(self, iteration: int, enp: float) -> Weighing:
         """Return the phase that follows an iteration."""
@@ -184,6 +194,10 @@ def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
 
 def _are_many(wrong: BoolArray) -> bool:
     return bool(np.count_nonzero(wrong) >= max(_MANY, _MANY_PART * len(wrong)))
+
+
+def _are_of_tracks(wrong: BoolArray) -> bool:
+    return _are_many(wrong) and bool(np.count_nonzero(wrong) >= _TRACKS)
 
 
 def scale_of_observations(

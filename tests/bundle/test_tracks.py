@@ -9,6 +9,8 @@ import pytest
 from bundle.solving import redefined, solved, started_off
 from support.synthetic_block import synthetic_block
 
+from orip.adjustment import weighing
+
 SETTINGS = {"max_iterations": 30, "start_down_weight": 2}
 NOISE_MM = 0.005
 
@@ -51,6 +53,13 @@ def test_outliers_are_found_and_the_rest_is_as_good_as_without_them(share):
     assert np.abs(error / deviations).max() < 5.0
 
 
+@pytest.fixture
+def small_tracks(monkeypatch):
+    """Take blocks of this size for tracks if 40 of their observations do not fit."""
+    monkeypatch.setattr(weighing, "_TRACKS", 40)
+
+
+@pytest.mark.usefixtures("small_tracks")
 def test_a_photo_point_loses_weight_as_a_whole():
     _, block, wrong = tracks(0.2, 3)
     found = solved(block).weight_factors[: 2 * len(wrong)].reshape(-1, 2)
@@ -58,6 +67,7 @@ def test_a_photo_point_loses_weight_as_a_whole():
     assert np.mean(found[wrong, 0] < 1.0) >= 0.95
 
 
+@pytest.mark.usefixtures("small_tracks")
 def test_in_a_block_with_few_blunders_a_coordinate_loses_weight_by_itself():
     made = synthetic_block("convergent", "tracks", noise_mm=NOISE_MM, **SETTINGS)
     points = made.block.photo_points
@@ -69,6 +79,7 @@ def test_in_a_block_with_few_blunders_a_coordinate_loses_weight_by_itself():
     assert found[7, 1] == 1.0
 
 
+@pytest.mark.usefixtures("small_tracks")
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_a_third_of_outliers_needs_few_iterations(seed):
     _, block, _ = tracks(0.3, seed)
