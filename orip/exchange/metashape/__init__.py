@@ -1,1 +1,1 @@
-"""Cameras, markers, lenses, tie points and reference tables of Agisoft Metashape and PhotoScan."""
+"""Cameras, markers and lenses of Agisoft Metashape and PhotoScan, as XML."""
