@@ -189,8 +189,9 @@ def _controlled_step(
         factor = problem.step_factor(accelerated.step)
         step = factor * accelerated.step
         moved = _linearised(problem, problem.update(now.current.state, step))
-        moves = _moves_to_steady_weights(problem, now, moved)
-        if moves.any():
+        if now.weighing.has_begun_with_tracks_in(len(now.records) + 1):
+            # weights and residuals of a block change each other slowly; the block by itself is solved quickly
+            moves = problem.moves_to_steady_weights(moved.state, moved.equations, now.weighing.final_limit)
             step, moved = step + moves, _linearised(problem, problem.update(moved.state, moves))
         if not control.damping:
             if _is_accepted(now, weights, normals, moved.equations, control.accepts_correction):
@@ -208,18 +209,6 @@ def _controlled_step(
         # the next attempt needs their memory
         del normals, moved
         normals = solve_normals(before, weights, problem.layout, settings.max_lost_digits, control.damping)
-
-
-def _moves_to_steady_weights(
-    problem: Problem[StateT], now: IterationState[StateT], moved: Linearised[StateT]
-) -> FloatArray:
-    """Return corrections (m + 3 b,) of blocks that do not fit after a step, in tracks; else zeros.
-
-    Weights and residuals of a block change each other slowly, and the block by itself is solved quickly.
-    """
-    if not now.weighing.has_begun_with_tracks_in(len(now.records) + 1):
-        return np.zeros(problem.layout.size)
-    return problem.moves_to_steady_weights(moved.state, moved.equations, now.weighing.final_limit)
 
 
 def _is_accepted(

@@ -143,13 +143,17 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     if sensor is None:
         message = f"camera {camera.name} has no sensor"
         raise ValueError(message)
-    c, x0, y0, *coefficients = camera.parameters
-    equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+    c, equation = camera.parameters[0], _image_equation(camera)
     with np.errstate(all="ignore"):  # directions far outside the frame may overflow
         x, y = equation.measured(*_ideal(camera.projection, c, directions))
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
     row = sensor.rows / 2.0 - np.asarray(y) * (sensor.rows / sensor.height)
     return np.stack([column, row], axis=1)
+
+
+def _image_equation(camera: Camera) -> ImageEquation:
+    _, x0, y0, *coefficients = camera.parameters
+    return ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
 
 
 def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, ray_axes: ImageAxes) -> ExportedCamera:
@@ -209,8 +213,7 @@ def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
     if sensor is None:
         message = f"camera {camera.name} has no sensor"
         raise ValueError(message)
-    c, x0, y0, *coefficients = camera.parameters
-    equation = ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+    c, equation = camera.parameters[0], _image_equation(camera)
     x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
     y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
     with np.errstate(all="ignore"):  # pixels far outside the frame may overflow

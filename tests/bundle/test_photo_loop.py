@@ -40,9 +40,9 @@ _POINTS_STAY = 1e30
 """Damping with which what the elimination of points takes off is nothing beside the last digit."""
 
 
-def self_calibrated(distortion_at: str) -> Block:
+def self_calibrated(distortion_at: str, scene: str = "convergent") -> Block:
     return synthetic_block(
-        "convergent",
+        scene,
         "photo loop",
         noise_mm=0.003,
         distortion=DISTORTED,
@@ -119,18 +119,6 @@ def two_cameras_with_sets() -> Block:
     return replace(block, cameras=(replace(one, additional_set="EBNER"), replace(other, additional_set="GRUEN")))
 
 
-def fisheye(distortion_at: str) -> Block:
-    return synthetic_block(
-        "room",
-        "photo loop",
-        noise_mm=0.003,
-        distortion=DISTORTED,
-        distortion_at=distortion_at,
-        unknown=CAMERA_PARAMETERS,
-        start_error=0.01,
-    ).block
-
-
 def fisheye_and_plain() -> Block:
     """Return a block of two cameras and projections: points that the perspective shows are in both of them."""
     block = self_calibrated("ideal")
@@ -145,7 +133,7 @@ def fisheye_and_plain() -> Block:
 
 
 def fisheye_with_set(name: AdditionalSet, distortion_at: str) -> Block:
-    block = fisheye(distortion_at)
+    block = self_calibrated(distortion_at, "room")
     return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
 
 
@@ -164,8 +152,8 @@ BLOCKS = {
     "Gruen": lambda: with_set("GRUEN", "ideal"),
     "Gruen at measured": lambda: with_set("GRUEN", "measured"),
     "two cameras with sets": two_cameras_with_sets,
-    "fisheye": lambda: fisheye("ideal"),
-    "fisheye at measured": lambda: fisheye("measured"),
+    "fisheye": lambda: self_calibrated("ideal", "room"),
+    "fisheye at measured": lambda: self_calibrated("measured", "room"),
     "fisheye and plain": fisheye_and_plain,
     "fisheye with Ebner": lambda: fisheye_with_set("EBNER", "ideal"),
     "fisheye with Gruen at measured": lambda: fisheye_with_set("GRUEN", "measured"),

@@ -7,18 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference.published_data import data_set
 
 from orip.conversion.cameras import ConvertedCamera, convert_camera
 from orip.conversion.reprojection import Reprojection, fitting_reading
 from orip.exchange.format import Read
 from orip.records.exchanged import ExchangedProject
 
-SAMPLES = Path("/work/shared/reference-data/exchange")
-
 
 def sample(*names: str) -> Path:
     """Return a genuine file of another program, or skip the test."""
-    path = SAMPLES.joinpath(*names)
+    path = data_set("exchange").joinpath(*names)
     if not path.exists():
         pytest.skip(f"{path} is not there: genuine files of other programs are no part of the project")
     return path

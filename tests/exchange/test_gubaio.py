@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from exchange.imported import SAMPLES, read_well, written
+from exchange.imported import read_well, written
+from reference.published_data import REFERENCE_DATA
 
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 
-THESIS = SAMPLES.parents[1] / "seeds" / "004_33396dcb2c273ad8.txt"
+THESIS = REFERENCE_DATA.parent / "seeds" / "004_33396dcb2c273ad8.txt"
 DCS260 = {"gubaio.img": (2829, 3017), "gubaio.gcp": (3022, 3055), "gubaio.cam": (3060, 3071)}
 ZURICH = {"gubaio.img": (3268, 3668), "gubaio.gcp": (3670, 3733), "gubaio.cam": (3735, 3746)}
 
@@ -55,7 +56,7 @@ def folder_of(folder: Path, img: str = IMG, gcp: str = GCP, cam: str = CAM) -> P
 def printed(folder: Path, parts: dict[str, tuple[int, int]]) -> Path:
     """Write files as they are printed; lines of the page around them are left out."""
     if not THESIS.exists():
-        pytest.skip(f"{THESIS} is not there")
+        pytest.skip("the thesis is not in ../shared/seeds beside the repository")
     lines = THESIS.read_text(encoding="utf-8").splitlines()
     for name, (first, last) in parts.items():
         kept = [line for line in lines[first:last] if not line.startswith(("```", "1."))]

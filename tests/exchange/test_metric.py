@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
-from exchange.imported import SAMPLES, read_well, reprojected, sample, written
+from exchange.imported import read_well, reprojected, sample, written
+from reference.published_data import data_set
 
 from orip.conversion.lenses.table import directions_of_image
 from orip.conversion.poses import orip_poses
@@ -59,9 +60,7 @@ def test_photomodeler_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
 
 
 def test_the_sample_of_photomodeler_has_the_published_figure() -> None:
-    path = SAMPLES.parent / "dbat-camcal-selfcal" / "models" / "camcal-pmexport.txt"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
+    path = data_set("dbat-camcal-selfcal") / "models" / "camcal-pmexport.txt"
     project = read_well(photomodeler.read_photomodeler, path)
     assert (len(project.photos), len(project.rays.photo)) == (21, 2074)
     rotations, centres = orip_poses(project.photos, project.readings[0])

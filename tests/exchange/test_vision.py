@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
-from exchange.imported import SAMPLES, read_well, reprojected, sample, with_frame, written
+from exchange.imported import read_well, reprojected, sample, with_frame, written
+from reference.published_data import data_set
 
 from orip.conversion.cameras import convert_camera
 from orip.conversion.lenses.table import directions_of_image
@@ -144,9 +145,7 @@ def _ideal_residuals(project: ExchangedProject) -> np.ndarray:
 
 
 def test_the_published_problem_of_bal_is_read() -> None:
-    path = SAMPLES.parent / "bal" / "problem-49-7776-pre.txt"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
+    path = data_set("bal") / "problem-49-7776-pre.txt"
     project = read_well(read_bal, path)
     assert (len(project.photos), len(project.points.names), len(project.rays.photo)) == (49, 7776, 31843)
     camera = convert_camera(with_frame(project, 1600, 1200).cameras[0], "C")
