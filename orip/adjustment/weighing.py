@@ -20,7 +20,7 @@ from orip.adjustment.weights import (
 )
 from orip.arrays import BoolArray, FloatArray
 
-_SETTLED_ENP = 1.0
+SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
 
 _LONGEST_SETTLING = 7
@@ -154,7 +154,7 @@ class Weighing:
 
     def after(self, iteration: int, enp: float) -> Weighing:
         """Return the phase that follows an iteration."""
-        settles = self.settled_after is None and (enp >= _SETTLED_ENP or iteration >= _LONGEST_SETTLING)
+        settles = self.settled_after is None and (enp >= SETTLED_ENP or iteration >= _LONGEST_SETTLING)
         return replace(self, settled_after=iteration) if settles else self
 
     def scaled(self, equations: Equations, redundancy_numbers: FloatArray) -> Weighing:
