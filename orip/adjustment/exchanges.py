@@ -281,8 +281,9 @@ def _lowest(start: _Weighed, limit: float) -> list[_Weighed]:
 
 def _ends(start: _Weighed, limit: float) -> list[tuple[float, _Weighed]]:
     """Return where the changes of one observation lead to, with the costs, the lowest first."""
-    ends = (_descended(first, row, limit) for first, row in _first_changes(start, limit))
-    return sorted(ends, key=itemgetter(0))
+    passed: set[bytes] = set()
+    ends = (_descended(first, row, limit, passed) for first, row in _first_changes(start, limit))
+    return sorted((end for end in ends if end is not None), key=itemgetter(0))
 
 
 def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int]]:
@@ -310,8 +311,12 @@ def _best_changes(now: _Weighed, changed: int, limit: float) -> list[tuple[int, 
     return list(zip(order.tolist(), gains[order].tolist(), weights[order].tolist(), strict=True))
 
 
-def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weighed]:
-    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is."""
+def _descended(now: _Weighed, changed: int, limit: float, passed: set[bytes]) -> tuple[float, _Weighed] | None:
+    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is.
+
+    None where the same observations have lost weight as on a way before: it goes on to the same end. `passed` are the
+    ways so far.
+    """
     cost = now.cost(limit)
     for _ in range(_LONGEST):
         row, gain, weight = _best_changes(now, changed, limit)[0]
@@ -322,4 +327,8 @@ def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weigh
         if lower >= cost:
             break
         now, cost = moved, lower
+        here = now.is_reduced.tobytes()
+        if here in passed:
+            return None
+        passed.add(here)
     return cost, now

@@ -27,7 +27,7 @@ from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
@@ -161,9 +161,14 @@ def _improved(
     if now.attempted_from is not None:
         now, reason = judged_attempt(now, now.attempted_from, reason, settings, settled=settled)
     goes_on = now.attempted_from is None and now.current is step.moved
-    if settled and goes_on and reason in (None, TerminationReason.CONVERGED):
-        return next_attempt(problem, now, weights, step.normals, settings, reason)
-    return now, reason
+    if not (settled and goes_on and reason in (None, TerminationReason.CONVERGED)):
+        return now, reason
+    if now.weighing.is_scale_in_doubt:
+        before = now.weighing.scale
+        now = _rescaled(problem, now, step.normals, weights, weights >= 1.0)
+        if now.weighing.scale != before:
+            return now, None
+    return next_attempt(problem, now, weights, step.normals, settings, reason)
 
 
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> IterationState[StateT]:
@@ -348,8 +353,29 @@ def _settled(
     if not has_many_reduced(equations, weights):
         return _with_all_blocks(problem, now)
     now = replace(now, weighing=now.weighing.with_many_reduced(equations, weights))
-    weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage)
-    state = problem.with_doubtful_blocks_placed(now.current.state, equations, weighing.final_limit)
+    return _rescaled(problem, now, normals, weights, None)
+
+
+def _rescaled(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    normals: SolvedNormals,
+    weights: FloatArray,
+    among: BoolArray | None,
+) -> IterationState[StateT]:
+    """Return the state with the scale of some of the observations (n,), and doubtful blocks placed with it.
+
+    With many outliers the residuals are large as long as these have influence. In a solution those of
+    observations with full weight show the errors; blocks that were left out with another scale are looked at again.
+    """
+    equations = now.current.equations
+    weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage, among)
+    if among is not None and weighing.scale == now.weighing.scale:
+        return replace(now, weighing=weighing)
+    current = now.current
+    if among is not None:
+        current = _linearised(problem, problem.with_all_blocks(current.state))
+    state = problem.with_doubtful_blocks_placed(current.state, current.equations, weighing.final_limit)
     return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())
 
 
