@@ -161,7 +161,7 @@ def test_photoscan_of_old_has_other_parameters(tmp_path: Path) -> None:
         ('id="3"', 'id="-3"', "no whole number"),
         ("<scale>2.5</scale>", "<scale>0</scale>", "scale of a transform"),
         ("<document ", '<!DOCTYPE d [<!ENTITY a "b">]><document ', "document type is declared"),
-        ("</chunk>", "", "this is no XML"),
+        ("</chunk>", "", "this is not XML"),
     ],
 )
 def test_faults_name_their_line(tmp_path: Path, old: str, new: str, said: str) -> None:

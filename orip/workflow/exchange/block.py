@@ -35,7 +35,7 @@ class ExchangeSettings:
     frame : tuple of 2 int, or None
         Columns and rows of cameras whose size no file says.
     corrects_distortion : bool
-        Measurements are corrected for what orip's camera does not hold.
+        Measurements are corrected for what orip's camera cannot represent.
     holds_cameras : bool
         Cameras are not adjusted.
     precision : float or None
@@ -62,7 +62,7 @@ class ImportedBlock:
         Of the rays, as orip counts them.
     found : Reprojection
     notes : tuple of str
-        What was lost or taken for granted, a sentence each.
+        What was lost or assumed, a sentence each.
     """
 
     project: ExchangedProject
