@@ -88,8 +88,8 @@ def _impossible(records: FloatArray, shown: str) -> list[Complaint]:
         fit = (np.isfinite(records) & (np.abs(records) <= limits)).all(axis=1)
     return [
         Complaint(
-            "this record has numbers that cannot be a place, velocity and attitude; the file is damaged, or not an SBET "
-            "of little-endian numbers",
+            "this record has numbers that cannot be a place, velocity and attitude; the file is damaged, or not "
+            "an SBET of little-endian numbers",
             shown,
             int(row) + 1,
         )
