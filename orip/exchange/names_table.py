@@ -1,14 +1,19 @@
-"""What a project folder remembers of the project that it was imported from: names, and where the original is."""
+"""What a project folder remembers of the project that it was imported from: names, and where the original is.
+
+The place of the original is that from the project folder, so that both can be moved together.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
 from orip.records.names import record_key
 
@@ -70,11 +75,20 @@ def read_names(folder: Path) -> NamesTable:
     return NamesTable(found["camera"], found["photo"], found["point"])
 
 
+def source_text(format_name: str, source: Path, folder: Path) -> str:
+    """Return the text of `SOURCE_FILE` for a project folder."""
+    try:
+        place = os.path.relpath(source, folder)
+    except ValueError:  # on another drive of Windows
+        place = str(source.absolute())
+    return toml_table("[source]", {"format": format_name, "path": place.replace(os.sep, "/")})
+
+
 def read_original(folder: Path) -> Original | None:
     """Read where a project folder was imported from; None where it does not say."""
     data, _ = read_bytes(folder / SOURCE_FILE, SOURCE_FILE, may_be_absent=True)
     try:
         table = tomllib.loads((data or b"").decode("utf-8")).get("source", {})
-        return Original(table["format"], Path(table["path"]))
+        return Original(table["format"], Path(os.path.normpath(folder / table["path"])))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError):
         return None

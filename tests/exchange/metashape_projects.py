@@ -77,7 +77,10 @@ def psx(path: Path, project: ExchangedProject) -> Path:
     frame = chunk[begin:end].replace("</frame>", '<point_cloud path="point_cloud/point_cloud.zip"/></frame>')
     chunk = chunk[:begin] + '<frame id="0" path="0/frame.zip"/>' + chunk[end:]
     folder = path.with_name(f"{path.stem}.files")
-    chunks = '<document version="1.2.0"><chunks next_id="1" active_id="0"><chunk id="0" path="0/chunk.zip"/></chunks></document>'
+    chunks = (
+        '<document version="1.2.0"><chunks next_id="1" active_id="0"><chunk id="0" path="0/chunk.zip"/></chunks>'
+        "</document>"
+    )
     packed(folder / "project.zip", {"doc.xml": chunks})
     packed(folder / "0" / "chunk.zip", {"doc.xml": chunk})
     packed(folder / "0" / "0" / "frame.zip", {"doc.xml": frame})

@@ -79,9 +79,9 @@ def read_project(path: Path, faults: Faults) -> Document | None:
 
 
 def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
-    """Read a project (`.psx`, `.psz`); or cameras (``Export Cameras``, Agisoft XML), with markers beside them or in them.
+    """Read a project (`.psx`, `.psz`), or cameras (``Export Cameras``, Agisoft XML) with markers.
 
-    The folder of exported files has ``cameras.xml`` and, unless markers are in it, ``markers.xml``.
+    Markers are in the document of the cameras, or in ``markers.xml`` beside it.
     """
     path = source / "cameras.xml" if source.is_dir() else source
     named = f"{shown}/cameras.xml" if source.is_dir() else shown

@@ -39,7 +39,7 @@ def add_ties(
     for element in cloud.element.all("projections"):
         key = cloud.fields.attribute_whole(element, "camera_id")
         vertices = _vertices(cloud, element, _PROJECTION)
-        if vertices is None or key not in photos:
+        if vertices is None or key is None or key not in photos:
             continue
         track = vertices["id"].astype(np.int64)
         row = np.minimum(np.searchsorted(tracks, track), max(0, len(tracks) - 1))
