@@ -13,7 +13,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
 from orip.records.names import record_key
 
@@ -75,13 +74,13 @@ def read_names(folder: Path) -> NamesTable:
     return NamesTable(found["camera"], found["photo"], found["point"])
 
 
-def source_text(format_name: str, source: Path, folder: Path) -> str:
-    """Return the text of `SOURCE_FILE` for a project folder."""
+def place_from(folder: Path, source: Path) -> str:
+    """Return the place of an original as it is written into a project folder."""
     try:
         place = os.path.relpath(source, folder)
     except ValueError:  # on another drive of Windows
         place = str(source.absolute())
-    return toml_table("[source]", {"format": format_name, "path": place.replace(os.sep, "/")})
+    return place.replace(os.sep, "/")
 
 
 def read_original(folder: Path) -> Original | None:

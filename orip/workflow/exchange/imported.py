@@ -8,7 +8,8 @@ from pathlib import Path
 from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import format_named, guessed_format
-from orip.exchange.names_table import SOURCE_FILE, source_text
+from orip.exchange.names_table import SOURCE_FILE, place_from
+from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.new_folder import write_new_folder
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
@@ -102,7 +103,8 @@ def texts_with_source(imported: ImportedProject, folder: Path) -> dict[str, str]
     """Return the texts of a project folder by their names, orip.toml last, with the place of the original."""
     texts = dict(imported.content.texts)
     definition = texts.popitem()
-    return {**texts, SOURCE_FILE: source_text(imported.format.name, imported.source, folder), **dict([definition])}
+    original = {"format": imported.format.name, "path": place_from(folder, imported.source)}
+    return {**texts, SOURCE_FILE: toml_table("[source]", original), **dict([definition])}
 
 
 def _title(source: Path) -> str:
