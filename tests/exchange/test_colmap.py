@@ -308,7 +308,7 @@ def test_a_damaged_binary_file_is_complained_of_with_the_byte(read_bytes, data: 
             r"PINHOLE has 4 parameters \(fx fy cx cy\), but 2 are here",
         ),
         (cameras_from_text, "1 SIMPLE_PINHOLE 4.5 3 1 2 3", 1, "whole numbers"),
-        (cameras_from_text, "1 SIMPLE_PINHOLE 4 3 1 2 nan", 1, "no number"),
+        (cameras_from_text, "1 SIMPLE_PINHOLE 4 3 1 2 nan", 1, "not a number"),
         (images_from_text, "1 1 0 0 0 0 0 0 1\n", 1, "this line has 9 fields"),
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2", 2, "write COLUMN ROW POINT"),
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 -1 1 x -1", 2, "x is not a number"),

@@ -118,7 +118,7 @@ def test_deep_nesting_is_refused(tmp_path: Path) -> None:
     read = format_named("opensfm").read
     assert read is not None
     deep = written(tmp_path / "reconstruction.json", "[" * 100_000)
-    assert "no JSON" in read(deep, "a.json").complaints[0].message
+    assert "not JSON" in read(deep, "a.json").complaints[0].message
 
 
 def test_every_format_recognises_its_own_files_alone(tmp_path: Path) -> None:

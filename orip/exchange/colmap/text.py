@@ -168,7 +168,7 @@ def _image(line: str, keypoints: str) -> ColmapImage | _KeypointFault | str:
     if impossible.any():
         place = int(np.flatnonzero(impossible)[0])
         what = "whole number" if place % 3 == 2 else "number"
-        return _KeypointFault(f"{shown_token(texts[place])} is no {what}", _column(keypoints, place))
+        return _KeypointFault(f"{shown_token(texts[place])} is not a {what}", _column(keypoints, place))
     return ColmapImage(
         identity, tuple(known), camera, fields[9].strip(), table[:, :2].copy(), table[:, 2].astype(np.int64)
     )
