@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
+from orip.cli.completion import cameras, photos, points, templates
 from orip.cli.late_groups import add_group
 from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, command
 from orip.errors import UsageError
@@ -126,7 +127,7 @@ def _register_template(group: typer.Typer) -> None:
     @command(group, "template")
     def template_command(
         invocation: Invocation,
-        template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+        template: Annotated[str, typer.Argument(metavar="TEMPLATE", autocompletion=templates)],
         instrument: Instrument,
         orienting: Orienting,
         stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
@@ -156,7 +157,7 @@ def _register_photo(group: typer.Typer) -> None:
         invocation: Invocation,
         instrument: Instrument,
         orienting: Orienting,
-        photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
+        photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...", autocompletion=photos)] = None,
         template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
         start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
         dry_run: DryRunOption = False,
@@ -186,8 +187,12 @@ def _register_points(group: typer.Typer) -> None:
         invocation: Invocation,
         instrument: Instrument,
         bundle: BundleArgument = None,
-        photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
-        point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
+        photo: Annotated[
+            list[str] | None, typer.Option("--photo", autocompletion=photos, help="In that photo; may be repeated.")
+        ] = None,
+        point: Annotated[
+            list[str] | None, typer.Option("--point", autocompletion=points, help="That point; may be repeated.")
+        ] = None,
         model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,
         stereo: Annotated[
             bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
@@ -235,7 +240,7 @@ def _register_fiducials(group: typer.Typer) -> None:
     @command(group, "fiducials")
     def fiducials_command(
         invocation: Invocation,
-        camera: Annotated[str, typer.Argument(metavar="CAMERA")],
+        camera: Annotated[str, typer.Argument(metavar="CAMERA", autocompletion=cameras)],
         instrument: Instrument,
         marks: RecordMarks,
         names: NamesArgument = None,
@@ -282,7 +287,10 @@ def _register_ground(group: typer.Typer) -> None:
         invocation: Invocation,
         instrument: Instrument,
         model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
-        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
+        names: Annotated[
+            list[str] | None,
+            typer.Argument(metavar="NAME...", autocompletion=points, help="Points to set the mark on."),
+        ] = None,
         target: Annotated[
             Literal["PNT", "PRE"], typer.Option("--to", help="Control points or preliminary coordinates.")
         ] = "PRE",
