@@ -10,7 +10,13 @@ from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
 from orip.conversion.lenses.from_orip import lens_of_polynomial
-from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial, polynomial_from_parameters
+from orip.conversion.lenses.pixel_aspect import has_aspect, in_given_pixels, in_square_pixels, pixel_aspect
+from orip.conversion.lenses.polynomial import (
+    Polynomial,
+    middle_of_frame,
+    parameters_from_polynomial,
+    polynomial_from_parameters,
+)
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
 from orip.errors import OripError
 from orip.geometry.projection import PROJECTIONS
@@ -28,6 +34,9 @@ _FOCAL_LENGTHS = (1e-3, 1e9)
 """Pixels or millimetres; beyond, powers of the focal length are no numbers any more."""
 
 _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
+
+_LARGEST_ASPECT = 2.0
+"""Of pixels that are not square; more is a damaged file."""
 
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
@@ -146,10 +155,10 @@ def convert_camera(
         If the model is not supported, its values are impossible, or no camera of orip comes within `MOST_MISFIT_PX`.
     """
     _require_possible(source)
-    sensor, size_is_assumed = _sensor(source)
-    exact = LENSES[source.lens].polynomial(lens_parameters(source))
-    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor)
-    pixel_mm = sensor.width / sensor.columns
+    exact, aspect = _exact_form(source)
+    sensor, size_is_assumed = _sensor(source, aspect)
+    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor, aspect)
+    pixel_mm = sensor.width / sensor.columns / aspect
     length = np.hypot(*residuals.T) / (1.0 if source.lens_axes.unit == "pixel" else pixel_mm)
     worst = float(length.max())
     if worst > MOST_MISFIT_PX and not accepts_any_fit:
@@ -239,16 +248,14 @@ def export_camera(
     directions = directions_of_pixels(camera, pixels)
     seen = np.isfinite(directions).all(axis=1)
     up = 1.0 if lens_axes.y == "up" else -1.0
+    aspect, pixel_mm = _aspect_of_sensor(sensor, lens, lens_axes)
     polynomial = polynomial_from_parameters(
-        camera.parameters,
-        lens_axes,
-        frame,
-        sensor.width / sensor.columns,
-        at_measured=camera.distortion_at == "measured",
+        camera.parameters, lens_axes, frame, pixel_mm, at_measured=camera.distortion_at == "measured"
     )
-    image = axes_from_pixels(pixels[seen], lens_axes, frame, size)
+    middle, _ = middle_of_frame(lens_axes, frame)
+    image = _stretched(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
     found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms)
-    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else sensor.width / sensor.columns)
+    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else pixel_mm)
     worst = float(length.max())
     if not worst <= MOST_MISFIT_PX and not accepts_any_fit:
         message = (
@@ -257,7 +264,8 @@ def export_camera(
             "difference, or export to another format"
         )
         raise UnsuitableCameraError(message)
-    exchanged = ExchangedCamera(name, *frame, lens, found.parameters, "", lens_axes, ray_axes, size)
+    parameters = in_given_pixels(lens, found.parameters, aspect, middle)
+    exchanged = ExchangedCamera(name, *frame, lens, parameters, "", lens_axes, ray_axes, size)
     return ExportedCamera(camera, exchanged, worst, float(np.sqrt(np.mean(length**2))))
 
 
@@ -305,16 +313,44 @@ def _require_possible(source: ExchangedCamera) -> None:
         raise UnsuitableCameraError(message)
 
 
-def _sensor(source: ExchangedCamera) -> tuple[Sensor, bool]:
-    """Return the sensor, with square pixels where the lens is in pixels, and whether its size is assumed."""
+def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
+    """Return the polynomial that holds a camera exactly, if there is one, and the aspect of the pixels that it takes.
+
+    Pixels are square unless orip holds the camera only without an affinity that follows its distortion.
+    """
+    lens, parameters = LENSES[source.lens], lens_parameters(source)
+    exact = lens.polynomial(parameters)
+    if exact is not None or source.lens_axes.unit == "mm":
+        return exact, 1.0
+    aspect = pixel_aspect(source.lens, parameters)
+    if not 1.0 / _LARGEST_ASPECT < aspect < _LARGEST_ASPECT:
+        return None, 1.0
+    middle, _ = middle_of_frame(source.lens_axes, _frame(source))
+    return lens.polynomial(in_square_pixels(source.lens, parameters, middle)), aspect
+
+
+def _aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
+    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
+    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
+    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel"
+    return (width / height, height) if is_aspect_of_lens else (1.0, width)
+
+
+def _stretched(image: FloatArray, aspect: float, middle: float) -> FloatArray:
+    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
+    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])
+
+
+def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
+    """Return the sensor, with pixels of that aspect where the lens is in pixels, and whether its size is assumed."""
     columns, rows = _frame(source)
     if source.sensor_mm is not None and source.lens_axes.unit == "mm":
         return Sensor(columns, rows, *source.sensor_mm), False
     width = ASSUMED_WIDTH_MM * columns / max(columns, rows) if source.sensor_mm is None else source.sensor_mm[0]
-    return Sensor(columns, rows, width, width * rows / columns), source.sensor_mm is None
+    return Sensor(columns, rows, width * aspect, width * rows / columns), source.sensor_mm is None
 
 
-def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatArray]:
+def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray]:
     columns, rows = _frame(source)
     places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
     image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), _size(sensor))
@@ -326,7 +362,8 @@ def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatA
         )
         raise UnsuitableCameraError(message)
     ideal = np.stack(_ideal(LENSES[source.lens].projection, 1.0, directions), axis=1)
-    return fitted_polynomial(ideal, image)
+    middle, _ = middle_of_frame(source.lens_axes, (columns, rows))
+    return fitted_polynomial(ideal, _stretched(image, aspect, middle))
 
 
 def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:

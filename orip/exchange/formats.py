@@ -64,7 +64,10 @@ FORMATS: tuple[Format, ...] = (
         Conventions("opencv", OPENSFM),
     ),
     Format(
-        "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
+        "metashape",
+        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
+        read_metashape,
+        is_metashape,
     ),
     Format(
         "blocks",

@@ -17,7 +17,9 @@ from orip.records.observations.station import IN_PROJECT, Station, StationRefere
 RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
 AngleUnit = Literal["radian", "degree", "gon"]
 
-Lens = Literal["opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "unsupported"]
+Lens = Literal[
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
+]
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 

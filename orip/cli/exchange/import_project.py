@@ -136,7 +136,7 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         terminal.point("note", note)
     if not is_last:
         return
-    terminal.point("wrote", f"{folder}: {', '.join(imported.content.texts)}")
+    terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
     terminal.point("next", f"orip -C {quoted} run", "bold")
     if terminal.json:
@@ -153,6 +153,6 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
                 "reprojection_rms": block.found.rms if has_residuals else None,
                 "stated_error": None if stated is None else {"of": stated.of, "value": stated.value},
                 "notes": list(imported.content.notes),
-                "files": list(imported.content.texts),
+                "files": list(imported.file_names),
             }
         )

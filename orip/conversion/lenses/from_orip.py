@@ -166,4 +166,5 @@ _CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
     "isp": _pinhole,
     "division": _pinhole,
     "equidistant": _equidistant,
+    "agisoft_fisheye": _agisoft,
 }
