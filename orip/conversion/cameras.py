@@ -183,11 +183,7 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
 
     NaN where it has none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     with np.errstate(all="ignore"):  # directions far outside the frame may overflow
         x, y = equation.measured(*_ideal(camera.projection, c, directions))
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
@@ -195,9 +191,13 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     return np.stack([column, row], axis=1)
 
 
-def _image_equation(camera: Camera) -> ImageEquation:
-    _, x0, y0, *coefficients = camera.parameters
-    return ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+def _imaging(camera: Camera) -> tuple[Sensor, float, ImageEquation]:
+    """Return the sensor of a camera, its principal distance (mm), and how it distorts."""
+    if camera.sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    return camera.sensor, c, ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
 
 
 def export_camera(
@@ -274,11 +274,7 @@ def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
 
     NaN where there are none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
     y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
     with np.errstate(all="ignore"):  # pixels far outside the frame may overflow

@@ -125,7 +125,7 @@ def _orientations(path: Path, faults: Faults) -> dict[str, tuple[tuple[float, ..
         if centre is not None and matrix is not None:
             poses[name] = (centre, matrix)
     if len(lines) % 3:
-        faults.complain("an orientation has three lines; the last one is not whole", lines[-1][0])
+        faults.complain("an orientation has three lines; the last one is incomplete", lines[-1][0])
     return poses
 
 

@@ -57,7 +57,7 @@ def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     found = sum(1 for line in lines if line.strip())
     wanted = 1 + measurements + _NUMBERS_OF_CAMERA * cameras + _NUMBERS_OF_POINT * points
     if found != wanted:
-        faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is not whole", 1)
+        faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is incomplete", 1)
         return Parsed(None, tuple(faults.complaints))
     rays, collected = CollectedRays(), CollectedPoints()
     filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
@@ -119,7 +119,7 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     cameras, points = (int(count) for count in counts)
     wanted = 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * points
     if min(cameras, points) < 0 or len(lines) < wanted:
-        faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is not whole", 2)
+        faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is incomplete", 2)
         return Parsed(None, tuple(faults.complaints))
     names = _names(source, cameras)
     photos: list[ExchangedPhoto] = []
