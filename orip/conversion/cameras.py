@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,9 @@ MOST_MISFIT_PX = 0.5
 
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
+
+_FOCAL_LENGTHS = (1e-3, 1e9)
+"""Pixels or millimetres; beyond, powers of the focal length are no numbers any more."""
 
 _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
 
@@ -92,11 +95,43 @@ class ConvertedCamera:
 
 @dataclass(frozen=True, slots=True)
 class ExportedCamera:
-    """A camera as another program has it, and by how much it differs from orip's over the frame, pixels."""
+    """A camera as another program has it.
 
+    Parameters
+    ----------
+    source : Camera
+    camera : ExchangedCamera
+    worst_px, rms_px : float
+        By how much they differ over the frame.
+    """
+
+    source: Camera
     camera: ExchangedCamera
-    worst_px: float
-    rms_px: float
+    worst_px: float = 0.0
+    rms_px: float = 0.0
+
+    def rays_of_pixels(self, pixels: FloatArray, *, corrects_distortion: bool = False) -> FloatArray:
+        """Return image coordinates (n, 2) in the axes of the other camera's rays of orip's columns and rows (n, 2).
+
+        Corrected, they show in the other camera the directions that the pixels show in orip's; NaN where there are
+        none.
+        """
+        sensor = self.source.sensor
+        if sensor is None:
+            return pixels
+        size = (sensor.width, sensor.height)
+        if corrects_distortion and self.worst_px > 0.0:
+            pixels = lens_pixels(self.camera, size, directions_of_pixels(self.source, pixels))
+        return axes_from_pixels(pixels, self.camera.ray_axes, _frame(self.camera), size)
+
+    @property
+    def principal_point(self) -> FloatArray:
+        """Return the principal point (2,) in the axes of the lens."""
+        return np.array([self.camera.parameters.get(name, 0.0) for name in ("cx", "cy")])
+
+    def about_principal_point(self) -> ExchangedCamera:
+        """Return the camera as it is when image coordinates count from its principal point."""
+        return replace(self.camera, parameters={**self.camera.parameters, "cx": 0.0, "cy": 0.0})
 
 
 def convert_camera(
@@ -148,11 +183,7 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
 
     NaN where it has none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     with np.errstate(all="ignore"):  # directions far outside the frame may overflow
         x, y = equation.measured(*_ideal(camera.projection, c, directions))
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
@@ -160,12 +191,25 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     return np.stack([column, row], axis=1)
 
 
-def _image_equation(camera: Camera) -> ImageEquation:
-    _, x0, y0, *coefficients = camera.parameters
-    return ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+def _imaging(camera: Camera) -> tuple[Sensor, float, ImageEquation]:
+    """Return the sensor of a camera, its principal distance (mm), and how it distorts."""
+    if camera.sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    return camera.sensor, c, ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
 
 
-def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, ray_axes: ImageAxes) -> ExportedCamera:
+def export_camera(
+    camera: Camera,
+    name: str,
+    lens: Lens,
+    lens_axes: ImageAxes,
+    ray_axes: ImageAxes,
+    *,
+    terms: tuple[str, ...] | None = None,
+    accepts_any_fit: bool = False,
+) -> ExportedCamera:
     """Return a camera of orip as another program's.
 
     Parameters
@@ -177,11 +221,16 @@ def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, r
     lens : Lens
         That the other program knows.
     lens_axes, ray_axes : ImageAxes
+    terms : tuple of str, or None
+        Parameters of the lens that the format has a place for; None: all.
+    accepts_any_fit : bool
+        Measurements will be corrected for what the fit leaves.
 
     Raises
     ------
     UnsuitableCameraError
-        If the camera has no sensor, or another projection than the lens.
+        If the camera has no sensor, or another projection than the lens, or the lens does not come within
+        `MOST_MISFIT_PX`.
     """
     sensor = camera.sensor
     if sensor is None:
@@ -205,11 +254,19 @@ def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, r
     )
     middle, _ = middle_of_frame(lens_axes, frame)
     image = _stretched(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
-    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image)
+    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms)
     length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else pixel_mm)
+    worst = float(length.max())
+    if not worst <= MOST_MISFIT_PX and not accepts_any_fit:
+        message = (
+            f"camera {camera.name}: no camera of the format comes nearer to it than {worst:.2f} px, as the format has "
+            "no place for some of its terms; export with --exact-distortion, which corrects the measurements by this "
+            "difference, or export to another format"
+        )
+        raise UnsuitableCameraError(message)
     parameters = in_given_pixels(lens, found.parameters, aspect, middle)
     exchanged = ExchangedCamera(name, *frame, lens, parameters, "", lens_axes, ray_axes, size)
-    return ExportedCamera(exchanged, float(length.max()), float(np.sqrt(np.mean(length**2))))
+    return ExportedCamera(camera, exchanged, worst, float(np.sqrt(np.mean(length**2))))
 
 
 def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
@@ -217,11 +274,7 @@ def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
 
     NaN where there are none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
     y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
     with np.errstate(all="ignore"):  # pixels far outside the frame may overflow
@@ -247,8 +300,12 @@ def _require_possible(source: ExchangedCamera) -> None:
         raise UnsuitableCameraError(message)
     values = lens_parameters(source)
     focal = [values[name] for name in ("f", "fx", "fy") if name in values]
-    if not all(np.isfinite(list(values.values()))) or min(focal) <= 0.0:
-        message = f"{what}: its focal length is not above 0, or a parameter is not finite"
+    shortest, longest = _FOCAL_LENGTHS
+    if not all(np.isfinite(list(values.values()))) or not shortest <= min(focal) <= max(focal) <= longest:
+        message = (
+            f"{what}: its focal length is not between {shortest:g} and {longest:g} {source.lens_axes.unit}, or a "
+            "parameter is not finite"
+        )
         raise UnsuitableCameraError(message)
 
 

@@ -62,7 +62,7 @@ def names_text(rows: Iterable[tuple[str, str, str]]) -> str:
 
 
 def read_names(folder: Path) -> NamesTable:
-    """Read the table of a project folder; rows that are no names are passed over, and so is a table that is absent."""
+    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent."""
     data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
     found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
     try:

@@ -126,6 +126,8 @@ class ExchangedPhoto:
         Standard deviations of the adjusted projection centre.
     key : int
         Number in the file that the photo is found by when a result is written back.
+    footprint : tuple of tuple of 3 float
+        Corners of what the photo shows of the ground, for drawings; empty where it is not known.
     """
 
     name: str
@@ -134,6 +136,7 @@ class ExchangedPhoto:
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
     key: int = 0
+    footprint: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,10 +190,10 @@ def test_photoscan_of_old_has_other_parameters(tmp_path: Path) -> None:
     [
         ("<f>3000</f>", "<f>0</f>", "<f> has to be above 0"),
         ("<f>3000</f>", "<f>x</f>", "'x' is not a number"),
-        ('id="3"', 'id="-3"', "no whole number"),
+        ('id="3"', 'id="-3"', "not a whole number"),
         ("<scale>2.5</scale>", "<scale>0</scale>", "scale of a transform"),
         ("<document ", '<!DOCTYPE d [<!ENTITY a "b">]><document ', "document type is declared"),
-        ("</chunk>", "", "this is no XML"),
+        ("</chunk>", "", "this is not XML"),
     ],
 )
 def test_faults_name_their_line(tmp_path: Path, old: str, new: str, said: str) -> None:

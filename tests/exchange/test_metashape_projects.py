@@ -80,12 +80,12 @@ def test_a_link_that_leads_out_of_the_project_is_not_followed(tmp_path: Path) ->
     ("old", "new", "said"),
     [
         (b"element vertex ", b"element vertex 99999999", "vertices are announced, and there is room for"),
-        (b"element vertex ", b"element vertex -", "no whole number"),
+        (b"element vertex ", b"element vertex -", "not a whole number"),
         (b"element vertex ", b"element face ", "has to be 'element vertex'"),
         (b"binary_little_endian", b"ascii", "only binary PLY"),
         (b"property uint id\n", b"property uint no\n", "no property id"),
         (b"property uint id\n", b"property list uint id\n", "of no known type"),
-        (b"end_header\n", b"", "this is no PLY file"),
+        (b"end_header\n", b"", "this is not a PLY file"),
     ],
 )
 def test_faults_of_tie_points_are_told(tmp_path: Path, old: bytes, new: bytes, said: str) -> None:

@@ -53,7 +53,7 @@ def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None
 
 
 def read_lens_file(path: Path, faults: Faults) -> ExchangedCamera | None:
-    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is none."""
+    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is not one."""
     root = read_xml(path, faults)
     if root is None:
         return None

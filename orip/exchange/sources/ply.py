@@ -37,7 +37,7 @@ def read_vertices(data: bytes, needed: tuple[str, ...], faults: Faults) -> Verti
     """
     length = data.find(_END, 0, _LONGEST_HEAD)
     if not data.startswith(b"ply") or length < 0:
-        faults.complain("this is no PLY file; save the project again", 1)
+        faults.complain("this is not a PLY file; save the project again", 1)
         return None
     found = _layout(data[:length].decode("ascii", errors="replace").splitlines(), faults)
     if found is None:

@@ -65,7 +65,7 @@ class ZipMembers:
 
 
 def open_zip(path: Path, faults: Faults) -> ZipMembers | None:
-    """Return a zip file whose members are all inside it; None, and complaints kept, if it is none."""
+    """Return a zip file whose members are all inside it; None, and complaints kept, if it is not one."""
     data, complaints = read_bytes(path, faults.shown)
     faults.complaints += complaints
     if data is None:

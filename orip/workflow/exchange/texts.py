@@ -176,8 +176,8 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
     pieces = [f"! imported from {source.format}: {source.name}\n"]
     if _is_corrected(block):
         pieces.append(
-            "! The measurements are corrected for distortion that the camera of orip does not hold: these are not the "
-            "pixels that were measured.\n"
+            "! The measurements are corrected for distortion that the camera of orip cannot represent: these are not "
+            "the pixels that were measured.\n"
         )
     for number, photo in enumerate(block.photos):
         rows = order[bounds[number] : bounds[number + 1]]
@@ -295,7 +295,7 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
         lines.append(f"- {converted.camera.name}: {converted.source.model or converted.source.lens}, {size}; {kind}")
-    lines += ["", "## What was lost, and what was taken for granted", ""]
+    lines += ["", "## What was lost, and what was assumed", ""]
     lines += [f"- {note}" for note in notes] or ["- Nothing."]
     lines += ["", f"Names that are not the original ones are in `{NAMES_FILE}`; tie point {TRACK_MARK}17 is track 17."]
     return "\n".join(lines) + "\n"
