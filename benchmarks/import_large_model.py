@@ -97,7 +97,7 @@ def _write_opensfm(folder: Path, model: ColmapModel) -> None:
         places = (image.keypoints - [COLUMNS / 2, ROWS / 2]) / COLUMNS
         rows = zip(image.points.tolist(), places.tolist(), strict=True)
         lines += [
-            f"{image.name}\t{point if point >= 0 else f'{image.id}{n}'}\t{n}\t{u!r}\t{v!r}\t0.001\t1\t2\t3\t-1\t-1"
+            f"{image.name}\t{point if point >= 0 else f'9{image.id:06}{n}'}\t{n}\t{u!r}\t{v!r}\t0.001\t1\t2\t3\t-1\t-1"
             for n, (point, (u, v)) in enumerate(rows)
         ]
     coordinates = zip(model.points.ids.tolist(), model.points.coordinates.tolist(), strict=True)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
+from typing import Any
 
 from orip.exchange.sources.json_tree import JsonValue
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
@@ -179,7 +180,7 @@ def _points(part: JsonValue) -> dict[str, tuple[float, ...]]:
     return found
 
 
-def _sound_points(points: object) -> dict[str, tuple[float, ...]]:
+def _sound_points(points: Any) -> dict[str, tuple[float, ...]]:
     """Return the coordinates of points where all of them are sound, which is quickly seen; else nothing."""
     values = list(points.values()) if isinstance(points, dict) else []
     if not all(isinstance(value, dict) for value in values):
@@ -188,10 +189,9 @@ def _sound_points(points: object) -> dict[str, tuple[float, ...]]:
     if not all(isinstance(place, list) and len(place) == 3 for place in places):
         return {}
     numbers = list(chain.from_iterable(places))
-    if not set(map(type, numbers)) <= {int, float} or not all(map(math.isfinite, numbers)):
+    if not set(map(type, numbers)) <= {int, float} or not all(abs(number) <= LARGEST_NUMBER for number in numbers):
         return {}
-    if max(map(abs, numbers), default=0.0) > LARGEST_NUMBER:
-        return {}
+    decimals = list(map(float, numbers))
     decimals = list(map(float, numbers))
     return dict(zip(points, zip(decimals[::3], decimals[1::3], decimals[2::3], strict=True), strict=True))
 
