@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from orip.cli.completion import of_results
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 What = Annotated[
     Literal["cameras", "photos", "points"], typer.Argument(metavar="WHAT", help="cameras, photos or points.")
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these; default: all of the adjustment.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", autocompletion=of_results, help="Only these; default: all of the adjustment."),
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Also from an adjustment that did not converge.")]
 
 _SHOWN_KEPT = 10
