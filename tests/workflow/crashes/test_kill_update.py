@@ -18,7 +18,7 @@ from workflow.small_projects import contents, first_project, replace_in
 from orip.files.stores.dump import dump
 from orip.workflow.adjust.update import What
 
-KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
+KILLED_ORIP = Path(__file__).parents[1] / "killed_orip.py"
 State = tuple[list[list[str]], str]
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 
