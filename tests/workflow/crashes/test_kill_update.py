@@ -43,7 +43,7 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _check(what: What, folder: Path, states: tuple[State, State]) -> None:
-    """Check what a kill has left, then that the command run again ends as if nothing had happened, and can be undone."""
+    """Check what a kill has left, then that the command run again ends as if nothing had been, and can be undone."""
     assert _state(folder) in states
     update(folder, what)
     assert _state(folder) == states[1]
