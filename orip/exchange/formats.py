@@ -25,6 +25,7 @@ from orip.exchange.gis.layers import READING as DRAWN
 from orip.exchange.gis.tables import write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
+from orip.exchange.images import is_images, read_images_project
 from orip.exchange.metashape.source import is_metashape, read_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
@@ -143,6 +144,7 @@ FORMATS: tuple[Format, ...] = (
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
+    Format("images", "Folder of image files: cameras, photos and positions from EXIF", read_images_project, is_images),
     Format(
         "geopackage",
         "GeoPackage for GIS: points, photos, footprints, error ellipses, residual vectors, rays",

@@ -13,6 +13,7 @@ from exchange import (
     test_aerial,
     test_blocks_exchange,
     test_gubaio,
+    test_images,
     test_metashape,
     test_metric,
     test_micmac,
@@ -69,6 +70,9 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     "ign": _folder(test_metric.ign_files, ign.READING),
     "gubaio": test_gubaio.folder_of,
     "bingo": _folder(test_aerial.bingo_files, bingo.READING),
+    "images": lambda folder: (
+        test_images.image(folder / "a.jpg", (600, 400), test_images.FULL, test_images.DRONE).parent
+    ),
     "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
 }
 """Of each format a project that is read without complaints."""
