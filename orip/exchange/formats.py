@@ -39,6 +39,7 @@ from orip.exchange.patb import is_patb, read_patb
 from orip.exchange.patb_writer import PATB_TERMS, write_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
+from orip.exchange.tables.project import is_tables, read_tables
 from orip.exchange.vision.bundler import AXES as BUNDLER_AXES
 from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler
 from orip.exchange.vision.bundler_writer import BUNDLER_TERMS, write_bal, write_bundler
@@ -168,7 +169,9 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "csv",
-        "CSV: points and photos with all digits and their standard deviations",
+        "CSV: tables of observations, cameras and more are read; adjusted points and photos are written",
+        read_tables,
+        is_tables,
         write=write_tables,
         conventions=Conventions(None, DRAWN, is_cartesian=False),
     ),

@@ -18,6 +18,7 @@ from exchange import (
     test_metric,
     test_micmac,
     test_opensfm,
+    test_tables,
     test_vision,
 )
 from exchange.imported import written
@@ -27,6 +28,7 @@ from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
 from orip.exchange.formats import format_named
 from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
+from orip.exchange.tables import project as tables
 from orip.exchange.vision import bundler, nvm
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
@@ -52,6 +54,15 @@ def _file(name: str, text: Callable[[ExchangedProject], str], reading: PoseReadi
     return lambda folder: written(folder / name, text(small(reading)))
 
 
+def _tables(folder: Path, project: ExchangedProject) -> Path:
+    written(
+        folder / "control.csv",
+        "point;X;Y;Z;sX;sY;sZ;kind\n1;1,5;2;3;0,01;0,01;0,02;\n2;1;2;3;0,1;0,1;0,1;check\n",
+    )
+    written(folder / "stations.csv", "photo,X,Y,Z,sX,sY,sZ\n0.jpg,1,2,3,0.1,0.1,0.2\n")
+    return test_tables.tables_of(folder, project)
+
+
 def _folder(files: Callable[[Path, ExchangedProject], Path], reading: PoseReading) -> Callable[[Path], Path]:
     return lambda folder: files(folder, small(reading))
 
@@ -73,6 +84,7 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     "images": lambda folder: (
         test_images.image(folder / "a.jpg", (600, 400), test_images.FULL, test_images.DRONE).parent
     ),
+    "csv": _folder(_tables, tables.READING),
     "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
 }
 """Of each format a project that is read without complaints."""
