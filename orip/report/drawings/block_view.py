@@ -71,18 +71,28 @@ def pyramid_corners(given: ReportInput) -> FloatArray:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
     solution = given.solution
+    depth = [_depth(solution, row, seen) for row, seen in enumerate(seen_points(solution))]
+    return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, np.array(depth)))
+
+
+def frame_rays(given: ReportInput, depth: FloatArray | None = None) -> FloatArray:
+    """Return the rays (photos, 4, 3) to the corners of the frames, ground directions, mm: see `pyramid_corners`.
+
+    With `depth` (photos,) they are enlarged to this distance along the camera axis.
+    """
+    solution = given.solution
     values = solution.photos.values
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
     frames = {key: _frame(given, key) for key in parameters}
     directions = np.zeros((len(values), 4, 3))
-    for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
+    for row, name in enumerate(solution.photos.names):
         photo = given.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
-        directions[row] *= _depth(solution, row, seen) / c
-    return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
+        directions[row] *= depth[row] / c if depth is not None else 1.0
+    return np.asarray(directions @ rotations.transpose(0, 2, 1))
 
 
 def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
