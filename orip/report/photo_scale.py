@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
-from orip.report.drawings.block_view import seen_points
 from orip.report.report_input import ReportInput
 from orip.units import DEGREES_PER_RADIAN
 
@@ -61,6 +60,18 @@ def photo_scale(given: ReportInput) -> PhotoScale:
     c = np.array([_principal_distance(given, name) for name in solution.photos.names])
     pixel = np.array([pixel_of_photo(given, name) for name in solution.photos.names])
     return PhotoScale(depth, c, pixel, axes)
+
+
+def seen_points(solution: Solution) -> tuple[IntArray, ...]:
+    """Return the rows of the points that each photo has, in the order of the points."""
+    residuals = solution.residuals
+    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
+    point_row = {name: row for row, name in enumerate(solution.points.names)}
+    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
+    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
+    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
+    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
+    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 
 
 def pixel_of_photo(given: ReportInput, name: str) -> float:

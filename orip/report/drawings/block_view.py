@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
@@ -15,6 +15,7 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
 from orip.units import DEGREES_PER_RADIAN
 
@@ -50,18 +51,6 @@ def block_view(given: ReportInput) -> dict[str, Any]:
             "sees": [[place[row] for row in rows.tolist() if row in place] for rows in seen_points(solution)],
         },
     }
-
-
-def seen_points(solution: Solution) -> tuple[IntArray, ...]:
-    """Return the rows of the points that each photo has, in the order of the points."""
-    residuals = solution.residuals
-    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
-    point_row = {name: row for row, name in enumerate(solution.points.names)}
-    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
-    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
-    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
-    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
-    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 
 
 def pyramid_corners(given: ReportInput) -> FloatArray:
