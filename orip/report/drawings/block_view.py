@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
