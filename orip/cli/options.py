@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import typer
 
+from orip.cli.completion import bundles
 from orip.cli.exits import exit_on_error
 from orip.cli.terminal import ColorChoice, Terminal
 
@@ -23,12 +24,14 @@ Color = Annotated[
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
 BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+    str | None,
+    typer.Argument(metavar="BUNDLE", autocompletion=bundles, help="Needed only where the project has several."),
 ]
 """Which bundle, of the commands whose argument it is."""
 
 BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
+    str | None,
+    typer.Option("--bundle", autocompletion=bundles, help="Needed only where the project has several bundles."),
 ]
 """Which bundle, of the commands whose arguments are other names."""
 
@@ -86,10 +89,20 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
                 function(invocation, **given)
 
         _give_signature(run, own)
-        app.command(name, **settings)(run)
+        app.command(name, short_help=_first_paragraph(inspect.getdoc(function) or ""), **settings)(run)
         return run
 
     return register
+
+
+def group_of_commands(name: str, text: str, **settings: Any) -> typer.Typer:
+    """Return a group of commands, with the text that `--help` says of it. Settings are those of typer's groups."""
+    return typer.Typer(name=name, help=text, short_help=_first_paragraph(text), rich_markup_mode=None, **settings)
+
+
+def _first_paragraph(text: str) -> str:
+    """Return the first paragraph of a help text: given by itself, lists of commands have it in full."""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Callable[..., None]]:

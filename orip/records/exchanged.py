@@ -17,7 +17,9 @@ from orip.records.observations.station import IN_PROJECT, Station, StationRefere
 RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
 AngleUnit = Literal["radian", "degree", "gon"]
 
-Lens = Literal["opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "unsupported"]
+Lens = Literal[
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
+]
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 
@@ -122,8 +124,14 @@ class ExchangedPhoto:
         As the reading says.
     position_deviation : tuple of 3 float, or None
         Standard deviations of the adjusted projection centre.
+    position_covariance : tuple of 9 float, or None
+        Its covariances, by rows.
+    angle_deviation : tuple of 3 float, or None
+        Standard deviations of the adjusted omega, phi and kappa, degrees.
     key : int
         Number in the file that the photo is found by when a result is written back.
+    footprint : tuple of tuple of 3 float
+        Corners of what the photo shows of the ground, for drawings; empty where it is not known.
     """
 
     name: str
@@ -131,7 +139,10 @@ class ExchangedPhoto:
     rotation: tuple[float, ...] = ()
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
+    position_covariance: tuple[float, ...] | None = None
+    angle_deviation: tuple[float, float, float] | None = None
     key: int = 0
+    footprint: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

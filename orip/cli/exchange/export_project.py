@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.completion import formats_written
 from orip.cli.exchange.import_project import tell_formats
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
@@ -23,13 +24,19 @@ def register(app: typer.Typer) -> None:
     def export_command(
         invocation: Invocation,
         format_name: Annotated[
-            str | None, typer.Argument(metavar="FORMAT", help="Default: that of the imported project.")
+            str | None,
+            typer.Argument(
+                metavar="FORMAT", autocompletion=formats_written, help="Default: that of the imported project."
+            ),
         ] = None,
         target: Annotated[Path | None, typer.Argument(metavar="DEST", help="New folder, or file.")] = None,
         bundle: BundleOption = None,
         original: Annotated[
             Path | None, typer.Option("--original", metavar="PATH", help="Write the result into a copy of this one.")
         ] = None,
+        exact_distortion: Annotated[
+            bool, typer.Option("--exact-distortion", help="Correct measurements for what the format's cameras lack.")
+        ] = False,
         list_formats: Annotated[bool, typer.Option("--list", help="List the formats that are written.")] = False,
     ) -> None:
         """Write the result of the last adjustment in the format of another program.
@@ -48,7 +55,8 @@ def register(app: typer.Typer) -> None:
         folder = invocation.folder
         state = read_bundle(folder, bundle, *EXPORTED_FROM)
         given = None if target is None else folder / target
-        exported = export(state, format_name, given, None if original is None else folder / original)
+        source = None if original is None else folder / original
+        exported = export(state, format_name, given, source, corrects_distortion=exact_distortion)
         write_export(exported)
         tell_export(invocation.terminal, exported)
 

@@ -18,6 +18,9 @@ _DECENTRING = ("p1", "p2", "p3", "p4")
 _AFFINE = ("b1", "b2")
 _FISHEYE = "fisheye"
 
+PARAMETERS = ("f", "cx", "cy", *_AFFINE, *_RADIAL, *_DECENTRING)
+"""Of a calibration, in the order of the documents."""
+
 
 def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None:
     """Return a sensor as a camera; None if it has no calibration, or if complaints are kept."""
@@ -53,7 +56,7 @@ def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None
 
 
 def read_lens_file(path: Path, faults: Faults) -> ExchangedCamera | None:
-    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is none."""
+    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is not one."""
     root = read_xml(path, faults)
     if root is None:
         return None
@@ -99,24 +102,14 @@ def calibrated(
             f"the calibration of '{shown_token(name)}' has no <f>; export it again", calibration.line
         )
         return None
-    value = {tag: fields.optional(calibration, tag) for tag in ("f", "cx", "cy", *_RADIAL, *_DECENTRING, *_AFFINE)}
+    value = {tag: fields.optional(calibration, tag) for tag in PARAMETERS}
     if value["f"] <= 0:
         fields.faults.complain("<f> has to be above 0; correct it", calibration.line)
         return None
     value["cx"] += size[0] / 2.0
     value["cy"] += size[1] / 2.0
-    if kind == "frame":
-        return ExchangedCamera(name, *size, "agisoft", value, kind)
-    lens, parameters = _fisheye(value)
-    return ExchangedCamera(name, *size, lens, parameters, kind)
-
-
-def _fisheye(value: dict[str, float]) -> tuple[Lens, dict[str, float]]:
-    """Return an equidistant camera; decentring and affinity of one have no counterpart."""
-    if any(value[name] for name in (*_DECENTRING, *_AFFINE)):
-        return "unsupported", {}
-    plane = {"fx": value["f"], "fy": value["f"], "cx": value["cx"], "cy": value["cy"]}
-    return "equidistant", plane | {name: value[name] for name in _RADIAL}
+    lens: Lens = "agisoft" if kind == "frame" else "agisoft_fisheye"
+    return ExchangedCamera(name, *size, lens, value, kind)
 
 
 def _of_photoscan(
@@ -158,8 +151,7 @@ def _estimated(sensor: XmlElement) -> tuple[str, ...]:
     for path in ("covariance/params", "calibration/covariance/params"):
         found = sensor.child(path)
         if found is not None:
-            known = ("f", "cx", "cy", *_RADIAL, *_DECENTRING, *_AFFINE)
-            return tuple(name for name in found.text.split() if name in known)
+            return tuple(name for name in found.text.split() if name in PARAMETERS)
     return ()
 
 

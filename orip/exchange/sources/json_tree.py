@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,7 +107,7 @@ class JsonValue:
 def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value) and abs(value) <= LARGEST_NUMBER
+    return abs(value) <= LARGEST_NUMBER  # neither NaN nor infinite; whole numbers may have any size
 
 
 def read_json(path: Path, faults: Faults) -> JsonValue | None:
@@ -121,9 +120,9 @@ def read_json(path: Path, faults: Faults) -> JsonValue | None:
     try:
         return JsonValue(json.loads(data), JsonText(data, faults))
     except json.JSONDecodeError as fault:
-        faults.complain(f"this is no JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
+        faults.complain(f"this is not JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
     except UnicodeDecodeError as fault:
-        faults.complain("this is no JSON (not UTF-8); save it as UTF-8", data.count(b"\n", 0, fault.start) + 1)
+        faults.complain("this is not JSON (not UTF-8); save it as UTF-8", data.count(b"\n", 0, fault.start) + 1)
     except (RecursionError, ValueError):
-        faults.complain("this is no JSON of a known kind (nested too deeply, or a number too long)", 1)
+        faults.complain("this is not JSON of a known kind (nested too deeply, or a number too long)", 1)
     return None

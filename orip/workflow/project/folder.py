@@ -131,6 +131,11 @@ class ProjectFolder:
         return self.cameras, self.temticks, self.photos, self.templates, self.exterior
 
     @property
+    def before_update(self) -> Path:
+        """Return the path of before_update.json."""
+        return self.folder / "before_update.json"
+
+    @property
     def interior_listing(self) -> Path:
         """Return the path of INTERIOR_RESULT.OUT."""
         return self.folder / "INTERIOR_RESULT.OUT"
@@ -217,7 +222,7 @@ def open_project(folder: Path) -> ProjectFolder:
         message = f"the folder '{folder}' {found}"
         raise NoFolderError(message)
     if not path.exists():
-        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project"
+        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is not an orip project"
         raise NoProjectError.single(message)
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:
