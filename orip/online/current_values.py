@@ -22,6 +22,7 @@ from orip.online.model_orientation import orientation_by_model
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
+from orip.solving.better_minimum import doubt_about
 from orip.solving.starting_values import started_block
 from orip.wording import counted
 
@@ -42,12 +43,15 @@ class CurrentValues:
         Oriented photos, in the order of `PHOTO_PARAMETERS`, local ground coordinates and radians.
     points : dict of arrays (3,)
         Points with coordinates, local.
+    cameras : dict of tuples of float
+        Parameters of cameras as they were adjusted.
     photos_wait, points_wait : dict of str
         What the others wait for, as a sentence.
     """
 
     orientations: dict[str, FloatArray] = field(default_factory=dict)
     points: dict[str, FloatArray] = field(default_factory=dict)
+    cameras: dict[str, tuple[float, ...]] = field(default_factory=dict)
     photos_wait: dict[str, str] = field(default_factory=dict)
     points_wait: dict[str, str] = field(default_factory=dict)
 
@@ -56,6 +60,9 @@ class CurrentValues:
         nothing = np.full(6, np.nan)
         return replace(
             block,
+            cameras=tuple(
+                replace(camera, parameters=self.cameras.get(camera.name, camera.parameters)) for camera in block.cameras
+            ),
             photo_orientation=np.array([self.orientations.get(photo.name, nothing) for photo in block.photos]),
             point_start=np.array([self.points.get(name, nothing[:3]) for name in block.point_names]).reshape(-1, 3),
         )
@@ -72,19 +79,33 @@ class CurrentValues:
         """Orient the first photos by the chain and an adjustment; without success, keep what each photo waits for."""
         try:
             started = started_block(block, lambda _: None)
-            solved = solve_block(started.block, lambda _: None, lambda: False)
         except (NotSolvableError, InputError) as error:
             reason = str(error).splitlines()[0]
             self.photos_wait = {photo.name: reason for photo in block.photos}
             return
         self.photos_wait = {warning.where: warning.text for warning in started.left_out}
-        state, of_block = solved.state, solved.block
-        for row, photo in enumerate(of_block.photos):
+        if doubt := self.adjust(started.block):
+            text = f"the first photos wait: their adjustment {doubt}; measure more of their common and known points"
+            self.photos_wait = {photo.name: text for photo in block.photos}
+
+    def adjust(self, started: Block) -> str:
+        """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
+        try:
+            solved = solve_block(started, lambda _: None, lambda: False)
+        except (NotSolvableError, InputError) as error:
+            return f"failed ({str(error).splitlines()[0]})"
+        if doubt := doubt_about(solved):
+            return doubt
+        state, block = solved.state, solved.block
+        for row, camera in enumerate(block.cameras):
+            self.cameras[camera.name] = tuple(state.cameras[row].tolist())
+        for row, photo in enumerate(block.photos):
             self.orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
-        rays = np.bincount(of_block.photo_points.point, minlength=len(of_block.point_names))
-        known = np.isfinite(given_coordinates(of_block)).all(axis=1)
+        rays = np.bincount(block.photo_points.point, minlength=len(block.point_names))
+        known = np.isfinite(given_coordinates(block)).all(axis=1)
         for row in np.flatnonzero(((rays > 1) | known) & ~state.left_out).tolist():
-            self.points[of_block.point_names[row]] = state.points[row].copy()
+            self.points[block.point_names[row]] = state.points[row].copy()
+        return ""
 
     def advance(self, block: Block, photos: Collection[str], points: Collection[str]) -> tuple[list[str], list[str]]:
         """Try what waits, from photos and points on that have new measurements.

@@ -23,6 +23,12 @@ _ALIKE = 0.9
 _FEW_POINTS = 12
 """Points of a photo up to which a new one is also a check of the others."""
 
+_LATER = 0.1
+"""Part by which the measurements have to increase before it is tried again to orient the first photos."""
+
+_MANY = 3
+"""Points of a photo that do not fit from which its orientation may be wrong."""
+
 _PAIR = 5
 """Points common to two photos, or control points of one, from which the first photos may be oriented."""
 
@@ -50,6 +56,7 @@ class Measuring:
         self.block = block
         self.suspects: dict[ObservationKey, Suspect] = {}
         self.excluded: set[ObservationKey] = set(block.left_out)
+        self._next_start = 0.0
         self._test = OutlierTest(ALPHA, 1.0, None)
         if block.block is not None:
             self._start()
@@ -166,6 +173,8 @@ class Measuring:
         again = [other for other in self.suspects if other.point == point]
         self._forgive(again)
         new = block.include(found.oriented, {point, *found.placed})
+        if found.oriented:
+            block.adjust()
         block.settle()
         found.suspects = self._snoop(self._concerned(key, new), key)
         found.cleared = [other for other in again if other in block.equations.included]
@@ -177,6 +186,8 @@ class Measuring:
         """Orient the first photos, if there is enough for that."""
         block = self.block
         assert block.block is not None, "something is measured"
+        if len(block.observations.photos) < self._next_start:
+            return
         if not _may_start(block):
             block.values.photos_wait = {
                 photo.name: f"photo {photo.name} waits: no two photos have {_PAIR} common points, and no photo has "
@@ -185,6 +196,7 @@ class Measuring:
             }
             return
         block.values.start(block.block)
+        self._next_start = len(block.observations.photos) * (1.0 + _LATER)
         if block.values.orientations:
             block.start()
             block.settle()
@@ -203,8 +215,8 @@ class Measuring:
     def _snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
         """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
         found: list[Suspect] = []
-        tested = [key for key in keys if key in self.block.equations.included]
-        while tested:
+        # an observation drops out by itself where it can no longer be computed
+        while tested := [key for key in keys if key in self.block.equations.included]:
             worst, w, limit = max(((key, *self._tested(key)) for key in tested), key=lambda one: one[1] / one[2])
             if w <= limit:
                 break
@@ -217,9 +229,24 @@ class Measuring:
             self.block.left_out.add(worst)
             self.suspects[worst] = suspect
             found.append(suspect)
-            tested.remove(worst)
             self.block.settle()
-        return found
+            if self._gives_up(worst.photo):
+                break
+        return [one for one in found if one.key in self.suspects]
+
+    def _gives_up(self, photo: str) -> bool:
+        """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
+        wrong = [key for key in self.suspects if photo and key.photo == photo]
+        fitting = sum(key.photo == photo for key in self.block.equations.included)
+        if len(wrong) < _MANY or len(wrong) <= fitting:
+            return False
+        self._forgive(wrong)
+        self.block.forget_photo(photo)
+        text = (
+            f"photo {photo} waits: {len(wrong)} of its {len(wrong) + fitting} points do not fit; measure more of them"
+        )
+        self.block.values.photos_wait[photo] = text
+        return True
 
     def _tested(self, key: ObservationKey) -> tuple[float, float]:
         """Return the root of the fall of the square sum without an observation, and its limit."""

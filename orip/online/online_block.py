@@ -33,8 +33,9 @@ Measurement = tuple[str, str, tuple[float, float]]
 class OnlineBlock:
     """A block that grows by measurements.
 
-    Cameras and antennas are held, as their unknowns are seldom determined early; what they would explain is left to the
-    adjustment of the whole block, and so are directions and exposure stations with an unknown shift or drift.
+    Cameras are held between adjustments: those with unknowns are adjusted with the first photos, and again with every
+    further one. Additional parameters, directions, and exposure stations with an unknown shift or drift are left to the
+    adjustment of the whole block.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ class OnlineBlock:
             self.forget_values()
         self.block = replace(
             block,
-            cameras=tuple(replace(camera, unknown=(), additional_set=None) for camera in block.cameras),
+            cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras),
             directions=(),
             antennas=() if moving else tuple(antennas),
             stations=() if moving else block.stations,
@@ -166,6 +167,19 @@ class OnlineBlock:
         if key in self.equations.included:
             self.equations.exclude(key)
 
+    def forget_photo(self, photo: str) -> None:
+        """Take a photo out with all that is measured in it, and the points that are left with fewer than two rays."""
+        del self.values.orientations[photo]
+        included = self.equations.included
+        of_photo = [key for key in included if key.photo == photo]
+        rays: dict[str, int] = {}
+        for key in included:
+            rays[key.point] = rays.get(key.point, 0) + (key.photo != photo)
+        lost = {key.point for key in of_photo if key.point and rays[key.point] < 2}
+        self.equations.exclude_all([key for key in included if key.photo == photo or key.point in lost])
+        for name in lost:
+            self.values.points.pop(name, None)
+
     def rows(self, photos: BoolArray, points: BoolArray) -> dict[ObservationKey, ObservationRows]:
         """Return the equations of some photos and points, of those that have values."""
         assert self.block is not None, "something is measured"
@@ -177,7 +191,17 @@ class OnlineBlock:
             return {}
         return self._linearised(part)
 
+    def adjust(self) -> None:
+        """Adjust all that has values with the unknowns of the cameras, and linearise everything there.
+
+        Where nothing of the cameras is unknown, or the result is doubtful, nothing changes.
+        """
+        part = self._valued()
+        if part is not None and any(camera.unknown for camera in part.cameras) and not self.values.adjust(part):
+            self._linearise_again()
+
     def _linearised(self, part: Block) -> dict[ObservationKey, ObservationRows]:
+        part = replace(part, cameras=tuple(replace(camera, unknown=()) for camera in part.cameras))
         before = len(self._columns.names)
         rows = linearised(part, starting_state(part), self._tied_rows(part), self._columns)
         self.equations.append(len(self._columns.names) - before)
@@ -222,12 +246,17 @@ class OnlineBlock:
         part = self._valued()
         if part is None:
             return
+        part = replace(part, cameras=tuple(replace(camera, unknown=()) for camera in part.cameras))
         unknowns = number_unknowns(part, self._tied_rows(part))
         state = starting_state(part).moved(self._correction(part), unknowns)
         for row, photo in enumerate(part.photos):
             self.values.orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
         for row, name in enumerate(part.point_names):
             self.values.points[name] = state.points[row].copy()
+        self._linearise_again()
+
+    def _linearise_again(self) -> None:
+        """Linearise what is in at the values."""
         included = set(self.equations.included)
         moved = self._valued()
         assert moved is not None, "there were values before"

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _LOOKS_EVERY = 0.5
 """Seconds after which measurement files are looked at again, while nothing is asked."""
 
+_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS = 2, 4, 3
+"""Of the simulated session."""
+
 Demo = Annotated[
     bool, typer.Option("--demo", help="Play a simulated session with three wrong measurements; no project is needed.")
 ]
@@ -98,8 +101,9 @@ def _play(invocation: Invocation) -> None:
 
     say = invocation.terminal.say
     with threadpool_limits(1, user_api="blas"):
-        session = simulated_session(3, 4, 3)
-        say(f"{len(session.measurements)} measurements in 12 photos; wrong are:")
+        session = simulated_session(_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS)
+        photos = _STRIPS * _PHOTOS_A_STRIP
+        say(f"{len(session.measurements)} measurements in {photos} photos; wrong are:")
         for blunder in session.blunders:
             say(f"  {blunder.point} in {blunder.photo} by ({blunder.error[0]:.3f}, {blunder.error[1]:.3f}) mm")
         measuring = Measuring(OnlineBlock(session.inputs))
