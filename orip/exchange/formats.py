@@ -25,7 +25,10 @@ from orip.exchange.gis.layers import READING as DRAWN
 from orip.exchange.gis.tables import write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
+from orip.exchange.metashape.copy import is_copied
+from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.metashape.source import is_metashape, read_metashape
+from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
 from orip.exchange.micmac.writer import write_micmac
@@ -61,13 +64,15 @@ FORMATS: tuple[Format, ...] = (
         read_opensfm,
         is_opensfm,
         write_opensfm,
-        Conventions("opencv", OPENSFM),
+        Conventions("opencv", OPENSFM, fisheye_lens="equidistant"),
     ),
     Format(
         "metashape",
         "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
         read_metashape,
         is_metashape,
+        write_metashape,
+        Conventions("agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", returns_to=is_copied),
     ),
     Format(
         "blocks",
