@@ -122,7 +122,9 @@ def test_the_browser_prints_the_page_that_was_written(
     programs = tmp_path / "programs"
     programs.mkdir()
     (programs / "chromium").write_text(
-        '#!/bin/sh\nfor word; do case $word in --print-to-pdf=*) out=${word#*=};; esac; done\necho "%PDF $word" > "$out"\n'
+        "#!/bin/sh\n"
+        "for word; do case $word in --print-to-pdf=*) out=${word#*=};; esac; done\n"
+        'echo "%PDF $word" > "$out"\n'
     )
     (programs / "chromium").chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}:/usr/bin:/bin")
