@@ -230,7 +230,7 @@ def _note(scene: _Scene, enlargement: float, count: int) -> str:
 
 
 def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
-    """Return a map of how many photos show each part of the block; empty where they do not look at it squarely."""
+    """Return a map of how many photos show each part of the block; empty where they look at it obliquely."""
     axes = photo_scale(given).axes
     down = np.abs(axes @ scene.side.axes[2])
     known = np.isfinite(scene.footprints).all(axis=(1, 2))
