@@ -20,7 +20,7 @@ from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
-from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
+from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 
 CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (
@@ -336,3 +336,14 @@ def test_what_the_other_program_estimated_is_unknown(
 ) -> None:
     source = replace(camera(lens, {}), free=free)
     assert unknown_parameters(source, is_exact=is_exact) == unknown
+
+
+def test_equal_focal_lengths_stay_equal() -> None:
+    """Not only to the last digit: COLMAP's models with one focal length hold cameras with equal ones alone."""
+    source = replace(
+        PINHOLE, columns=2832, rows=2128, parameters={"fx": 2971.1, "fy": 2971.1, "cx": 1416.0, "cy": 1064.0}
+    )
+    camera = convert_camera(source, "C").camera
+    parameters = (camera.parameters[0] * 1.0001, *camera.parameters[1:])
+    found = export_camera(replace(camera, parameters=parameters), "C", "opencv", PIXELS, PIXELS).camera.parameters
+    assert found["fx"] == found["fy"]

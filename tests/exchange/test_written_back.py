@@ -78,7 +78,11 @@ def in_conventions(conventions: Conventions) -> ExchangedProject:
     )
 
 
-BOTH_WAYS = [found.name for found in FORMATS if found.read is not None and found.write is not None]
+BOTH_WAYS = [
+    found.name
+    for found in FORMATS
+    if found.read is not None and found.conventions is not None and found.conventions.lens is not None
+]
 DIGITS = {"patb": 5e-5}
 """Of orientations, where a format has fixed decimals: five of a projection centre 100 units above."""
 ORIENTATIONS_ALONE = ("micmac", "metashape")

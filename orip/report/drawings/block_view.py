@@ -15,7 +15,9 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
+from orip.report.vertical import Vertical, vertical
 from orip.units import DEGREES_PER_RADIAN
 
 MOST_POINTS = 10_000
@@ -28,7 +30,7 @@ _FAR_AWAY = 20.0
 
 def block_view(given: ReportInput) -> dict[str, Any]:
     """Return what the page's script draws; coordinates are reduced by `origin`, so that single precision is enough."""
-    solution = given.solution
+    solution, up = given.solution, vertical(given)
     rows = drawn_points(solution, MOST_POINTS)
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
@@ -37,6 +39,8 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     return {
         "origin": origin.tolist(),
         "unit": solution.ground_unit,
+        "camera": _camera(up),
+        "upwards": up.note,
         "points": {
             "names": [solution.points.names[row] for row in rows],
             "kinds": [solution.point_kinds[row] for row in rows],
@@ -52,18 +56,6 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     }
 
 
-def seen_points(solution: Solution) -> tuple[IntArray, ...]:
-    """Return the rows of the points that each photo has, in the order of the points."""
-    residuals = solution.residuals
-    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
-    point_row = {name: row for row, name in enumerate(solution.points.names)}
-    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
-    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
-    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
-    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
-    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
-
-
 def pyramid_corners(given: ReportInput) -> FloatArray:
     """Return the corners (photos, 4, 3) of the photos' frames, in the direction they look, in ground coordinates.
 
@@ -71,18 +63,28 @@ def pyramid_corners(given: ReportInput) -> FloatArray:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
     solution = given.solution
+    depth = [_depth(solution, row, seen) for row, seen in enumerate(seen_points(solution))]
+    return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, np.array(depth)))
+
+
+def frame_rays(given: ReportInput, depth: FloatArray | None = None) -> FloatArray:
+    """Return the rays (photos, 4, 3) to the corners of the frames, ground directions, mm: see `pyramid_corners`.
+
+    With `depth` (photos,) they are enlarged to this distance along the camera axis.
+    """
+    solution = given.solution
     values = solution.photos.values
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
     frames = {key: _frame(given, key) for key in parameters}
     directions = np.zeros((len(values), 4, 3))
-    for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
+    for row, name in enumerate(solution.photos.names):
         photo = given.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
-        directions[row] *= _depth(solution, row, seen) / c
-    return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
+        directions[row] *= depth[row] / c if depth is not None else 1.0
+    return np.asarray(directions @ rotations.transpose(0, 2, 1))
 
 
 def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
@@ -103,8 +105,15 @@ def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
     return _DEPTH * float(np.median(known)) if known.size else 1.0
 
 
+def _camera(up: Vertical) -> dict[str, dict[str, float]]:
+    """Return from where the block is seen, in units of its size: obliquely from above, the vertical upwards."""
+    axes = dict(zip(("eye", "up"), (np.array([1.0, -1.75, 0.9]) @ up.axes, up.axes[2]), strict=True))
+    places = {name: dict(zip("xyz", np.round(place, 6).tolist(), strict=True)) for name, place in axes.items()}
+    return {**places, "center": dict(zip("xyz", np.round(-0.1 * up.axes[2], 6).tolist(), strict=True))}
+
+
 def _origin(places: FloatArray) -> FloatArray:
-    """Return round coordinates near the middle."""
+    """Return round coordinates below all others, so that what is drawn has no sign."""
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):
         return np.zeros(3)
@@ -112,7 +121,7 @@ def _origin(places: FloatArray) -> FloatArray:
     if np.abs(known).max() < _FAR_AWAY * spread:
         return np.zeros(3)
     step = 10.0 ** np.ceil(np.log10(spread))
-    return np.asarray(np.round(np.median(known, axis=0) / step) * step)
+    return np.asarray(np.floor(known.min(axis=0) / step) * step)
 
 
 def _rounded(places: FloatArray) -> list[list[float | None]]:

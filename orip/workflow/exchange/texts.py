@@ -16,6 +16,7 @@ from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.log.points_text import points_blocks
 from orip.files.project.text import project_document, project_text
+from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
@@ -27,6 +28,9 @@ BUNDLE = "MAIN"
 README_FILE = "README.md"
 
 _LONGEST_TITLE = 20
+_MOST_ITERATIONS = 100
+"""Positions of some metres hold a small block so weakly that its steps stay short; others need no more than before."""
+
 _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
 
@@ -88,6 +92,7 @@ def _definition(
     bundle = BundleDefinition(
         BUNDLE,
         Precision(precision, "px"),
+        max_iterations=_MOST_ITERATIONS,
         datum="free" if is_free else "control",
         repeated_points="both" if kept.has_repetitions else "replace",
     )
@@ -235,8 +240,11 @@ def _stations(block: ImportedBlock, base: str, notes: list[str]) -> dict[str, st
         return {}
     names = {photo.name: name for photo, name in zip(project.photos, block.photos, strict=True)}
     stations = [replace(station, photo=names[station.photo]) for station in project.stations if station.photo in names]
-    head = f"CRS {project.station_reference.crs}\n" if project.station_reference.crs else ""
-    return {f"{base}.STA": head + stations_text(stations)} if stations else {}
+    reference = project.station_reference
+    head = f"CRS {reference.crs}\n" if reference.crs else ""
+    head += "ANGLES ROLL PITCH HEADING\n" if reference.navigation else ""
+    is_geographic = bool(reference.crs) and known_crs(reference.crs).is_geographic
+    return {f"{base}.STA": head + stations_text(stations, is_geographic=is_geographic)} if stations else {}
 
 
 def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
