@@ -148,7 +148,10 @@ def _leads_nowhere(now: IterationState[StateT], before: IterationState[StateT]) 
     that follow add to that: where these shrink by 0.7 each time, by as much again.
     """
     still_to_fall = now.control.unknowns * 10.0 ** (-2.0 * now.records[-1].enp)
-    return np.array_equal(_reduced(now), _reduced(before)) or _cost(now) - still_to_fall > _cost(before)
+    is_back = np.array_equal(_reduced(now), _reduced(before)) and np.array_equal(
+        now.current.equations.active, before.current.equations.active
+    )
+    return is_back or _cost(now) - still_to_fall > _cost(before)
 
 
 def _cost(state: IterationState[StateT]) -> float:
