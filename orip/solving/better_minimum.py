@@ -69,8 +69,10 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
     reduced, other_reduced = (int(np.count_nonzero(_down_weighted_points(solved)[1])) for solved in (given, other))
     if other_reduced > reduced and other.variance.redundancy < _HANDFUL:
         return False
+    # without down-weighting, too, an observation that is lost must cost more than one that fits
     weighing = replace(
         given.weighing,
+        start=given.weighing.start or 1,
         scale=_scale_of_errors(given, other),
         of_tracks=given.weighing.of_tracks or other.weighing.of_tracks,
     )
