@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from orip.wording import counted_names
+
 INTERRUPTED = 130
 """What the shell gets after Ctrl-C."""
+
+UNREAD_FILE = "unread-file"
+"""Code of the warning about a file of data that is not read."""
 
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
@@ -64,6 +69,26 @@ class ProjectWarning:
     def __str__(self) -> str:
         """Return ``where: text``."""
         return f"{self.where}: {self.text}" if self.where else self.text
+
+
+def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
+    """Return warnings with those that say the same of several records as one, at the place of the first.
+
+    It names the first records and their number: ``points 12, 17, 21 and 81 more``.
+    """
+    kinds: dict[tuple[str, str, str], list[ProjectWarning]] = {}
+    for warning in dict.fromkeys(warnings):
+        kinds.setdefault((warning.code, warning.where.rpartition(" ")[0], warning.text), []).append(warning)
+    return [_as_one(noun, alike) for (_, noun, _), alike in kinds.items()]
+
+
+def _as_one(noun: str, alike: Sequence[ProjectWarning]) -> ProjectWarning:
+    first = alike[0]
+    if len(alike) == 1:
+        return first
+    where = counted_names(noun, [warning.where.rpartition(" ")[2] for warning in alike])
+    text = f"are {first.text.removeprefix('is ')}" if first.text.startswith("is ") else first.text
+    return ProjectWarning(first.code, where, text)
 
 
 class OripError(Exception):

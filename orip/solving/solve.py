@@ -12,7 +12,8 @@ from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.solve import SolvedBlock
-from orip.errors import NotSolvableError, ProjectWarning
+from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
+from orip.mistakes.before_adjustment import free_datum, ground_systems, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
@@ -21,6 +22,9 @@ from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
+
+FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, UNREAD_FILE}
+"""Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -100,11 +104,14 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
     try:
         adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
-        causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
+        causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+        causes += [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
-    warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
+    causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+    others = [warning for warning in gathered.warnings if warning not in causes]
+    warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), adjusted.solved
 

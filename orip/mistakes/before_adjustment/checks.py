@@ -6,6 +6,7 @@ from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.mistakes.before_adjustment.coordinate_units import coordinates_in_other_units
+from orip.mistakes.before_adjustment.free_datum import observations_without_weight
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.names import name_warnings
@@ -52,4 +53,5 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     control : Control
         All control of the project, even what the block does not use.
     """
-    return (*photos_under_two_names(block), *name_warnings(block, control, block.preliminary))
+    names = name_warnings(block, control, block.preliminary)
+    return (*photos_under_two_names(block), *names, *observations_without_weight(block))
